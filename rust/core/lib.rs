@@ -1,0 +1,8 @@
+//! Identification of continuous-time systems by Fourier modulating functions.
+
+#![warn(missing_docs)]
+
+mod error;
+pub mod simd;
+
+pub use error::{Error, Status};

@@ -1,0 +1,9 @@
+//! The extension module `modfun._core`: converts, calls the core, converts back.
+use pyo3::prelude::*;
+
+/// The compiled core of modfun.
+#[pymodule(gil_used = true)]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    Ok(())
+}
