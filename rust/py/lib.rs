@@ -1,4 +1,8 @@
 //! The extension module `modfun._core`: converts, calls the core, converts back.
+
+mod arrays;
+mod errors;
+
 use pyo3::prelude::*;
 
 /// The compiled core of modfun.
