@@ -1,0 +1,208 @@
+"""Frequency-domain fits with an explicit transient polynomial: the oracle of `wls`, `awls` and `ml`.
+
+On the lines s = i m ω₀, m = lo..K, the equation error is A(s)Y - Σ B_k(s)U_k, A monic, and what the ends
+of the record add to it is a polynomial T(s) with real coefficients of degree n-1 (report's range m >= 0:
+for Re and Im apart, polynomials in m of degree < n, those of Im vanishing at m = 0).  White noise of
+variance σ² on N samples of y makes the lines independent with variance h_m σ² |A|²/N in Re and Im, h_0 = 1
+and otherwise ½, so maximum likelihood is
+
+    min over θ, T of  Σ_m N/h_m |(A Y - Σ B_k U_k - T)/A|²,
+
+here handed to SciPy's least_squares with θ and T as plain real unknowns.  A constant trend of y leaves
+line 0 out, a linear one adds a column 1/s.  Dense matrices everywhere, nothing eliminated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .coefficients import coefficients
+
+
+@dataclass
+class Record:
+    """Samples y (N+1,) and u (nu, N+1), dt in s, what each input does between samples."""
+
+    y: np.ndarray
+    u: np.ndarray
+    dt: float
+    kinds: tuple
+
+
+@dataclass
+class Result:
+    """theta (a1..an, b of each input descending), cost, covariances, whitened residuals."""
+
+    theta: np.ndarray
+    cost: float
+    df: int
+    cov: np.ndarray
+    cov_hc3: np.ndarray
+    residuals: np.ndarray
+
+
+class Problem:
+    """Lines lo..K of the records of one structure, in real rows (Re of every line, Im of those with m > 0).
+
+    Unknowns x: θ in powers of s/scale, then the end terms of each record; `top` is K, one or one a record.
+    """
+
+    def __init__(self, records, order, numerators, top, low=0, trend=None, extended=True, rule="gregory"):
+        self.n, self.numerators, self.trend, self.extended = order, numerators, trend, extended
+        low = max(low, 1) if trend is not None else low
+        self.lines = []
+        for record, last in zip(records, np.broadcast_to(top, len(records)), strict=True):
+            m = np.arange(low, last + 1)
+            intervals = record.y.size - 1
+            s = 2j * np.pi * m / (intervals * record.dt)
+            y = coefficients(record.y, last, rule)[low:]
+            kinds = [rule if kind == "smooth" else kind for kind in record.kinds]
+            u = [coefficients(v, last, kind)[low:] for v, kind in zip(record.u, kinds, strict=True)]
+            self.lines.append((m, s, y, u, intervals))
+        self.scale = max(abs(s[-1]) for _, s, _, _, _ in self.lines)
+        kept = [degree for degree in numerators if degree is not None]
+        powers = [*range(1, order + 1), *(order - k for d in kept for k in range(d, -1, -1))]
+        self.unit = self.scale ** np.array(powers, float)  # θ = unit · scaled θ
+        self.p = self.unit.size
+        self.ends = [self.transient(m, s) for m, s, _, _, _ in self.lines]
+
+    def transient(self, m, s):
+        """Real rows of the end terms of one record."""
+        z, x = s / self.scale, m / m[-1] + 0j
+        if self.extended:
+            columns = [z**j for j in range(self.n)]
+        else:
+            columns = [x**j for j in range(self.n)] + [1j * x**j for j in range(1, self.n)]
+        if self.trend == "linear":
+            columns.append(1 / z)
+        return np.column_stack([rows(c, m) for c in columns])
+
+    def split(self, x):
+        """Unknowns -> (A, list of B, list of end terms)."""
+        degrees = [-1 if d is None else d for d in self.numerators]
+        sizes = [self.n, *(d + 1 for d in degrees), *(e.shape[1] for e in self.ends)]
+        parts = np.split(x, np.cumsum(sizes)[:-1])
+        inputs = len(self.numerators)
+        return np.concatenate([[1.0], parts[0]]), parts[1 : 1 + inputs], parts[1 + inputs :]
+
+    def system(self, weight_at=None, denoise_at=None):
+        """Whitened (matrix, target), the residual being matrix @ x - target.
+
+        Weights 1/|A|² at the unknowns `weight_at` (None: |A| = 1, equation noise).  With `denoise_at`
+        the columns of Y are made of the model's own response there: the Jacobian of the residual.
+        """
+        matrices, targets = [], []
+        for i, (m, s, y, u, intervals) in enumerate(self.lines):
+            z = s / self.scale
+            a = 1.0 if weight_at is None else np.polyval(self.split(weight_at)[0], z)
+            weight = np.sqrt(intervals / np.where(m == 0, 1.0, 0.5)) / a
+            signal = y if denoise_at is None else self.response(denoise_at, i)
+            columns = [weight * z ** (self.n - j) * signal for j in range(1, self.n + 1)]
+            for degree, v in zip(self.numerators, u, strict=True):
+                columns += [] if degree is None else [-weight * z**k * v for k in range(degree, -1, -1)]
+            for j, ends in enumerate(self.ends):
+                block = complex_columns(ends, m) if i == j else np.zeros((m.size, ends.shape[1]))
+                columns += list(-weight * block.T)
+            matrices.append(np.column_stack([rows(c, m) for c in columns]))
+            targets.append(-rows(weight * z**self.n * y, m))
+        return np.vstack(matrices), np.concatenate(targets)
+
+    def response(self, x, i):
+        """(Σ B_k U_k + T)/A on the lines of record `i`."""
+        a, b, ends = self.split(x)
+        m, s, _, u, _ = self.lines[i]
+        z = s / self.scale
+        total = complex_columns(self.ends[i], m) @ ends[i]
+        for bk, v in zip(b, u, strict=True):
+            if bk.size:
+                total = total + np.polyval(bk, z) * v
+        return total / np.polyval(a, z)
+
+    def residual(self, x):
+        """Whitened residual (A Y - Σ B_k U_k - T)/A in units of the noise on y."""
+        matrix, target = self.system(x)
+        return matrix @ x - target
+
+
+def rows(z, m):
+    """Real rows of a complex vector on the lines m: Re of all, Im where m > 0."""
+    return np.concatenate([z.real, z.imag[m > 0]])
+
+
+def complex_columns(real_rows, m):
+    """Inverse of `rows`, column by column."""
+    out = real_rows[: m.size].astype(complex)
+    out[m > 0] += 1j * real_rows[m.size :]
+    return out
+
+
+def solve(matrix, target):
+    """Least squares with columns of unit norm."""
+    norm = np.linalg.norm(matrix, axis=0)
+    return np.linalg.lstsq(matrix / norm, target, rcond=None)[0] / norm
+
+
+def wls(problem):
+    """One solution with the weights of equation noise."""
+    return solve(*problem.system())
+
+
+def awls(problem, iterations=300, tol=1e-13):
+    """Reweighted to the fixed point, where the next step changes θ by less than `tol`, relatively."""
+    x = wls(problem)
+    for _ in range(iterations):
+        new = solve(*problem.system(x))
+        step = np.max(np.abs(new - x)[: problem.p]) / np.max(np.abs(new)[: problem.p])
+        x = new
+        if step < tol:
+            break
+    return x
+
+
+def ml(problem, theta=None):
+    """SciPy's least_squares from `theta` (default: the `awls` fixed point)."""
+    if theta is None:
+        x = awls(problem)
+    else:  # with the best end terms for the given θ
+        scaled = np.asarray(theta, float) / problem.unit
+        others = sum(e.shape[1] for e in problem.ends)
+        matrix, target = problem.system(np.concatenate([scaled, np.zeros(others)]))
+        p = problem.p
+        x = np.concatenate([scaled, solve(matrix[:, p:], target - matrix[:, :p] @ scaled)])
+    size = 1 / np.linalg.norm(problem.system(x, x)[0], axis=0)
+    found = least_squares(
+        lambda v: problem.residual(v * size),
+        x / size,
+        jac=lambda v: problem.system(v * size, v * size)[0] * size,
+        method="lm",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=500,
+    )
+    return found.x * size
+
+
+def result(problem, x, method="ml"):
+    """θ and its classical and HC3 covariances at the solution `x` of `method`.
+
+    Rows J_i of the whitened matrix (end terms included), residuals e_i, H = (JᵀJ)⁻¹, h_i = J_i H J_iᵀ:
+    classical σ²H with σ² = cost/df, HC3 H [Σ J_iᵀJ_i e_i²/(1-h_i)²] H; of both the θ block.
+    """
+    weight_at = None if method == "wls" else x
+    matrix, target = problem.system(weight_at)
+    e = matrix @ x - target
+    j = problem.system(weight_at, x)[0] if method == "ml" else matrix
+    norm = np.linalg.norm(j, axis=0)
+    q, r = np.linalg.qr(j / norm)
+    root = np.linalg.inv(r) / norm[:, None]  # H = root rootᵀ
+    h = root @ root.T
+    leverage = np.sum(q * q, axis=1)
+    pull = h @ (j * (e / (1 - leverage))[:, None]).T
+    df = e.size - x.size
+    cost = float(e @ e)
+    p = problem.p
+    block = np.outer(problem.unit, problem.unit)
+    classical, robust = cost / df * h[:p, :p] * block, (pull @ pull.T)[:p, :p] * block
+    return Result(x[:p] * problem.unit, cost, df, classical, robust, e)
