@@ -1,0 +1,651 @@
+"""Linear time-invariant systems with numbers: transfer functions and state spaces in continuous time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import DataError, SpecError
+from .propagate import intersample_kinds, respond
+from .response import FrequencyResponse
+from .signals import is_samples, sources
+
+__all__ = ["LTI", "ss", "tf"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+Matrices = tuple[F64, F64, F64, F64]
+Table = tuple[tuple[F64, ...], ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LTI:
+    """A continuous-time linear system with numbers; made by `mf.tf` or `mf.ss`.
+
+    It is either a transfer function matrix or a state space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
+
+    Attributes
+    ----------
+    numerators, denominators : tuple of tuples of ndarray, or None
+        Polynomials (output, input) in descending powers of s, denominators monic; None for a state space.
+    matrices : tuple of ndarray, or None
+        A, B, C, D; None for a transfer function.
+    delays : tuple of float
+        Delay of each input, s.
+    """
+
+    numerators: Table | None
+    denominators: Table | None
+    matrices: Matrices | None
+    delays: tuple[float, ...]
+
+    # What it is ------------------------------------------------------------------------------
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of outputs and of inputs."""
+        if self.matrices is not None:
+            return self.matrices[3].shape[0], self.matrices[3].shape[1]
+        assert self.numerators is not None
+        return len(self.numerators), len(self.numerators[0])
+
+    @property
+    def order(self) -> int:
+        """Number of states of `to_ss`."""
+        return int(self.to_ss()._state()[0].shape[0])
+
+    @property
+    def num(self) -> Any:
+        """Numerator in descending powers of s: an array, or nested tuples (output, input) if several."""
+        table = self._polynomials()[0]
+        return table[0][0] if self.shape == (1, 1) else table
+
+    @property
+    def den(self) -> Any:
+        """Monic denominator in descending powers of s: an array where it is common to all paths."""
+        table = self._polynomials()[1]
+        return table[0][0] if _common(table) else table
+
+    @property
+    def delay(self) -> Any:
+        """Input delay in seconds: a float, or a tuple with several inputs."""
+        return self.delays[0] if len(self.delays) == 1 else self.delays
+
+    def poles(self) -> C128:
+        """Poles in rad/s, by increasing modulus: eigenvalues of A, or the roots of the denominators."""
+        if self.matrices is not None:
+            found = np.linalg.eigvals(self.matrices[0]) if self.matrices[0].size else np.zeros(0)
+        else:
+            assert self.denominators is not None
+            paths = [d for row in self.denominators for d in row]
+            if _common(self.denominators):
+                paths = paths[:1]
+            found = np.concatenate([_roots(d) for d in paths])
+        return _sorted(found)
+
+    def zeros(self) -> Any:
+        """Zeros in rad/s: an array, or nested tuples of arrays a path (output, input) if several."""
+        table = tuple(tuple(_sorted(_roots(n)) for n in row) for row in self._polynomials()[0])
+        return table[0][0] if self.shape == (1, 1) else table
+
+    @property
+    def is_stable(self) -> bool:
+        """True if every pole lies in the open left half plane."""
+        return bool(np.all(self.poles().real < 0))
+
+    def dcgain(self) -> Any:
+        """Gain at s = 0: a float, or an array (output, input); inf or nan with a pole at 0."""
+        num, den = self._polynomials()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.array(
+                [[n[-1] / d[-1] for n, d in zip(*rows, strict=True)] for rows in zip(num, den, strict=True)]
+            )
+        return float(gain[0, 0]) if self.shape == (1, 1) else gain
+
+    # What it does ----------------------------------------------------------------------------
+
+    def frequency_response(self, omega: ArrayLike) -> FrequencyResponse:
+        """Frequency response G(iω), delays included.
+
+        Parameters
+        ----------
+        omega : array_like
+            Angular frequencies, rad/s.
+
+        Returns
+        -------
+        FrequencyResponse
+            ``.response`` is (output, input, omega); infinite where ω is a pole.
+        """
+        w = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        if w.ndim != 1 or not np.all(np.isfinite(w)):
+            raise DataError(
+                "frequency_response: omega must be one list of finite angular frequencies in rad/s"
+            )
+        s = 1j * w
+        g = np.empty((*self.shape, w.size), dtype=np.complex128)
+        if self.matrices is None:
+            assert self.numerators is not None
+            assert self.denominators is not None
+            with np.errstate(divide="ignore", invalid="ignore"):
+                for i, (nums, dens) in enumerate(zip(self.numerators, self.denominators, strict=True)):
+                    for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
+                        g[i, j] = np.polyval(n, s) / np.polyval(d, s)
+        else:
+            a, b, c, d0 = self.matrices
+            for k, point in enumerate(s):
+                try:
+                    g[:, :, k] = c @ np.linalg.solve(point * np.eye(a.shape[0]) - a, b) + d0
+                except np.linalg.LinAlgError:
+                    g[:, :, k] = np.inf
+        g *= np.exp(-s * np.array(self.delays)[:, None])[None]
+        return FrequencyResponse(omega=w, response=g)
+
+    def simulate(
+        self,
+        *,
+        u: Any,
+        dt: float,
+        x0: ArrayLike | None = None,
+        intersample: str | Sequence[str] = "smooth",
+        intervals: int | None = None,
+    ) -> F64:
+        """Exact response to a sampled or given input.
+
+        Parameters
+        ----------
+        u : array_like, str, callable, or a list of these
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input.
+            Before t = 0 (seen through a delay) samples hold their first value, while text and functions
+            are evaluated at negative times.
+        dt : float
+            Sampling interval, s.
+        x0 : array_like, shape (states,), optional
+            State at t = 0; for a transfer function with n poles y, y', … y⁽ⁿ⁻¹⁾ of the free response
+            (output after output). Default: zero.
+        intersample : {"smooth", "zoh", "foh"} or a sequence of them
+            What the input does between samples.
+        intervals : int, optional
+            Number of sampling intervals, needed only when no input is an array.
+
+        Returns
+        -------
+        ndarray, shape (time,) or (output, time)
+            Output at 0, dt, …; one-dimensional for one output.
+
+        Raises
+        ------
+        SpecError, DataError
+            Input or state of the wrong size, or dt not positive.
+        """
+        outputs, inputs = self.shape
+        given = sources(u, inputs)
+        lengths = {np.size(s) for s in given if is_samples(s) and np.ndim(s)}  # type: ignore[arg-type]
+        if intervals is None:
+            if not lengths:
+                raise SpecError("simulating a signal of time: say how long, intervals=N for N + 1 samples")
+            intervals = max(lengths) - 1
+        y = self._respond(given, dt, intervals, x0, intersample)
+        return y[0] if outputs == 1 else y
+
+    def _respond(
+        self,
+        inputs: Sequence[Any],
+        dt: float,
+        intervals: int,
+        x0: ArrayLike | None,
+        intersample: str | Sequence[str],
+    ) -> F64:
+        """`simulate` with the inputs as a list and the output always (output, time)."""
+        if not (np.isfinite(dt) and dt > 0):
+            raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
+        if intervals < 1:
+            raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
+        a, b, c, d, scale = self._scaled()
+        start = np.zeros(a.shape[0]) if x0 is None else np.asarray(x0, dtype=np.float64)
+        if start.shape != scale.shape or not np.all(np.isfinite(start)):
+            raise SpecError(
+                f"simulating: x0 has shape {start.shape}, the system has {scale.size} states; "
+                "give that many finite numbers (of a transfer function y, y', …, output after output)"
+            )
+        kinds = intersample_kinds(intersample, len(inputs))
+        y = respond(
+            (a, b, c, d), np.ascontiguousarray(start * scale), inputs, dt, intervals, kinds, self.delays
+        )
+        if not np.all(np.isfinite(y)):
+            raise DataError(
+                f"simulating: the response overflows within {intervals * dt:g} s "
+                f"(fastest growing pole {self.poles().real.max():g} rad/s); simulate a shorter time"
+            )
+        return y
+
+    def step(self, duration: float, intervals: int = 500) -> tuple[F64, F64]:
+        """Unit step response.
+
+        Parameters
+        ----------
+        duration : float
+            Length in seconds.
+        intervals : int
+            Number of sampling intervals; the response is exact for any.
+
+        Returns
+        -------
+        t : ndarray, shape (time,)
+        y : ndarray, shape (time,), or (output, input, time) with several channels
+        """
+        if not (np.isfinite(duration) and duration > 0):
+            raise DataError(f"step: duration is {duration}; give seconds, above 0")
+        outputs, inputs = self.shape
+        y = np.empty((outputs, inputs, intervals + 1))
+        for j in range(inputs):
+            u: list[Any] = [(lambda t, on=(j == k): np.where(t >= 0, float(on), 0.0)) for k in range(inputs)]
+            y[:, j] = self._respond(u, duration / intervals, intervals, None, "zoh")
+        t: F64 = np.arange(intervals + 1.0) * (duration / intervals)
+        return t, y[0, 0] if self.shape == (1, 1) else y
+
+    # Other forms -----------------------------------------------------------------------------
+
+    def to_ss(self) -> LTI:
+        """State space with, for a transfer function, the states y, y', … of the free response.
+
+        That is the observable companion form: C picks y, A shifts to the next derivative, B holds the
+        Markov parameters. Several outputs, and paths with denominators of their own, stand one after
+        the other.
+        """
+        if self.matrices is not None:
+            return self
+        a, b, c, d, scale = self._scaled()
+        return ss(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, delay=self.delays)
+
+    @property
+    def A(self) -> F64:
+        """State matrix of `to_ss`."""
+        return self.to_ss()._state()[0]
+
+    @property
+    def B(self) -> F64:
+        """Input matrix of `to_ss`."""
+        return self.to_ss()._state()[1]
+
+    @property
+    def C(self) -> F64:
+        """Output matrix of `to_ss`."""
+        return self.to_ss()._state()[2]
+
+    @property
+    def D(self) -> F64:
+        """Feedthrough matrix of `to_ss`."""
+        return self.to_ss()._state()[3]
+
+    def to_control(self, pade: int | None = None) -> Any:
+        """The same as a python-control object (extra ``control``).
+
+        Parameters
+        ----------
+        pade : int, optional
+            Order of the Padé approximation of the delays; needed if there are any.
+
+        Raises
+        ------
+        SpecError
+            There is a delay and `pade` is not given.
+        """
+        import control
+
+        late = any(self.delays)
+        if late and pade is None:
+            raise SpecError(
+                f"to_control: delays {self.delays} s have no rational form; give pade=, an order such as 3"
+            )
+        if self.matrices is not None:
+            system = control.ss(*self.matrices)
+            if late:
+                parts = [control.ss(control.tf(*control.pade(d, pade))) for d in self.delays]
+                system = system * control.append(*parts)
+            return system
+        num, den = self._polynomials()
+        wait = [control.pade(d, pade) if d else ([1.0], [1.0]) for d in self.delays]
+        nums = [[np.polymul(n, w[0]) for n, w in zip(row, wait, strict=True)] for row in num]
+        dens = [[np.polymul(d, w[1]) for d, w in zip(row, wait, strict=True)] for row in den]
+        return control.tf(nums, dens)
+
+    def to_scipy(self) -> Any:
+        """The same as a `scipy.signal.lti` object; delays are refused, SciPy has none."""
+        from scipy import signal
+
+        if any(self.delays):
+            raise SpecError(
+                f"to_scipy: SciPy's systems have no delay and this one has {self.delays} s; "
+                "use to_control(pade=…), or make the system without delay"
+            )
+        if self.matrices is not None:
+            return signal.StateSpace(*self.matrices)
+        if self.shape == (1, 1):
+            return signal.TransferFunction(self.num, self.den)
+        return signal.StateSpace(*self.to_ss()._state())
+
+    # In print --------------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        if self.matrices is not None:
+            names = ["A", "B", "C", "D"]
+            parts = [f"{n} =\n{m}" for n, m in zip(names, self.matrices, strict=True)]
+            late = f"\ndelay = {self.delay} s" if any(self.delays) else ""
+            return "LTI state space\n" + "\n".join(parts) + late
+        blocks = []
+        num, den = self._polynomials()
+        for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
+            for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
+                top, bottom = _text(n), _text(d)
+                if self.delays[j]:
+                    top = f"({top}) e^(-{self.delays[j]:.6g} s)"
+                width = max(len(top), len(bottom))
+                title = "" if self.shape == (1, 1) else f"input {j + 1} to output {i + 1}\n"
+                blocks.append(
+                    f"{title}{top.center(width).rstrip()}\n{'-' * width}\n{bottom.center(width).rstrip()}"
+                )
+        return "\n\n".join(blocks)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>"
+
+    # Inside ----------------------------------------------------------------------------------
+
+    def _state(self) -> Matrices:
+        assert self.matrices is not None
+        return self.matrices
+
+    def _polynomials(self) -> tuple[Table, Table]:
+        if self.matrices is None:
+            assert self.numerators is not None
+            assert self.denominators is not None
+            return self.numerators, self.denominators
+        a, b, c, d = self.matrices
+        outputs, inputs = d.shape
+        den = np.atleast_1d(np.poly(a)).real if a.size else np.ones(1)
+        # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
+        num = tuple(
+            tuple(
+                _strip(
+                    (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1))
+                    + (d[i, j] - 1.0) * den,
+                    relative=1e-12,
+                )
+                for j in range(inputs)
+            )
+            for i in range(outputs)
+        )
+        return num, ((den,) * inputs,) * outputs
+
+    def _scaled(self) -> tuple[F64, F64, F64, F64, F64]:
+        """A, B, C, D for computing, and the factors from the public states to its states.
+
+        A companion matrix of a fast or slow system holds powers of its frequency; counting time in
+        units of that frequency keeps the entries near 1.
+        """
+        if self.matrices is not None:
+            return (*self.matrices, np.ones(self.matrices[0].shape[0]))
+        num, den = self._polynomials()
+        outputs, inputs = self.shape
+        blocks: list[tuple[int, list[int], F64]] = []
+        for i in range(outputs):
+            if _common((den[i],)):
+                blocks.append((i, list(range(inputs)), den[i][0]))
+            else:
+                blocks.extend((i, [j], den[i][j]) for j in range(inputs))
+        n = sum(p.size - 1 for _, _, p in blocks)
+        a, b = np.zeros((n, n)), np.zeros((n, inputs))
+        c, d = np.zeros((outputs, n)), np.zeros((outputs, inputs))
+        scale = np.ones(n)
+        at = 0
+        for i, which, p in blocks:
+            m = p.size - 1
+            w = max((abs(p[k]) ** (1.0 / k) for k in range(1, m + 1)), default=1.0) or 1.0
+            powers = w ** -np.arange(m + 1.0)
+            q = p * powers
+            rows = slice(at, at + m)
+            if m:
+                a[rows, rows] = np.eye(m, k=1) * w
+                a[at + m - 1, rows] = -w * q[:0:-1]
+                c[i, at] = 1.0
+                scale[rows] = powers[:m]
+            for j in which:
+                numerator = np.concatenate([np.zeros(m + 1 - num[i][j].size), num[i][j]]) * powers
+                markov = np.zeros(m + 1)
+                for k in range(m + 1):
+                    markov[k] = numerator[k] - q[1 : k + 1] @ markov[:k][::-1]
+                d[i, j] += markov[0]
+                b[rows, j] = w * markov[1:]
+            at += m
+        return a, b, c, d, scale
+
+
+def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LTI:
+    """Transfer function num(s)/den(s)·e^(−delay·s).
+
+    Parameters
+    ----------
+    num : array_like, or nested lists of them, or a system of python-control or SciPy
+        Numerator in descending powers of s: one polynomial; a list of polynomials, one an input; or a
+        list (output) of lists (input) of polynomials. A `control.TransferFunction`, `control.StateSpace`
+        or `scipy.signal.lti` object stands alone.
+    den : array_like, or nested lists of them
+        Denominator, common to all paths, or nested as `num` is. It is made monic.
+    delay : float or sequence of float
+        Delay of the inputs, s, at least 0; one, or one an input.
+
+    Returns
+    -------
+    LTI
+
+    Raises
+    ------
+    SpecError
+        A numerator of higher degree than its denominator, a zero or missing denominator, a delay below
+        0, a discrete-time system.
+
+    Examples
+    --------
+    >>> tf([5], [1, 3, 8])
+          5
+    -------------
+    s^2 + 3 s + 8
+    """
+    if den is None:
+        return _convert(num, delay)
+    nums = _table(num, "num")
+    outputs, inputs = len(nums), len(nums[0])
+    dens = _table(den, "den")
+    if len(dens) == 1 and len(dens[0]) == 1:
+        dens = [dens[0] * inputs] * outputs
+    if any(len(row) != inputs for row in [*nums, *dens]) or len(dens) != outputs:
+        raise SpecError(
+            f"mf.tf: num has {outputs} output(s) of {[len(r) for r in nums]} input(s), den "
+            f"{len(dens)} of {[len(r) for r in dens]}; give one denominator, or one a path, nested as num"
+        )
+    top, bottom = [], []
+    for num_row, den_row in zip(nums, dens, strict=True):
+        tops, bottoms = [], []
+        for n, d in zip(num_row, den_row, strict=True):
+            n, d = _strip(n), _strip(d)
+            if d[0] == 0:
+                raise SpecError("mf.tf: the denominator is zero; give at least one nonzero coefficient")
+            if n.size > d.size:
+                raise SpecError(
+                    f"mf.tf: the numerator has degree {n.size - 1}, the denominator {d.size - 1}; "
+                    "an improper system has no response to samples: lower the numerator's degree "
+                    "or add fast poles"
+                )
+            tops.append(_freeze(n / d[0]))
+            bottoms.append(_freeze(d / d[0]))
+        top.append(tuple(tops))
+        bottom.append(tuple(bottoms))
+    return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
+
+
+def ss(
+    A: ArrayLike,
+    B: ArrayLike,
+    C: ArrayLike,
+    D: ArrayLike | None = None,
+    *,
+    delay: float | Sequence[float] = 0.0,
+) -> LTI:
+    """State space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
+
+    Parameters
+    ----------
+    A, B, C : array_like
+        Matrices (state, state), (state, input), (output, state); a vector B is one input, C one output.
+    D : array_like, optional
+        Feedthrough (output, input), default zero.
+    delay : float or sequence of float
+        Delay of the inputs, s, at least 0; one, or one an input.
+
+    Returns
+    -------
+    LTI
+
+    Raises
+    ------
+    SpecError
+        Matrices whose sizes do not fit, or are not finite.
+    """
+    a = np.atleast_2d(np.asarray(A, dtype=np.float64))
+    n = a.shape[0] if a.size else 0
+    a = a.reshape(n, n) if a.size == n * n else a
+    b = np.asarray(B, dtype=np.float64)
+    b = b.reshape(n, -1) if b.ndim < 2 and n and b.size % n == 0 else np.atleast_2d(b)
+    c = np.atleast_2d(np.asarray(C, dtype=np.float64))
+    d = np.zeros((c.shape[0], b.shape[1])) if D is None else np.atleast_2d(np.asarray(D, dtype=np.float64))
+    shapes = [m.shape for m in (a, b, c, d)]
+    if shapes != [(n, n), (n, b.shape[1]), (c.shape[0], n), (c.shape[0], b.shape[1])]:
+        raise SpecError(
+            f"mf.ss: A, B, C, D have shapes {', '.join(map(str, shapes))}; they must be (state, state), "
+            "(state, input), (output, state), (output, input)"
+        )
+    if not all(np.all(np.isfinite(m)) for m in (a, b, c, d)):
+        raise SpecError("mf.ss: a matrix holds nan or inf; all entries must be finite")
+    matrices = (_freeze(a), _freeze(b), _freeze(c), _freeze(d))
+    return LTI(None, None, matrices, _delays(delay, b.shape[1], "mf.ss"))
+
+
+def _convert(given: Any, delay: float | Sequence[float]) -> LTI:
+    """A system of python-control or SciPy, by what it has rather than by its class: neither is imported."""
+    if isinstance(given, LTI):
+        return given if not np.any(delay) else LTI(
+            given.numerators, given.denominators, given.matrices, _delays(delay, given.shape[1], "mf.tf")
+        )  # fmt: skip
+    if getattr(given, "dt", None) not in (None, 0):
+        raise SpecError(
+            f"mf.tf: the system is discrete in time (dt = {given.dt}); convert it to continuous time first"
+        )
+    if all(hasattr(given, name) for name in "ABCD"):
+        return ss(given.A, given.B, given.C, given.D, delay=delay)
+    if hasattr(given, "num_list") and hasattr(given, "den_list"):
+        return tf(given.num_list, given.den_list, delay=delay)
+    if hasattr(given, "num") and hasattr(given, "den"):
+        num: Any = given.num
+        if np.ndim(given.den) == 1 and isinstance(num, np.ndarray) and num.ndim == 2:
+            num = [[row] for row in num]  # SciPy: one input, several outputs
+        return tf(num, given.den, delay=delay)
+    if hasattr(given, "to_tf"):
+        return _convert(given.to_tf(), delay)
+    raise SpecError(
+        f"mf.tf: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
+    )
+
+
+def _table(given: Any, name: str) -> list[list[F64]]:
+    """Polynomials as (output, input), whatever the nesting given."""
+
+    def depth(x: Any) -> int:
+        if isinstance(x, np.ndarray) and x.dtype != object:
+            return int(x.ndim)
+        return 1 + max(map(depth, x), default=0) if isinstance(x, list | tuple | np.ndarray) else 0
+
+    deep = depth(given)
+    if deep > 3 or (deep and len(given) == 0):
+        raise SpecError(f"mf.tf: {name} is empty or nested too deep; give [[polynomial an input] an output]")
+    nested: Any = given if deep == 3 else [given] if deep == 2 else [[given]]
+    table = []
+    for row in nested:
+        polynomials = []
+        for p in row:
+            try:
+                array = np.atleast_1d(np.asarray([0.0] if p is None else p, dtype=np.float64))
+            except (TypeError, ValueError) as error:
+                raise SpecError(f"mf.tf: {name} holds something that is no number ({error})") from None
+            if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
+                raise SpecError(f"mf.tf: {name} must hold polynomials with finite coefficients, got {p!r}")
+            polynomials.append(array)
+        table.append(polynomials)
+    return table
+
+
+def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
+    values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if values.size == 1:
+        values = np.repeat(values, inputs)
+    if values.shape != (inputs,):
+        raise SpecError(f"{what}: {values.size} delays for {inputs} input(s); give one, or one an input")
+    if not np.all(np.isfinite(values)) or np.any(values < 0):
+        raise SpecError(
+            f"{what}: delay is {values.tolist()} s; delays are finite and at least 0 "
+            "(an output that leads its input is not causal: shift the output instead)"
+        )
+    return tuple(float(v) for v in values)
+
+
+def _freeze(array: F64) -> F64:
+    frozen = np.array(array, dtype=np.float64, order="C")
+    frozen.flags.writeable = False
+    return frozen
+
+
+def _strip(p: F64, relative: float = 0.0) -> F64:
+    """Without leading zeros (or, of a computed polynomial, what is rounding of zero)."""
+    keep = np.flatnonzero(np.abs(p) > relative * np.max(np.abs(p)))
+    return p[keep[0] :] if keep.size else np.zeros(1)
+
+
+def _roots(p: F64) -> C128:
+    """Roots, with the variable scaled as the coefficients suggest."""
+    p = _strip(p)
+    if p.size < 2:
+        return np.zeros(0, dtype=np.complex128)
+    q = p / p[0]
+    w = max(abs(q[k]) ** (1.0 / k) for k in range(1, q.size)) or 1.0
+    return np.asarray(np.roots(q * w ** -np.arange(float(q.size))) * w, dtype=np.complex128)
+
+
+def _sorted(roots: Any) -> C128:
+    found = np.asarray(roots, dtype=np.complex128)
+    return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]
+
+
+def _common(table: Table) -> bool:
+    first = table[0][0]
+    return all(np.array_equal(p, first) for row in table for p in row)
+
+
+def _text(p: F64) -> str:
+    """A polynomial for reading: "s^2 + 3 s + 8"."""
+    terms: list[str] = []
+    for k, value in enumerate(p):
+        power = p.size - 1 - k
+        if value == 0 and p.size > 1:
+            continue
+        size = f"{abs(value):.6g}"
+        symbol = "" if power == 0 else "s" if power == 1 else f"s^{power}"
+        body = symbol if size == "1" and symbol else f"{size} {symbol}".strip()
+        terms.append(
+            ("-" if value < 0 else "") + body if not terms else f" {'-' if value < 0 else '+'} {body}"
+        )
+    return "".join(terms) or "0"

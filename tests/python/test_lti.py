@@ -1,0 +1,310 @@
+"""Systems with numbers: forms, frequency responses and exact simulation against SciPy and closed forms."""
+
+import itertools
+import pickle
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy import integrate, signal
+
+EQ24 = mf.tf([5], [1, 3, 8])
+
+
+def response_by_quadrature(num, den, u, t, x0=None):
+    """Output by an adaptive integrator on the observable form, the input as a function of time."""
+    system = mf.tf(num, den).to_ss()
+    a, b, c, d = system.A, system.B[:, 0], system.C[0], system.D[0, 0]
+    start = np.zeros(a.shape[0]) if x0 is None else np.asarray(x0, float)
+    found = integrate.solve_ivp(
+        lambda s, x: a @ x + b * u(s), (t[0], t[-1]), start, t_eval=t, rtol=1e-12, atol=1e-13, method="DOP853"
+    )
+    return c @ found.y + d * u(t)
+
+
+# Forms -------------------------------------------------------------------------------------------
+
+
+def test_polynomials_are_monic_and_stripped():
+    system = mf.tf([0, 0, 10], [2, 6, 16], delay=0.1)
+    np.testing.assert_array_equal(system.num, [5])
+    np.testing.assert_array_equal(system.den, [1, 3, 8])
+    assert system.delay == 0.1
+    assert system.shape == (1, 1)
+    assert system.order == 2
+    assert system.dcgain() == 5 / 8
+    assert system.is_stable
+    assert not mf.tf([1], [1, 0]).is_stable
+    assert mf.tf([1], [1, 0]).dcgain() == np.inf
+
+
+def test_poles_and_zeros():
+    system = mf.tf([1, 4], [1, 3, 8])
+    np.testing.assert_allclose(system.zeros(), [-4])
+    np.testing.assert_allclose(
+        np.sort_complex(system.poles()), [-1.5 - 2.3979158j, -1.5 + 2.3979158j], rtol=1e-7
+    )
+    np.testing.assert_allclose(np.sort_complex(system.to_ss().poles()), np.sort_complex(system.poles()))
+    np.testing.assert_allclose(system.to_ss().zeros(), [-4], rtol=1e-10)
+
+
+def test_nested_forms():
+    miso = mf.tf([[5], [1, 2]], [1, 3, 8], delay=[0.1, 0.0])
+    assert miso.shape == (1, 2)
+    assert miso.delay == (0.1, 0.0)
+    assert miso.order == 2
+    mimo = mf.tf([[[5], [1, 2]], [[1], None]], [1, 3, 8])
+    assert mimo.shape == (2, 2)
+    assert mimo.order == 4
+    np.testing.assert_array_equal(mimo.den, [1, 3, 8])
+    np.testing.assert_allclose(mimo.dcgain(), [[5 / 8, 2 / 8], [1 / 8, 0]])
+    scalar = mf.tf([[[5], [1]]], [[[1, 3, 8], [1, 1]]])
+    assert scalar.order == 3
+    assert len(scalar.den) == 1
+    assert len(scalar.den[0]) == 2
+    assert len(scalar.poles()) == 3
+
+
+@pytest.mark.parametrize(
+    ("num", "den"),
+    [([5], [1, 3, 8]), ([1, 2, 3], [1, 3, 8]), ([2, 1], [1, 2, 3, 4]), ([3], [1]), ([1], [1, 0, 0])],
+)
+def test_frequency_response_of_both_forms(num, den):
+    omega = np.array([0.3, 1.0, 5.0, 20.0])
+    expected = np.polyval(num, 1j * omega) / np.polyval(den, 1j * omega)
+    found = mf.tf(num, den).frequency_response(omega)
+    np.testing.assert_allclose(found.response[0, 0], expected, rtol=1e-13)
+    if len(den) > 1:
+        state = mf.tf(num, den).to_ss()
+        np.testing.assert_allclose(state.frequency_response(omega).response[0, 0], expected, rtol=1e-11)
+        np.testing.assert_allclose(state.num, mf.tf(num, den).num, atol=1e-10)
+        np.testing.assert_allclose(state.den, den, atol=1e-10)
+
+
+def test_delay_turns_the_phase():
+    omega = np.array([0.5, 2.0])
+    ratio = (
+        mf.tf([5], [1, 3, 8], delay=0.37).frequency_response(omega).response
+        / EQ24.frequency_response(omega).response
+    )
+    np.testing.assert_allclose(ratio[0, 0], np.exp(-0.37j * omega), rtol=1e-13)
+
+
+def test_states_of_a_transfer_function_are_the_derivatives_of_the_free_response():
+    t = np.linspace(0, 5, 501)
+    y = mf.tf([2, 1], [1, 3, 8]).simulate(u=np.zeros(501), dt=0.01, x0=[1.0, 0.5])
+    p = np.array([-1.5 + 1j * np.sqrt(23 / 4), -1.5 - 1j * np.sqrt(23 / 4)])
+    amplitude = np.linalg.solve(np.vander(p, 2, increasing=True).T, [1.0, 0.5])
+    np.testing.assert_allclose(y, (np.exp(np.outer(t, p)) @ amplitude).real, atol=1e-12)
+
+
+def test_print():
+    assert repr(EQ24) == "      5\n-------------\ns^2 + 3 s + 8"
+    assert "e^(-0.1 s)" in repr(mf.tf([1, -2], [1, 0, 1], delay=0.1))
+    assert "input 2 to output 1" in repr(mf.tf([[1], [2]], [1, 1]))
+    assert "A =" in repr(mf.ss([[-1.0]], [1.0], [1.0]))
+    assert EQ24._repr_html_().startswith("<pre>")
+
+
+def test_frozen_and_pickled():
+    with pytest.raises(AttributeError):
+        EQ24.delays = (1.0,)
+    with pytest.raises(ValueError, match="read-only"):
+        EQ24.num[0] = 1.0
+    again = pickle.loads(pickle.dumps(EQ24))
+    np.testing.assert_array_equal(again.den, EQ24.den)
+
+
+# Exact simulation --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "x0"),
+    [([5], [1, 3, 8], [1.0, 0.5]), ([2, 1], [1, 3, 8], None), ([1, 2, 3], [1, 3, 8], [0.0, 1.0])],
+)
+def test_smooth_text_input_is_exact(num, den, x0):
+    t = np.linspace(0, 10, 257)
+    y = mf.tf(num, den).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=x0)
+    expected = response_by_quadrature(num, den, lambda s: np.sin(s**2 / 5), t, x0)
+    np.testing.assert_allclose(y, expected, atol=2e-10)
+
+
+def test_smooth_samples_go_through_a_spline():
+    t = np.linspace(0, 10, 1025)
+    exact = EQ24.simulate(u="sin(t**2/5)", dt=10 / 1024, intervals=1024)
+    np.testing.assert_allclose(EQ24.simulate(u=np.sin(t**2 / 5), dt=10 / 1024), exact, atol=1e-8)
+
+
+@pytest.mark.parametrize(("kind", "hold"), [("zoh", 0), ("foh", 1)])
+def test_held_and_interpolated_inputs_equal_scipy(kind, hold):
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal(300)
+    t = np.arange(300) * 0.05
+    system = mf.tf([1, 2], [1, 3, 8])
+    expected = signal.lsim(([1, 2], [1, 3, 8]), u, t, interp=bool(hold))[1]
+    np.testing.assert_allclose(system.simulate(u=u, dt=0.05, intersample=kind), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["smooth", "zoh", "foh"])
+@pytest.mark.parametrize("delay", [0.2, 0.37, 0.011])
+def test_delays_whole_and_fractional(kind, delay):
+    dt, n = 0.05, 200
+
+    def u(s):
+        return np.sin(3 * s) + 0.3 * s
+
+    samples = u(np.arange(-400, n + 1) * dt)
+
+    def between(s):
+        if kind == "smooth":
+            return u(s)
+        at = np.asarray(s) / dt + 400
+        if kind == "zoh":
+            return samples[np.floor(at + 1e-9).astype(int)]
+        return np.interp(at, np.arange(samples.size), samples)
+
+    y = mf.tf([1, 2], [1, 3, 8], delay=delay).simulate(u=u, dt=dt, intervals=n, intersample=kind)
+    # Piecewise by hand: integrate the convolution between all break points with many nodes.
+    p = np.roots([1, 3, 8])
+    r = np.polyval([1, 2], p) / np.polyval([2, 3], p)
+    x, w = np.polynomial.legendre.leggauss(20)
+    state = np.zeros(2, complex)
+    expected = [0.0]
+    for k in range(n):
+        breaks = [k * dt, (k + 1) * dt]
+        inside = delay + dt * np.ceil((k * dt - delay) / dt)
+        if k * dt + 1e-9 < inside < (k + 1) * dt - 1e-9:
+            breaks.insert(1, inside)
+        for lo, hi in itertools.pairwise(breaks):
+            s = (lo + hi) / 2 + (hi - lo) / 2 * x
+            forced = np.exp(np.outer(p, hi - s)) @ (w * between(s - delay)) * (hi - lo) / 2
+            state = np.exp(p * (hi - lo)) * state + forced
+        expected.append((r @ state).real)
+    np.testing.assert_allclose(y, expected, atol=1e-11)
+
+
+def test_before_the_record_samples_hold_their_first_value():
+    late = mf.tf([1], [1, 1], delay=0.5)
+    y = late.simulate(u=np.ones(101), dt=0.05, intersample="zoh")
+    np.testing.assert_allclose(y, 1 - np.exp(-np.arange(101) * 0.05), atol=1e-12)
+    y = late.simulate(u="step(t)", dt=0.05, intervals=100, intersample="zoh")
+    np.testing.assert_allclose(y[:11], 0.0, atol=1e-15)
+
+
+def test_several_inputs_of_different_kinds_superpose():
+    rng = np.random.default_rng(1)
+    u = np.vstack([np.sin(np.arange(200) * 0.05), rng.standard_normal(200), rng.standard_normal(200)])
+    dens = [[1, 3, 8]] * 3
+    system = mf.tf([[5], [1, 2], [3]], [1, 3, 8], delay=[0.0, 0.1, 0.033])
+    kinds = ("smooth", "zoh", "foh")
+    y = system.simulate(u=u, dt=0.05, x0=[1.0, -1.0], intersample=kinds)
+    parts = [
+        mf.tf(n, d, delay=late).simulate(u=v, dt=0.05, intersample=kind)
+        for n, d, late, v, kind in zip([[5], [1, 2], [3]], dens, [0.0, 0.1, 0.033], u, kinds, strict=True)
+    ]
+    free = EQ24.simulate(u=np.zeros(200), dt=0.05, x0=[1.0, -1.0])
+    np.testing.assert_allclose(y, sum(parts) + free, atol=1e-11)
+
+
+def test_several_outputs():
+    system = mf.tf([[[5], [1, 2]], [[1], None]], [1, 3, 8])
+    u = np.random.default_rng(0).standard_normal((2, 100))
+    y = system.simulate(u=u, dt=0.1, intersample="zoh")
+    assert y.shape == (2, 100)
+    np.testing.assert_allclose(
+        y[1], mf.tf([1], [1, 3, 8]).simulate(u=u[0], dt=0.1, intersample="zoh"), atol=1e-12
+    )
+
+
+def test_time_scale_does_not_matter():
+    t = np.linspace(0, 10, 257)
+    slow = EQ24.simulate(u=np.sin(t**2 / 5), dt=10 / 256, x0=[1.0, 0.5])
+    fast = mf.tf([5e18], [1, 3e9, 8e18]).simulate(u=np.sin(t**2 / 5), dt=10e-9 / 256, x0=[1.0, 0.5e9])
+    np.testing.assert_allclose(fast, slow, rtol=1e-9, atol=1e-12)
+
+
+def test_step():
+    t, y = mf.tf([2], [1, 2]).step(3.0, 300)
+    np.testing.assert_allclose(y, 1 - np.exp(-2 * t), atol=1e-13)
+    assert mf.tf([[[5], [1, 2]], [[1], None]], [1, 3, 8]).step(1.0, 10)[1].shape == (2, 2, 11)
+
+
+# Other packages ----------------------------------------------------------------------------------
+
+
+def test_scipy_there_and_back():
+    again = mf.tf(EQ24.to_scipy())
+    np.testing.assert_allclose(again.num, [5])
+    np.testing.assert_allclose(again.den, [1, 3, 8])
+    state = mf.tf(signal.StateSpace([[-1.0]], [[1.0]], [[2.0]], [[0.0]]))
+    assert state.dcgain() == pytest.approx(2.0)
+    poles = mf.tf(signal.ZerosPolesGain([], [-1, -2], 4.0))
+    assert poles.dcgain() == pytest.approx(2.0)
+    with pytest.raises(mf.SpecError, match="to_control"):
+        mf.tf([1], [1, 1], delay=0.1).to_scipy()
+    with pytest.raises(mf.SpecError, match="discrete"):
+        mf.tf(signal.TransferFunction([1], [1, 0.5], dt=0.1))
+
+
+def test_control_there_and_back():
+    control = pytest.importorskip("control", reason="python-control is not installed")
+    omega = np.array([0.5, 3.0])
+    for system in (EQ24, EQ24.to_ss(), mf.tf([[5], [1, 2]], [1, 3, 8])):
+        other = system.to_control()
+        expected = system.frequency_response(omega).response
+        np.testing.assert_allclose(mf.tf(other).frequency_response(omega).response, expected, rtol=1e-9)
+        found = np.atleast_3d(control.frequency_response(other, omega).frdata)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    late = mf.tf([5], [1, 3, 8], delay=0.1)
+    with pytest.raises(mf.SpecError, match="pade="):
+        late.to_control()
+    for form in (late, late_state := mf.ss(late.A, late.B, late.C, late.D, delay=0.1)):
+        found = np.ravel(control.frequency_response(form.to_control(pade=4), omega).frdata)
+        np.testing.assert_allclose(found, late.frequency_response(omega).response[0, 0], rtol=1e-5)
+    assert late_state.delay == 0.1
+
+
+# What is refused ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: mf.tf([1, 0, 0, 0], [1, 3, 8]), "degree 3.*denominator 2"),
+        (lambda: mf.tf([1], [0, 0]), "denominator is zero"),
+        (lambda: mf.tf([1], [1, 1], delay=-0.1), "not causal"),
+        (lambda: mf.tf([1], [1, 1], delay=[0.1, 0.2]), "2 delays for 1 input"),
+        (lambda: mf.tf([1], [1, np.nan]), "finite"),
+        (lambda: mf.tf([1], [1, "x"]), "no number"),
+        (lambda: mf.tf([], [1]), "empty"),
+        (lambda: mf.tf([[1], [2]], [[1, 1], [1, 2], [1, 3]]), "one a path"),
+        (lambda: mf.tf("5/(s+1)"), "give num and den"),
+        (lambda: mf.ss(np.eye(2), np.ones(3), np.ones((1, 2))), "must be"),
+        (lambda: mf.ss([[np.inf]], [1.0], [1.0]), "finite"),
+        (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, x0=[1.0]), "2 states"),
+        (lambda: EQ24.simulate(u="t", dt=0.1), "intervals=N"),
+        (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, intersample="linear"), "'zoh'"),
+        (lambda: EQ24.simulate(u=np.ones((2, 10)), dt=0.1), "2 signal"),
+        (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, intersample=["zoh", "zoh"]), "2 entries for 1"),
+    ],
+)
+def test_mistakes_in_systems(make, said):
+    with pytest.raises(mf.SpecError, match=said):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: EQ24.simulate(u=np.ones(10), dt=0.0), "sampling interval"),
+        (lambda: EQ24.simulate(u=np.ones(1), dt=0.1), "two samples"),
+        (lambda: EQ24.simulate(u=np.array([1.0, np.nan, 0.0]), dt=0.1), "not finite|is nan"),
+        (lambda: mf.tf([1], [1, -800]).simulate(u=np.ones(1001), dt=0.01), "shorter time"),
+        (lambda: EQ24.step(-1.0), "duration"),
+        (lambda: EQ24.frequency_response([np.nan]), "finite"),
+        (lambda: mf.FrequencyResponse(omega=[1.0, 2.0], response=np.ones((2, 2))), "output, input, omega"),
+    ],
+)
+def test_mistakes_in_numbers(make, said):
+    with pytest.raises(mf.DataError, match=said):
+        make()
