@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 mod error;
+pub mod math;
 pub mod simd;
 
 pub use error::{Error, Status};
