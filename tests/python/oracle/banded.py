@@ -120,8 +120,8 @@ def awls(problem, iterations=300, tol=1e-13):
     return theta * problem.unit
 
 
-def ml(problem):
-    """Levenberg-Marquardt on the whitened residual, its Jacobian by differences; returns θ."""
+def levenberg_marquardt(problem):
+    """Maximum likelihood by SciPy on the whitened residual, its Jacobian by differences; returns θ."""
     gamma, target = problem.regressors()
     start = awls(problem) / problem.unit
     found = least_squares(
@@ -135,6 +135,20 @@ def ml(problem):
         gtol=1e-15,
     )
     return found.x * problem.unit
+
+
+def ml(problem):
+    """Levenberg-Marquardt, then its last digits: the zero of J*C⁻¹ε, J of the denoised columns; returns θ."""
+    gamma, target = problem.regressors()
+    theta = levenberg_marquardt(problem) / problem.unit
+    for _ in range(50):
+        w = problem.whitener(theta)
+        j = w @ problem.regressors(problem.denoised(theta))[0]
+        step = np.linalg.solve(j.T @ w @ gamma, j.T @ w @ (target - gamma @ theta))
+        theta = theta + step
+        if np.max(np.abs(step)) < 1e-14 * np.max(np.abs(theta)):
+            break
+    return theta * problem.unit
 
 
 def covariance(problem, theta, method):
