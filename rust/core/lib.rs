@@ -4,6 +4,7 @@
 
 mod error;
 pub mod math;
+pub mod rng;
 pub mod simd;
 
 pub use error::{Error, Status};
