@@ -62,13 +62,13 @@ class LTI:
     @property
     def num(self) -> Any:
         """Numerator in descending powers of s: an array, or nested tuples (output, input) if several."""
-        table = self._polynomials()[0]
+        table = self.polynomials()[0]
         return table[0][0] if self.shape == (1, 1) else table
 
     @property
     def den(self) -> Any:
         """Monic denominator in descending powers of s: an array where it is common to all paths."""
-        table = self._polynomials()[1]
+        table = self.polynomials()[1]
         return table[0][0] if _common(table) else table
 
     @property
@@ -90,7 +90,7 @@ class LTI:
 
     def zeros(self) -> Any:
         """Zeros in rad/s: an array, or nested tuples of arrays a path (output, input) if several."""
-        table = tuple(tuple(_sorted(_roots(n)) for n in row) for row in self._polynomials()[0])
+        table = tuple(tuple(_sorted(_roots(n)) for n in row) for row in self.polynomials()[0])
         return table[0][0] if self.shape == (1, 1) else table
 
     @property
@@ -100,7 +100,7 @@ class LTI:
 
     def dcgain(self) -> Any:
         """Gain at s = 0: a float, or an array (output, input); inf or nan with a pole at 0."""
-        num, den = self._polynomials()
+        num, den = self.polynomials()
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.array(
                 [[n[-1] / d[-1] for n, d in zip(*rows, strict=True)] for rows in zip(num, den, strict=True)]
@@ -283,6 +283,29 @@ class LTI:
         """Feedthrough matrix of `to_ss`."""
         return self.to_ss()._state()[3]
 
+    def polynomials(self) -> tuple[Table, Table]:
+        """Numerators and monic denominators, each (output, input), in descending powers of s."""
+        if self.matrices is None:
+            assert self.numerators is not None
+            assert self.denominators is not None
+            return self.numerators, self.denominators
+        a, b, c, d = self.matrices
+        outputs, inputs = d.shape
+        den = np.atleast_1d(np.poly(a)).real if a.size else np.ones(1)
+        # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
+        num = tuple(
+            tuple(
+                _strip(
+                    (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1))
+                    + (d[i, j] - 1.0) * den,
+                    relative=1e-12,
+                )
+                for j in range(inputs)
+            )
+            for i in range(outputs)
+        )
+        return num, ((den,) * inputs,) * outputs
+
     def to_control(self, pade: int | None = None) -> Any:
         """The same as a python-control object (extra ``control``).
 
@@ -309,7 +332,7 @@ class LTI:
                 parts = [control.ss(control.tf(*control.pade(d, pade))) for d in self.delays]
                 system = system * control.append(*parts)
             return system
-        num, den = self._polynomials()
+        num, den = self.polynomials()
         wait = [control.pade(d, pade) if d else ([1.0], [1.0]) for d in self.delays]
         nums = [[np.polymul(n, w[0]) for n, w in zip(row, wait, strict=True)] for row in num]
         dens = [[np.polymul(d, w[1]) for d, w in zip(row, wait, strict=True)] for row in den]
@@ -339,7 +362,7 @@ class LTI:
             late = f"\ndelay = {self.delay} s" if any(self.delays) else ""
             return "LTI state space\n" + "\n".join(parts) + late
         blocks = []
-        num, den = self._polynomials()
+        num, den = self.polynomials()
         for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
             for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                 top, bottom = _text(n), _text(d)
@@ -361,28 +384,6 @@ class LTI:
         assert self.matrices is not None
         return self.matrices
 
-    def _polynomials(self) -> tuple[Table, Table]:
-        if self.matrices is None:
-            assert self.numerators is not None
-            assert self.denominators is not None
-            return self.numerators, self.denominators
-        a, b, c, d = self.matrices
-        outputs, inputs = d.shape
-        den = np.atleast_1d(np.poly(a)).real if a.size else np.ones(1)
-        # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
-        num = tuple(
-            tuple(
-                _strip(
-                    (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1))
-                    + (d[i, j] - 1.0) * den,
-                    relative=1e-12,
-                )
-                for j in range(inputs)
-            )
-            for i in range(outputs)
-        )
-        return num, ((den,) * inputs,) * outputs
-
     def _scaled(self) -> tuple[F64, F64, F64, F64, F64]:
         """A, B, C, D for computing, and the factors from the public states to its states.
 
@@ -391,7 +392,7 @@ class LTI:
         """
         if self.matrices is not None:
             return (*self.matrices, np.ones(self.matrices[0].shape[0]))
-        num, den = self._polynomials()
+        num, den = self.polynomials()
         outputs, inputs = self.shape
         blocks: list[tuple[int, list[int], F64]] = []
         for i in range(outputs):
@@ -591,6 +592,8 @@ def _table(given: Any, name: str) -> list[list[F64]]:
 
 def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
     values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
+        values = values[0]
     if values.size == 1:
         values = np.repeat(values, inputs)
     if values.shape != (inputs,):

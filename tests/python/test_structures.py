@@ -1,0 +1,82 @@
+"""The structure TransferFunction: counts, names, and numbers in and out."""
+
+import pickle
+
+import modfun as mf
+import numpy as np
+import pytest
+from modfun import TransferFunction
+
+
+def test_defaults_and_names():
+    assert TransferFunction(poles=3).zeros == 2
+    assert TransferFunction(poles=2, zeros=0).param_names() == ("a1", "a2", "b0")
+    two = TransferFunction(poles=2, zeros=[1, None], delay=[0.1, 0])
+    assert two.param_names(["de", "da"]) == ("a1", "a2", "b0[de]", "b1[de]")
+    assert two.numerators(2) == (1, None)
+    assert two.delays(2) == (0.1, 0.0)
+    assert two.n_inputs == 2
+    shared = TransferFunction(poles=1, zeros=0, delay=0.2)
+    assert shared.n_inputs is None
+    assert shared.numerators(2) == (0, 0)
+    assert shared.delays(2) == (0.2, 0.2)
+    assert shared.param_names(["u1", "u2"]) == ("a1", "b0[u1]", "b0[u2]")
+
+
+def test_frozen_equal_hashable_pickled():
+    a = TransferFunction(poles=2, zeros=[1, None])
+    assert a == TransferFunction(poles=2, zeros=(1, None))
+    assert hash(a) == hash(TransferFunction(poles=2, zeros=(1, None)))
+    assert pickle.loads(pickle.dumps(a)) == a
+    assert repr(a) == "TransferFunction(poles=2, zeros=[1, None])"
+    with pytest.raises(AttributeError):
+        a.poles = 3
+    with pytest.raises(TypeError):
+        TransferFunction(2, 0)
+
+
+def test_numbers_in_and_out():
+    structure = TransferFunction(poles=2, zeros=0)
+    system = structure.model([3, 8, 5])
+    np.testing.assert_array_equal(system.den, [1, 3, 8])
+    np.testing.assert_array_equal(system.num, [5])
+    np.testing.assert_array_equal(structure.theta(system), [3, 8, 5])
+    assert TransferFunction.from_system(system) == structure
+    two = TransferFunction(poles=2, zeros=[1, 0, None], delay=[0.1, 0.0, 0.0])
+    system = two.model([3, 8, 1, 2, 5])
+    assert system.shape == (1, 3)
+    assert system.delay == (0.1, 0.0, 0.0)
+    np.testing.assert_array_equal(two.theta(system), [3, 8, 1, 2, 5])
+    assert TransferFunction.from_system(system) == two
+    wider = TransferFunction(poles=2, zeros=1)
+    np.testing.assert_array_equal(wider.theta(mf.tf([5], [1, 3, 8])), [3, 8, 0, 5])
+    assert TransferFunction.from_system(mf.tf([5], [1, 3, 8]).to_ss()) == structure
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: TransferFunction(poles=0), "at least 1"),
+        (lambda: TransferFunction(poles=2.0), "whole number"),
+        (lambda: TransferFunction(poles=True), "whole number"),
+        (lambda: TransferFunction(poles=2, zeros=3), "3 zeros with 2 poles"),
+        (lambda: TransferFunction(poles=2, zeros=-1), "at least 0"),
+        (lambda: TransferFunction(poles=2, zeros="any"), "whole numbers"),
+        (lambda: TransferFunction(poles=2, zeros=[None, None]), "no input with a path"),
+        (lambda: TransferFunction(poles=2, zeros=[[1], [0]]), "one output at a time"),
+        (lambda: TransferFunction(poles=2, delay=-0.1), "at least 0"),
+        (lambda: TransferFunction(poles=2, delay="late"), "no number"),
+        (lambda: TransferFunction(poles=2, delay=np.nan), "finite"),
+        (lambda: TransferFunction(poles=2, zeros=[1, 1], delay=[0.1]), "2 inputs and delay 1"),
+        (lambda: TransferFunction(poles=2, zeros=[1, 1]).numerators(3), "made for 2 input"),
+        (lambda: TransferFunction(poles=2, zeros=0).model([1, 2]), "2 numbers for 3"),
+        (lambda: TransferFunction(poles=2, zeros=0).theta(mf.tf([1, 1], [1, 3, 8])), "does not hold"),
+        (lambda: TransferFunction(poles=1).theta(mf.tf([1], [1, 3, 8])), "does not hold"),
+        (lambda: TransferFunction.from_system(mf.tf([[[1]], [[2]]], [1, 1])), "2 outputs"),
+        (lambda: TransferFunction.from_system(mf.tf([[[1], [2]]], [[[1, 1], [1, 2]]])), "common"),
+        (lambda: TransferFunction.from_system(mf.tf([1], [1])), "static gain"),
+    ],
+)
+def test_mistakes(make, said):
+    with pytest.raises(mf.SpecError, match=said):
+        make()
