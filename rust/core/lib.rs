@@ -4,7 +4,9 @@
 
 mod error;
 pub mod math;
+pub mod quadrature;
 pub mod rng;
 pub mod simd;
+pub mod spectrum;
 
 pub use error::{Error, Status};

@@ -1,0 +1,587 @@
+//! From samples to Fourier coefficients V(m) = (1/T) ∫ v(t) e^{−imω₀t} dt, ω₀ = 2π/T, report eqs. (8), (21).
+//!
+//! A [`CoefficientPlan`] is made once for a window and serves any number of records: folded sums up to
+//! [`FOLDED_HARMONICS`] harmonics, a real FFT above, direct sums for uneven samples.
+
+mod folded;
+
+use std::sync::Arc;
+
+use realfft::num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
+
+use crate::Error;
+use crate::quadrature::{Hold, Rule, cell_moments, check_times, times};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::math::{root_of_unity, sin_cos_turns_1};
+use folded::{FoldedSums, Source};
+
+/// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
+pub const FOLDED_HARMONICS: usize = 64;
+/// Samples through which a rule's signal is interpolated at a fractional delay.
+const TAPS: usize = 6;
+
+/// How the samples of a channel stand for a signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Smooth: a quadrature rule.
+    Rule(Rule),
+    /// Held between the samples: exact coefficients.
+    Hold(Hold),
+}
+
+impl Kind {
+    /// All kinds, rules first.
+    pub const ALL: [Kind; 6] = [
+        Kind::Rule(Rule::Staircase),
+        Kind::Rule(Rule::Trapezoid),
+        Kind::Rule(Rule::Parabolic),
+        Kind::Rule(Rule::Gregory),
+        Kind::Hold(Hold::Zoh),
+        Kind::Hold(Hold::Foh),
+    ];
+
+    /// The name users see.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Rule(rule) => rule.name(),
+            Kind::Hold(hold) => hold.name(),
+        }
+    }
+
+    /// The kind of that name.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] with the list of names.
+    pub fn from_name(name: &str) -> Result<Kind, Error> {
+        Kind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+            let names: Vec<_> = Kind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+            Error::Spec(format!(
+                "there is no quadrature rule or hold \"{name}\"; use one of {}",
+                names.join(", ")
+            ))
+        })
+    }
+}
+
+/// Scratch memory of one worker for one plan: no call allocates.
+#[derive(Debug, Clone)]
+pub struct Scratch {
+    wide: Vec<Wide>,
+    re: Vec<Wide>,
+    im: Vec<Wide>,
+    record: Vec<f64>,
+    one_re: Vec<f64>,
+    one_im: Vec<f64>,
+    real: Vec<f64>,
+    complex: Vec<Complex<f64>>,
+    work: Vec<Complex<f64>>,
+}
+
+/// Samples → coefficients V(0)…V(M) for one window, kind of signal and delay.
+#[derive(Clone)]
+pub struct CoefficientPlan {
+    intervals: usize,
+    harmonics: usize,
+    kind: Kind,
+    lead: usize,
+    /// Sample that stands at the start of the window (the delay's whole part taken off).
+    first: usize,
+    taps: Option<Taps>,
+    unit_variance: f64,
+    sums: Sums,
+    holds: Vec<HoldFactor>,
+}
+
+#[derive(Clone)]
+enum Sums {
+    Folded(FoldedSums),
+    Fft { weights: Vec<f64>, transform: Arc<dyn RealToComplex<f64>> },
+    Uneven { t: Vec<f64>, weights: Vec<f64> },
+}
+
+/// What turns the plain sum F(m) of held values into the coefficient: α F + β₀ (u_N − u_0) + β₁ (u_{N+1} − u_1).
+#[derive(Debug, Clone, Copy)]
+struct HoldFactor {
+    sum: (f64, f64),
+    ends: [(f64, f64); 2],
+}
+
+impl CoefficientPlan {
+    /// A plan for evenly spaced samples.
+    ///
+    /// * `intervals` N: intervals of the window, T = N·dt; a record of `lead` + N + 1 samples is needed.
+    /// * `harmonics` M: coefficients 0…M, M ≤ N/2 (report eq. (22)).
+    /// * `delay`: in samples, ≥ 0; the coefficients are those of v(t − delay·dt). Held signals are split
+    ///   exactly within their cells, others interpolated through 6 samples.
+    /// * `lead`: samples between the record's first and the start of the window, ≥ delay.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] for harmonics above N/2, a delay that is negative or longer than the lead, the
+    /// parabolic rule with odd N; [`Error::Data`] for too few samples.
+    pub fn new(
+        intervals: usize,
+        harmonics: usize,
+        kind: Kind,
+        delay: f64,
+        lead: usize,
+    ) -> Result<CoefficientPlan, Error> {
+        // A held signal is the plain sum of its values, whatever happens inside the cells.
+        let weights = match kind {
+            Kind::Rule(rule) => rule.weights(intervals)?,
+            Kind::Hold(_) => Rule::Staircase.weights(intervals)?,
+        };
+        check_harmonics(intervals, harmonics)?;
+        if !(delay >= 0.0 && delay <= lead as f64) {
+            return Err(Error::Spec(format!(
+                "a delay of {delay} samples needs a window that starts between 0 and `lead` = {lead} samples late; give a delay ≥ 0 and a lead of at least the delay, rounded up"
+            )));
+        }
+        let whole = delay.ceil();
+        let ahead = whole - delay;
+        let first = lead - whole as usize;
+        let mut plan = CoefficientPlan {
+            intervals,
+            harmonics,
+            kind,
+            lead,
+            first,
+            taps: None,
+            unit_variance: unit_variance(&weights, intervals as f64),
+            sums: Sums::Uneven { t: Vec::new(), weights: Vec::new() },
+            holds: Vec::new(),
+        };
+        match kind {
+            Kind::Hold(hold) => {
+                let factor = |m| HoldFactor::new(hold, m, intervals, ahead);
+                plan.holds = (0..=harmonics).map(factor).collect();
+            }
+            Kind::Rule(_) if ahead > 0.0 => plan.taps = Some(Taps::new(plan.samples(), ahead)?),
+            Kind::Rule(_) => {}
+        }
+        plan.sums = if harmonics <= FOLDED_HARMONICS {
+            Sums::Folded(FoldedSums::new(weights, harmonics))
+        } else {
+            let transform = RealFftPlanner::new().plan_fft_forward(intervals);
+            Sums::Fft { weights, transform }
+        };
+        Ok(plan)
+    }
+
+    /// A plan for samples at the times `t` (increasing, in seconds); the window is all of them.
+    ///
+    /// # Errors
+    /// As [`CoefficientPlan::new`]; [`Error::Data`] where the times do not increase.
+    pub fn uneven(t: &[f64], harmonics: usize, kind: Kind) -> Result<CoefficientPlan, Error> {
+        check_times(t)?;
+        let intervals = t.len() - 1;
+        let span = t[intervals] - t[0];
+        let weights = match kind {
+            Kind::Rule(rule) => rule.uneven_weights(t)?,
+            Kind::Hold(_) => Rule::Staircase.uneven_weights(t)?,
+        };
+        check_harmonics(intervals, harmonics)?;
+        Ok(CoefficientPlan {
+            intervals,
+            harmonics,
+            kind,
+            lead: 0,
+            first: 0,
+            taps: None,
+            unit_variance: unit_variance(&weights, span),
+            sums: Sums::Uneven { t: t.to_vec(), weights },
+            holds: Vec::new(),
+        })
+    }
+
+    /// Samples a record must have: lead + N + 1.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.lead + self.intervals + 1
+    }
+
+    /// Intervals N of the window.
+    #[must_use]
+    pub fn intervals(&self) -> usize {
+        self.intervals
+    }
+
+    /// Highest harmonic M.
+    #[must_use]
+    pub fn harmonics(&self) -> usize {
+        self.harmonics
+    }
+
+    /// How the samples stand for a signal.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// Variance of a coefficient (of |V|², m > 0) where the samples are white noise of variance 1:
+    /// Σ w_k²/N², for uneven samples Σ q_k²/T². Held kinds: of the plain sum of the values.
+    #[must_use]
+    pub fn unit_variance(&self) -> f64 {
+        self.unit_variance
+    }
+
+    /// Samples a period of the highest harmonic; below 8 no rule is accurate.
+    #[must_use]
+    pub fn samples_per_period(&self) -> f64 {
+        self.intervals as f64 / self.harmonics.max(1) as f64
+    }
+
+    /// Memory for [`CoefficientPlan::run_lanes`].
+    #[must_use]
+    pub fn scratch(&self) -> Scratch {
+        let (mut wide, mut length, mut work, mut record) = (0, 0, 0, self.samples());
+        match &self.sums {
+            Sums::Folded(sums) => (wide, record) = (sums.scratch(), 0),
+            Sums::Fft { transform, .. } => (length, work) = (self.intervals, transform.get_scratch_len()),
+            Sums::Uneven { .. } => {}
+        }
+        let lines = self.harmonics + 1;
+        Scratch {
+            wide: vec![Wide::ZERO; wide],
+            re: vec![Wide::ZERO; lines],
+            im: vec![Wide::ZERO; lines],
+            record: vec![0.0; record],
+            one_re: vec![0.0; lines],
+            one_im: vec![0.0; lines],
+            real: vec![0.0; length],
+            complex: vec![Complex::default(); length / 2 + 1],
+            work: vec![Complex::default(); work],
+        }
+    }
+
+    /// Coefficients of one record: V(m) = `re[m]` + i·`im[m]`, m = 0…M.
+    ///
+    /// Up to [`FOLDED_HARMONICS`] the bits are those of any lane of [`CoefficientPlan::run_lanes`].
+    ///
+    /// # Errors
+    /// [`Error::Data`] where a length does not fit the plan.
+    pub fn run(&self, samples: &[f64], re: &mut [f64], im: &mut [f64]) -> Result<(), Error> {
+        self.run_in(Isa::detect(), samples, re, im, &mut self.scratch())
+    }
+
+    /// [`CoefficientPlan::run`] on a given instruction set, without allocation.
+    ///
+    /// # Errors
+    /// As [`CoefficientPlan::run`].
+    pub fn run_in(
+        &self,
+        isa: Isa,
+        samples: &[f64],
+        re: &mut [f64],
+        im: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> {
+        self.check_lengths(samples.len(), re.len(), im.len())?;
+        match &self.sums {
+            Sums::Folded(sums) => {
+                let Scratch { wide, re: wide_re, im: wide_im, .. } = scratch;
+                let source = InAll(samples);
+                isa.run(FoldedKernel { plan: self, sums, source, re: wide_re, im: wide_im, wide });
+                for m in 0..=self.harmonics {
+                    (re[m], im[m]) = (wide_re[m].0[0], wide_im[m].0[0]);
+                }
+            }
+            Sums::Fft { weights, transform } => {
+                self.transform(isa, weights, transform.as_ref(), samples, re, im, scratch)?;
+            }
+            Sums::Uneven { t, weights } => self.direct(t, weights, samples, re, im),
+        }
+        Ok(())
+    }
+
+    /// Coefficients of eight records at once; above [`FOLDED_HARMONICS`] and for uneven samples, one by one.
+    ///
+    /// # Errors
+    /// As [`CoefficientPlan::run`].
+    pub fn run_lanes(
+        &self,
+        isa: Isa,
+        samples: &[Wide],
+        re: &mut [Wide],
+        im: &mut [Wide],
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> {
+        self.check_lengths(samples.len(), re.len(), im.len())?;
+        if let Sums::Folded(sums) = &self.sums {
+            let source = InLanes(samples);
+            isa.run(FoldedKernel { plan: self, sums, source, re, im, wide: &mut scratch.wide });
+            return Ok(());
+        }
+        let mut record = std::mem::take(&mut scratch.record);
+        let mut one_re = std::mem::take(&mut scratch.one_re);
+        let mut one_im = std::mem::take(&mut scratch.one_im);
+        let mut outcome = Ok(());
+        for lane in 0..LANES {
+            for (x, wide) in record.iter_mut().zip(samples) {
+                *x = wide.0[lane];
+            }
+            outcome = outcome.and(self.run_in(isa, &record, &mut one_re, &mut one_im, scratch));
+            for m in 0..=self.harmonics {
+                (re[m].0[lane], im[m].0[lane]) = (one_re[m], one_im[m]);
+            }
+        }
+        (scratch.record, scratch.one_re, scratch.one_im) = (record, one_re, one_im);
+        outcome
+    }
+
+    fn check_lengths(&self, samples: usize, re: usize, im: usize) -> Result<(), Error> {
+        if samples != self.samples() {
+            return Err(Error::Data(format!(
+                "coefficients of a window of {} intervals that starts {} samples late need {} samples, got {samples}; plan for this length",
+                self.intervals,
+                self.lead,
+                self.samples()
+            )));
+        }
+        if re != self.harmonics + 1 || im != self.harmonics + 1 {
+            return Err(Error::Data(format!(
+                "{} coefficients need arrays of that length, got {re} and {im}",
+                self.harmonics + 1
+            )));
+        }
+        Ok(())
+    }
+
+    /// One record through the FFT.
+    #[allow(clippy::too_many_arguments)]
+    fn transform(
+        &self,
+        isa: Isa,
+        weights: &[f64],
+        transform: &dyn RealToComplex<f64>,
+        samples: &[f64],
+        re: &mut [f64],
+        im: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> {
+        let Scratch { real, complex, work, .. } = scratch;
+        let (source, taps) = (InAll(samples), self.taps.as_ref());
+        isa.run(FillKernel { taps, weights, source, first: self.first, out: real });
+        transform
+            .process_with_scratch(real, complex, work)
+            .map_err(|e| Error::Internal(format!("the FFT of {} samples failed: {e}", self.intervals)))?;
+        let by = 1.0 / self.intervals as f64;
+        for m in 0..=self.harmonics {
+            (re[m], im[m]) = (by * complex[m].re, by * complex[m].im);
+        }
+        im[0] = 0.0;
+        for (m, factor) in self.holds.iter().enumerate() {
+            let end = |k: usize| {
+                samples.get(self.first + self.intervals + k).map_or(0.0, |u| u - samples[self.first + k])
+            };
+            let (first, second) = (end(0), end(1));
+            let value = times(factor.sum, (re[m], im[m]));
+            re[m] = value.0 + factor.ends[0].0 * first + factor.ends[1].0 * second;
+            im[m] = value.1 + factor.ends[0].1 * first + factor.ends[1].1 * second;
+        }
+        Ok(())
+    }
+
+    /// One record with uneven samples: sums over samples, or over cells of a held signal.
+    fn direct(&self, t: &[f64], weights: &[f64], samples: &[f64], re: &mut [f64], im: &mut [f64]) {
+        let span = t[self.intervals] - t[0];
+        for m in 0..=self.harmonics {
+            let mut sum = (0.0, 0.0);
+            for k in 0..=self.intervals {
+                let (sin, cos) = sin_cos_turns_1(-(m as f64) * ((t[k] - t[0]) / span));
+                let value = match self.kind {
+                    Kind::Rule(_) => (samples[k], 0.0),
+                    Kind::Hold(_) if k == self.intervals => (0.0, 0.0),
+                    Kind::Hold(hold) => {
+                        let (a, b) = cell_moments(m as f64 * ((t[k + 1] - t[k]) / span));
+                        let rise = if hold == Hold::Foh { samples[k + 1] - samples[k] } else { 0.0 };
+                        (samples[k] * a.0 + rise * b.0, samples[k] * a.1 + rise * b.1)
+                    }
+                };
+                let term = times(value, (cos, sin));
+                sum = (sum.0 + weights[k] * term.0, sum.1 + weights[k] * term.1);
+            }
+            (re[m], im[m]) = (sum.0 / span, sum.1 / span);
+        }
+        im[0] = 0.0;
+    }
+}
+
+impl HoldFactor {
+    /// With F₁ = W⁻(F + u_N − u_0), F₂ = W⁻(F₁ + u_{N+1} − u_1) the sums shifted by one and two samples,
+    /// W⁻ = e^{ix}, the coefficient is c₀F + c₁F₁ + c₂F₂.
+    fn new(hold: Hold, m: usize, intervals: usize, ahead: f64) -> HoldFactor {
+        let [c0, c1, c2] = hold.cell(m as f64 / intervals as f64, ahead);
+        let shift = root_of_unity(m as u64, intervals as u64);
+        let (once, twice) = (times(c1, shift), times(times(c2, shift), shift));
+        let both = (once.0 + twice.0, once.1 + twice.1);
+        let by = 1.0 / intervals as f64;
+        let second = times(c2, shift);
+        HoldFactor {
+            sum: (c0.0 + both.0, c0.1 + both.1),
+            ends: [(by * both.0, by * both.1), (by * second.0, by * second.1)],
+        }
+    }
+}
+
+/// Local interpolation at t_k − d·dt through six samples (Lagrange), d a fraction of a sample.
+#[derive(Debug, Clone)]
+struct Taps {
+    /// Where the last stencil starts.
+    last: usize,
+    /// Coefficients by the place of the interval inside the stencil: 2 but near the ends.
+    rows: Vec<[f64; TAPS]>,
+}
+
+impl Taps {
+    fn new(samples: usize, ahead: f64) -> Result<Taps, Error> {
+        if samples < TAPS {
+            return Err(Error::Data(format!(
+                "a delay that is no whole number of samples is interpolated through {TAPS} samples, the record has {samples}; round the delay or declare the signal \"zoh\" or \"foh\""
+            )));
+        }
+        let row = |place: usize| {
+            let x = place as f64 + ahead;
+            std::array::from_fn(|i| {
+                let others = (0..TAPS).filter(|&j| j != i);
+                others.map(|j| (x - j as f64) / (i as f64 - j as f64)).product()
+            })
+        };
+        Ok(Taps { last: samples - TAPS, rows: (0..TAPS).map(row).collect() })
+    }
+
+    /// The value a fraction after sample `k` of the record.
+    #[inline(always)]
+    fn at<L: Lanes, S: Source>(&self, source: S, k: usize) -> L {
+        let start = k.saturating_sub(TAPS / 2 - 1).min(self.last);
+        let mut sum = L::splat(0.0);
+        for (i, by) in self.rows[k - start].iter().enumerate() {
+            sum = source.get::<L>(start + i).mul_add(L::splat(*by), sum);
+        }
+        sum
+    }
+}
+
+/// Eight records side by side.
+#[derive(Clone, Copy)]
+struct InLanes<'a>(&'a [Wide]);
+
+/// One record in all lanes.
+#[derive(Clone, Copy)]
+struct InAll<'a>(&'a [f64]);
+
+/// The window inside a record, interpolated where the delay has a fraction.
+#[derive(Clone, Copy)]
+struct Window<'a, S> {
+    record: S,
+    first: usize,
+    taps: Option<&'a Taps>,
+}
+
+impl Source for InLanes<'_> {
+    #[inline(always)]
+    fn get<L: Lanes>(&self, k: usize) -> L {
+        L::load(&self.0[k])
+    }
+}
+
+impl Source for InAll<'_> {
+    #[inline(always)]
+    fn get<L: Lanes>(&self, k: usize) -> L {
+        L::splat(self.0[k])
+    }
+}
+
+impl<S: Source> Source for Window<'_, S> {
+    #[inline(always)]
+    fn get<L: Lanes>(&self, k: usize) -> L {
+        match self.taps {
+            None => self.record.get::<L>(self.first + k),
+            Some(taps) => taps.at::<L, S>(self.record, self.first + k),
+        }
+    }
+}
+
+/// Folded sums, then the factors of held signals.
+struct FoldedKernel<'a, S> {
+    plan: &'a CoefficientPlan,
+    sums: &'a FoldedSums,
+    source: S,
+    re: &'a mut [Wide],
+    im: &'a mut [Wide],
+    wide: &'a mut [Wide],
+}
+
+impl<S: Source> Kernel for FoldedKernel<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let plan = self.plan;
+        let (first, n) = (plan.first, plan.intervals);
+        if plan.taps.is_none() && first == 0 {
+            self.sums.run::<L, S>(self.source, self.re, self.im, self.wide);
+        } else {
+            let window = Window { record: self.source, first, taps: plan.taps.as_ref() };
+            self.sums.run::<L, Window<S>>(window, self.re, self.im, self.wide);
+        }
+        if plan.holds.is_empty() {
+            return;
+        }
+        let end = |k: usize| self.source.get::<L>(first + n + k) - self.source.get::<L>(first + k);
+        let both = [end(0), if first < plan.lead { end(1) } else { L::splat(0.0) }];
+        for ((factor, re), im) in plan.holds.iter().zip(self.re).zip(self.im) {
+            let (x, y) = (L::load(re), L::load(im));
+            let mut real = x * L::splat(factor.sum.0) - y * L::splat(factor.sum.1);
+            let mut imag = x * L::splat(factor.sum.1) + y * L::splat(factor.sum.0);
+            for (by, end) in factor.ends.iter().zip(both) {
+                real = end.mul_add(L::splat(by.0), real);
+                imag = end.mul_add(L::splat(by.1), imag);
+            }
+            real.store(re);
+            imag.store(im);
+        }
+    }
+}
+
+/// The weighted samples of one window as the FFT wants them: the last one added to the first.
+struct FillKernel<'a> {
+    taps: Option<&'a Taps>,
+    weights: &'a [f64],
+    source: InAll<'a>,
+    first: usize,
+    out: &'a mut [f64],
+}
+
+impl Kernel for FillKernel<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let window = Window { record: self.source, first: self.first, taps: self.taps };
+        let mut value = Wide::ZERO;
+        for (k, weight) in self.weights.iter().enumerate() {
+            (window.get::<L>(k) * L::splat(*weight)).store(&mut value);
+            match self.out.get_mut(k) {
+                Some(out) => *out = value.0[0],
+                None => self.out[0] += value.0[0],
+            }
+        }
+    }
+}
+
+fn unit_variance(weights: &[f64], span: f64) -> f64 {
+    weights.iter().map(|w| w * w).sum::<f64>() / (span * span)
+}
+
+fn check_harmonics(intervals: usize, harmonics: usize) -> Result<(), Error> {
+    if 2 * harmonics > intervals {
+        return Err(Error::Spec(format!(
+            "harmonic {harmonics} lies above half the sampling rate: a window of {intervals} intervals has harmonics up to {}; lower the band or sample faster",
+            intervals / 2
+        )));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
