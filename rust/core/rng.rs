@@ -77,7 +77,10 @@ fn philox<B: LaneBits>(mut counter: [B; 4], key: [u32; 2]) -> [B; 4] {
             multiplier[0].mul32(counter[0]),
             multiplier[1].mul32(counter[2]),
         );
-        let k = round_key.map(|word| B::splat(u64::from(word)));
+        let k = [
+            B::splat(u64::from(round_key[0])),
+            B::splat(u64::from(round_key[1])),
+        ];
         counter = [
             q.shr::<32>().xor(counter[1]).xor(k[0]),
             q.and(low),
@@ -133,12 +136,13 @@ impl<L: Lanes> NormalStream<L> {
         let high = replicate.shr::<32>();
         let group = L::Bits::splat(u64::from(address.group));
         let key = [address.seed as u32, (address.seed >> 32) as u32];
-        let block = |block: u32| {
-            let place =
-                ((address.purpose as u32) << 28) | ((address.channel & 0x07ff_ffff) << 1) | block;
-            philox([low, high, group, L::Bits::splat(u64::from(place))], key)
-        };
-        let (a, b) = (block(0), block(1));
+        let place = ((address.purpose as u32) << 28) | ((address.channel & 0x07ff_ffff) << 1);
+        // No closures here: one that is not inlined loses the instruction set.
+        let a = philox([low, high, group, L::Bits::splat(u64::from(place))], key);
+        let b = philox(
+            [low, high, group, L::Bits::splat(u64::from(place | 1))],
+            key,
+        );
         // Never all zero: the cipher maps one address in 2²⁵⁶ there.
         NormalStream(Xoshiro([
             a[0].or(a[1].shl::<32>()),
@@ -149,24 +153,43 @@ impl<L: Lanes> NormalStream<L> {
     }
 
     /// The next two normals of each lane.
-    ///
-    /// Radius √(−2 ln u), u in (0, 1] in steps of 2⁻⁵², so up to 8.49; the angle is uniform in the
-    /// eighths of a circle about an axis, whose sign and direction are two more random bits.
     #[inline(always)]
     pub fn pair(&mut self) -> (L, L) {
-        let one = L::Bits::splat(0x3ff0_0000_0000_0000);
-        let (first, second) = (self.0.next(), self.0.next());
-        let u = L::splat(2.0) - L::from_bits(first.shr::<12>().or(one));
-        let radius = (ln(u) * L::splat(-2.0)).sqrt();
-        let v = L::from_bits(second.shr::<12>().or(one));
-        let quarter = L::splat(std::f64::consts::FRAC_PI_2);
-        let (sin, cos) =
-            sin_cos_small(v.mul_add(quarter, L::splat(-1.5 * std::f64::consts::FRAC_PI_2)));
-        // The low 12 bits are not part of v.
-        let cos = flip_sign(cos, second.shl::<63>());
-        let (a, b) = swap(cos, sin, second.shr::<1>());
-        (radius * a, radius * b)
+        let (first, second) = self.draws();
+        turn(radius_squared(first), second)
     }
+
+    /// The next two draws of each lane, as bit patterns.
+    #[inline(always)]
+    fn draws(&mut self) -> (L, L) {
+        let (first, second) = (self.0.next(), self.0.next());
+        (L::from_bits(first), L::from_bits(second))
+    }
+}
+
+/// The top 52 bits as a number in [1, 2).
+#[inline(always)]
+fn mantissa<L: Lanes>(bits: L::Bits) -> L {
+    L::from_bits(bits.shr::<12>().or(L::Bits::splat(0x3ff0_0000_0000_0000)))
+}
+
+/// −2 ln u, u in (0, 1] in steps of 2⁻⁵²: a radius up to 8.49.
+#[inline(always)]
+fn radius_squared<L: Lanes>(draw: L) -> L {
+    ln(L::splat(2.0) - mantissa::<L>(draw.to_bits())) * L::splat(-2.0)
+}
+
+/// The point at this radius whose angle is uniform: within an eighth of a turn of an axis by the
+/// top 52 bits, the axis and its direction by two bits of the lowest twelve.
+#[inline(always)]
+fn turn<L: Lanes>(radius_squared: L, draw: L) -> (L, L) {
+    let bits = draw.to_bits();
+    let quarter = L::splat(std::f64::consts::FRAC_PI_2);
+    let angle = mantissa::<L>(bits).mul_add(quarter, L::splat(-1.5 * std::f64::consts::FRAC_PI_2));
+    let (sin, cos) = sin_cos_small(angle);
+    let (a, b) = swap(flip_sign(cos, bits.shl::<63>()), sin, bits.shr::<1>());
+    let radius = radius_squared.sqrt();
+    (radius * a, radius * b)
 }
 
 struct Fill<'a> {
@@ -178,15 +201,29 @@ impl Kernel for Fill<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        // A pair takes about as many instructions as a processor looks ahead, and logarithm and
+        // root are one long chain of them. Three short loops over a block, kept in `out` itself,
+        // let it work on several pairs at once: a fifth less time than pair by pair.
+        const BLOCK: usize = 64;
         let mut stream = NormalStream::<L>::new(self.address);
-        let (pairs, last) = self.out.as_chunks_mut::<2>();
-        for [a, b] in pairs {
-            let (x, y) = stream.pair();
-            x.store(a);
-            y.store(b);
-        }
-        for a in last {
-            stream.pair().0.store(a);
+        for block in self.out.chunks_mut(BLOCK) {
+            let (pairs, last) = block.as_chunks_mut::<2>();
+            for [a, b] in &mut *pairs {
+                let (x, y) = stream.draws();
+                x.store(a);
+                y.store(b);
+            }
+            for [a, _] in &mut *pairs {
+                radius_squared(L::load(a)).store(a);
+            }
+            for [a, b] in pairs {
+                let (x, y) = turn(L::load(a), L::load(b));
+                x.store(a);
+                y.store(b);
+            }
+            for a in last {
+                stream.pair().0.store(a);
+            }
         }
     }
 }
