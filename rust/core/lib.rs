@@ -8,5 +8,6 @@ pub mod quadrature;
 pub mod rng;
 pub mod simd;
 pub mod spectrum;
+pub mod threads;
 
 pub use error::{Error, Status};

@@ -1,0 +1,327 @@
+//! Scoped threads over a shared chunk counter: the one file that starts threads.
+//!
+//! Nothing outlives a call, so there is no pool to shut down and forking is safe. The calling
+//! thread does no chunks: it waits in slices, reports progress and may stop the work.
+
+use std::any::Any;
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::Error;
+
+/// How long the calling thread waits between two looks at progress.
+const SLICE: Duration = Duration::from_millis(50);
+
+/// The answer to a progress report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    /// Go on.
+    Continue,
+    /// Stop as soon as possible; the run returns [`Error::Cancelled`].
+    Stop,
+}
+
+/// The number of threads for a call: what was asked for, else `MODFUN_NUM_THREADS`, else the
+/// cores this process may use.
+///
+/// # Errors
+/// [`Error::Spec`] where the number asked for is 0 or the variable is not a positive number.
+pub fn count(asked: Option<usize>) -> Result<usize, Error> {
+    let from_environment = std::env::var("MODFUN_NUM_THREADS").ok();
+    count_from(asked, from_environment.as_deref())
+}
+
+fn count_from(asked: Option<usize>, environment: Option<&str>) -> Result<usize, Error> {
+    match (asked, environment.map(str::trim)) {
+        (Some(0), _) => Err(Error::Spec(
+            "threads=0: give a number of at least 1, or None for all cores".into(),
+        )),
+        (Some(n), _) => Ok(n),
+        (None, None | Some("")) => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+        (None, Some(text)) => match text.parse() {
+            Ok(n) if n > 0 => Ok(n),
+            _ => Err(Error::Spec(format!(
+                "MODFUN_NUM_THREADS={text:?} is not a number of threads: set it to 1 or more, or unset it"
+            ))),
+        },
+    }
+}
+
+/// Raises the stop flag when the calling thread leaves, also by a panic in `progress`.
+struct StopOnLeaving<'a>(&'a AtomicBool);
+
+impl Drop for StopOnLeaving<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Takes one worker off the count of running ones, however it ends.
+struct Running<'a>(&'a Mutex<usize>, &'a Condvar);
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        self.1.notify_all();
+    }
+}
+
+/// Computes `work(worker, chunk, stop)` for each chunk `0..chunks` and returns the results in chunk
+/// order, which do not depend on the number of threads if `work` forgets the chunks before.
+///
+/// Each thread makes its own worker (scratch memory). `progress(chunks done, chunks)` is called on
+/// the calling thread every 50 ms and once at the end; where it answers [`Control::Stop`], no new
+/// chunk is begun, and `stop` tells long chunks to return early (their results are dropped).
+///
+/// # Errors
+/// [`Error::Cancelled`] after a stop; [`Error::Internal`] with the text of the panic where
+/// `make_worker` or `work` panicked, as soon as the other threads have left their chunks.
+pub fn run<W, T: Send>(
+    threads: usize,
+    chunks: usize,
+    progress: &mut dyn FnMut(usize, usize) -> Control,
+    make_worker: impl Fn() -> W + Sync,
+    work: impl Fn(&mut W, usize, &AtomicBool) -> T + Sync,
+) -> Result<Vec<T>, Error> {
+    let stop = AtomicBool::new(false);
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let panicked: Mutex<Option<String>> = Mutex::new(None);
+    let (running, finished) = (Mutex::new(0), Condvar::new());
+
+    let thread = || {
+        let _running = Running(&running, &finished);
+        let mut results = Vec::new();
+        let current = Cell::new(None);
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            let mut worker = make_worker();
+            while !stop.load(Ordering::Relaxed) {
+                let chunk = next.fetch_add(1, Ordering::Relaxed);
+                if chunk >= chunks {
+                    break;
+                }
+                current.set(Some(chunk));
+                results.push((chunk, work(&mut worker, chunk, &stop)));
+                done.fetch_add(1, Ordering::Relaxed);
+            }
+        }));
+        if let Err(payload) = outcome {
+            stop.store(true, Ordering::Relaxed);
+            let place = match current.get() {
+                Some(chunk) => format!("chunk {chunk} of {chunks}"),
+                None => "setting up".into(),
+            };
+            let text = format!("a worker panicked in {place}: {}", panic_text(&*payload));
+            panicked
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(text);
+        }
+        results
+    };
+
+    let mut slots: Vec<Option<T>> = (0..chunks).map(|_| None).collect();
+    let mut cancelled = false;
+    std::thread::scope(|scope| {
+        let _stop = StopOnLeaving(&stop);
+        let mut handles = Vec::new();
+        for _ in 0..threads.clamp(1, chunks.max(1)).min(chunks) {
+            *running.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+            match std::thread::Builder::new()
+                .name("modfun".into())
+                .spawn_scoped(scope, thread)
+            {
+                Ok(handle) => handles.push(handle),
+                Err(error) => {
+                    *running.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+                    // Fewer threads do the same work; only none at all is a failure.
+                    if handles.is_empty() {
+                        return Err(Error::Internal(format!(
+                            "no thread could be started: {error}"
+                        )));
+                    }
+                    break;
+                }
+            }
+        }
+        let mut report = |cancelled: &mut bool| {
+            if !*cancelled && progress(done.load(Ordering::Relaxed), chunks) == Control::Stop {
+                *cancelled = true;
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let mut left = running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut due = Instant::now() + SLICE;
+        while *left > 0 {
+            let wait = due.saturating_duration_since(Instant::now());
+            left = finished
+                .wait_timeout(left, wait)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+            if *left > 0 && Instant::now() >= due {
+                // Not under the lock: progress may take its time.
+                drop(left);
+                report(&mut cancelled);
+                due = Instant::now() + SLICE;
+                left = running.lock().unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+        drop(left);
+        for handle in handles {
+            // Panics were caught inside, so every thread gives its results.
+            for (chunk, result) in handle.join().unwrap_or_default() {
+                slots[chunk] = Some(result);
+            }
+        }
+        report(&mut cancelled);
+        Ok(())
+    })?;
+    if let Some(text) = panicked
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner)
+    {
+        return Err(Error::Internal(text));
+    }
+    if cancelled {
+        return Err(Error::Cancelled);
+    }
+    let missing = || Error::Internal("a chunk was lost".into());
+    slots
+        .into_iter()
+        .map(|slot| slot.ok_or_else(missing))
+        .collect()
+}
+
+/// What a panic said.
+#[must_use]
+pub fn panic_text(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| payload.downcast_ref::<&str>().copied())
+        .unwrap_or("no text")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn go_on(_: usize, _: usize) -> Control {
+        Control::Continue
+    }
+
+    proptest! {
+        #[test]
+        fn results_come_in_chunk_order(threads in 0usize..6, chunks in 0usize..40) {
+            let work = |count: &mut usize, chunk: usize, _: &AtomicBool| {
+                *count += 1;
+                if chunk.is_multiple_of(3) {
+                    std::thread::yield_now();
+                }
+                chunk * chunk
+            };
+            let got = run(threads, chunks, &mut go_on, || 0, work);
+            prop_assert_eq!(got, Ok((0..chunks).map(|k| k * k).collect::<Vec<_>>()));
+        }
+    }
+
+    #[test]
+    fn a_panic_becomes_an_error_and_stops_the_others() {
+        for threads in [1, 2, 5] {
+            let started = Instant::now();
+            let work = |(): &mut (), chunk: usize, stop: &AtomicBool| {
+                assert!(chunk != 3, "chunk three is bad");
+                // The others would take for ever, were they not told.
+                while chunk > 3 && !stop.load(Ordering::Relaxed) {
+                    std::thread::yield_now();
+                }
+            };
+            let error = run(threads, 1000, &mut go_on, || (), work).unwrap_err();
+            assert_eq!(
+                error,
+                Error::Internal("a worker panicked in chunk 3 of 1000: chunk three is bad".into())
+            );
+            assert!(started.elapsed() < Duration::from_secs(10));
+        }
+    }
+
+    #[test]
+    fn a_worker_that_cannot_be_made_is_an_error() {
+        let make = || -> () { panic!("no memory") };
+        let error = run(2, 5, &mut go_on, make, |(), _, _| ()).unwrap_err();
+        assert_eq!(
+            error,
+            Error::Internal("a worker panicked in setting up: no memory".into())
+        );
+    }
+
+    #[test]
+    fn a_panic_in_progress_leaves_no_thread_behind() {
+        let endless = |(): &mut (), _: usize, stop: &AtomicBool| {
+            while !stop.load(Ordering::Relaxed) {
+                std::thread::yield_now();
+            }
+        };
+        let mut bad = |_: usize, _: usize| -> Control { panic!("bar broke") };
+        let outcome = catch_unwind(AssertUnwindSafe(|| run(2, 2, &mut bad, || (), endless)));
+        assert_eq!(panic_text(&*outcome.unwrap_err()), "bar broke");
+    }
+
+    #[test]
+    fn progress_stops_the_work() {
+        for threads in [1, 2] {
+            let started = Instant::now();
+            let begun = AtomicUsize::new(0);
+            let work = |(): &mut (), _: usize, stop: &AtomicBool| {
+                begun.fetch_add(1, Ordering::Relaxed);
+                while !stop.load(Ordering::Relaxed) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            };
+            let mut calls = 0;
+            let mut progress = |done: usize, total: usize| {
+                calls += 1;
+                assert_eq!((done, total), (0, 100));
+                Control::Stop
+            };
+            assert_eq!(
+                run(threads, 100, &mut progress, || (), work),
+                Err(Error::Cancelled)
+            );
+            assert_eq!(calls, 1);
+            assert_eq!(begun.into_inner(), threads);
+            assert!(started.elapsed() < Duration::from_secs(10));
+        }
+    }
+
+    #[test]
+    fn progress_sees_the_end_and_short_work_does_not_wait_a_slice() {
+        let started = Instant::now();
+        for _ in 0..100 {
+            let mut seen = Vec::new();
+            let mut progress = |done, total| {
+                seen.push((done, total));
+                Control::Continue
+            };
+            run(2, 4, &mut progress, || (), |(), _, _| ()).unwrap();
+            assert_eq!(seen.last(), Some(&(4, 4)));
+        }
+        // A hundred slices would be 5 s.
+        assert!(started.elapsed() < Duration::from_millis(2500));
+    }
+
+    #[test]
+    fn the_number_of_threads() {
+        assert_eq!(count_from(Some(3), Some("5")), Ok(3));
+        assert_eq!(count_from(None, Some(" 5 ")), Ok(5));
+        assert!(count_from(None, None).unwrap() >= 1);
+        assert_eq!(count_from(None, Some("")), count_from(None, None));
+        for bad in ["0", "-1", "two", "1.5"] {
+            assert!(
+                matches!(count_from(None, Some(bad)), Err(Error::Spec(text)) if text.contains(bad))
+            );
+        }
+        assert!(matches!(count_from(Some(0), None), Err(Error::Spec(_))));
+    }
+}
