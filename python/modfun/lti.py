@@ -190,10 +190,10 @@ class LTI:
             if not lengths:
                 raise SpecError("simulating a signal of time: say how long, intervals=N for N + 1 samples")
             intervals = max(lengths) - 1
-        y = self._respond(given, dt, intervals, x0, intersample)
+        y = self.respond(given, dt, intervals, x0, intersample)
         return y[0] if outputs == 1 else y
 
-    def _respond(
+    def respond(
         self,
         inputs: Sequence[Any],
         dt: float,
@@ -206,7 +206,7 @@ class LTI:
             raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
         if intervals < 1:
             raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
-        a, b, c, d, scale = self._scaled()
+        a, b, c, d, scale = self.scaled()
         start = np.zeros(a.shape[0]) if x0 is None else np.asarray(x0, dtype=np.float64)
         if start.shape != scale.shape or not np.all(np.isfinite(start)):
             raise SpecError(
@@ -245,7 +245,7 @@ class LTI:
         y = np.empty((outputs, inputs, intervals + 1))
         for j in range(inputs):
             u: list[Any] = [(lambda t, on=(j == k): np.where(t >= 0, float(on), 0.0)) for k in range(inputs)]
-            y[:, j] = self._respond(u, duration / intervals, intervals, None, "zoh")
+            y[:, j] = self.respond(u, duration / intervals, intervals, None, "zoh")
         t: F64 = np.arange(intervals + 1.0) * (duration / intervals)
         return t, y[0, 0] if self.shape == (1, 1) else y
 
@@ -260,7 +260,7 @@ class LTI:
         """
         if self.matrices is not None:
             return self
-        a, b, c, d, scale = self._scaled()
+        a, b, c, d, scale = self.scaled()
         return ss(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, delay=self.delays)
 
     @property
@@ -384,7 +384,7 @@ class LTI:
         assert self.matrices is not None
         return self.matrices
 
-    def _scaled(self) -> tuple[F64, F64, F64, F64, F64]:
+    def scaled(self) -> tuple[F64, F64, F64, F64, F64]:
         """A, B, C, D for computing, and the factors from the public states to its states.
 
         A companion matrix of a fast or slow system holds powers of its frequency; counting time in

@@ -14,7 +14,7 @@ from . import _core
 from .errors import SpecError
 from .signals import Source, evaluate, is_samples
 
-__all__ = ["INTERSAMPLE", "intersample_kinds", "nodes", "respond"]
+__all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond"]
 
 F64 = NDArray[np.float64]
 INTERSAMPLE = ("smooth", "zoh", "foh")
@@ -70,6 +70,21 @@ def respond(
         A, B, C, D.
     x0 : ndarray, shape (states,)
         State at t = 0.
+    inputs, dt, intervals, kinds, delays
+        As for `Inputs`.
+
+    Returns
+    -------
+    ndarray, shape (output, intervals + 1)
+    """
+    return Inputs(inputs, dt, intervals, kinds, delays).respond(matrices, x0)
+
+
+class Inputs:
+    """Inputs of a simulation, evaluated once for any number of systems.
+
+    Parameters
+    ----------
     inputs : sequence of Source
         One signal an input; arrays have intervals + 1 samples.
     dt : float
@@ -80,54 +95,69 @@ def respond(
         Behaviour between samples, an input.
     delays : sequence of float
         Delay of each input, s, at least 0.
-
-    Returns
-    -------
-    ndarray, shape (output, intervals + 1)
     """
-    a, b, c, d = matrices
-    y = np.zeros((c.shape[0], intervals + 1))
-    if not inputs:
-        empty = np.zeros((0, intervals + 1))
-        return _core.simulate(a, b, c, d, x0, empty, dt, "zoh", None)
-    start = x0
-    # Inputs of one kind go together; the sum is exact because the system is linear.
-    for kind in sorted(set(kinds)):
-        together: list[tuple[int, F64, F64 | None]] = []
-        for k, source in enumerate(inputs):
-            if kinds[k] != kind:
-                continue
-            if kind == "smooth":
-                grid: F64 = np.arange(intervals + 1.0) * dt
-                inside = nodes(source, dt, intervals, delays[k])
-                if is_samples(source):
-                    samples = _spline(grid, evaluate(source, grid), grid - delays[k])
+
+    def __init__(
+        self,
+        inputs: Sequence[Source],
+        dt: float,
+        intervals: int,
+        kinds: Sequence[str],
+        delays: Sequence[float],
+    ) -> None:
+        self.dt, self.intervals = dt, intervals
+        # Inputs of one kind go through the core together: (which inputs, kind, samples, nodes).
+        self.groups: list[tuple[list[int], str, F64, F64 | None]] = []
+        # Held and interpolated inputs whose delay is no whole number of samples go alone.
+        self.fractional: list[tuple[int, str, F64, float]] = []
+        grid: F64 = np.arange(intervals + 1.0) * dt
+        for kind in INTERSAMPLE:
+            together: list[tuple[int, F64, F64 | None]] = []
+            for k, source in enumerate(inputs):
+                if kinds[k] != kind:
+                    continue
+                if kind == "smooth":
+                    if is_samples(source):
+                        samples = _spline(grid, evaluate(source, grid), grid - delays[k])
+                    else:
+                        samples = evaluate(source, grid - delays[k])
+                    together.append((k, samples, nodes(source, dt, intervals, delays[k])))
+                    continue
+                whole, fraction = _split(delays[k] / dt)
+                samples = _padded(source, dt, intervals, whole + (fraction > 0))
+                if fraction == 0.0:
+                    together.append((k, samples[: intervals + 1], None))
                 else:
-                    samples = evaluate(source, grid - delays[k])
-                together.append((k, samples, inside))
-                continue
-            whole, fraction = _split(delays[k] / dt)
-            samples = _padded(source, dt, intervals, whole + (fraction > 0))
-            if fraction == 0.0:
-                together.append((k, samples[: intervals + 1], None))
-            else:
-                y += _fractional(a, b[:, [k]], c, d[:, [k]], samples, dt, intervals, kind, fraction)
-        if together:
-            which = [k for k, _, _ in together]
-            u = np.ascontiguousarray([samples for _, samples, _ in together])
-            inside_all = (
-                np.ascontiguousarray([inside for _, _, inside in together]) if kind == "smooth" else None
-            )
-            y += _core.simulate(
-                a, np.ascontiguousarray(b[:, which]), c, np.ascontiguousarray(d[:, which]),
-                start, u, dt, kind, inside_all,
-            )  # fmt: skip
+                    self.fractional.append((k, kind, samples, fraction))
+            if together:
+                inside = [at for _, _, at in together if at is not None]
+                self.groups.append(
+                    (
+                        [k for k, _, _ in together],
+                        kind,
+                        np.ascontiguousarray([samples for _, samples, _ in together]),
+                        np.ascontiguousarray(inside) if inside else None,
+                    )
+                )
+
+    def respond(self, matrices: tuple[F64, F64, F64, F64], x0: F64) -> F64:
+        """Output of a system (A, B, C, D) from the state x0; (output, time)."""
+        a, b, c, d = matrices
+        groups = self.groups
+        if not groups:  # free motion, or fractional delays only
+            groups = [([], "zoh", np.zeros((0, self.intervals + 1)), None)]
+        start, parts = x0, []
+        # The sum is exact because the system is linear.
+        for which, kind, u, inside in groups:
+            columns = np.ascontiguousarray(b[:, which]), np.ascontiguousarray(d[:, which])
+            parts.append(_core.simulate(a, columns[0], c, columns[1], start, u, self.dt, kind, inside))
             start = np.zeros_like(x0)
-    if start is x0 and np.any(x0):
-        nothing = np.zeros((1, intervals + 1))
-        one = np.zeros((a.shape[0], 1)), np.zeros((c.shape[0], 1))
-        y += _core.simulate(a, one[0], c, one[1], x0, nothing, dt, "zoh", None)
-    return y
+        y = parts[0]
+        for part in parts[1:]:
+            y = y + part
+        for k, kind, samples, fraction in self.fractional:
+            y = y + _fractional(a, b[:, [k]], c, d[:, [k]], samples, self.dt, self.intervals, kind, fraction)
+        return y
 
 
 def _spline(grid: F64, values: F64, times: F64) -> F64:

@@ -1,0 +1,179 @@
+"""The Cramér–Rao bound: how well an experiment lets any unbiased estimator find the parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError, SpecError
+from .lti import LTI
+from .propagate import Inputs
+from .records import Record
+from .sensitivities import Sensitivities, time_unit
+from .structures import TransferFunction
+from .tables import Table
+
+__all__ = ["Bound", "crlb"]
+
+F64 = NDArray[np.float64]
+TRENDS = (None, "constant", "linear")
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """Cramér–Rao bound of the parameters of a transfer function.
+
+    Attributes
+    ----------
+    param_names : tuple of str
+    values : ndarray, shape (parameter,)
+        Parameters of the system.
+    cov : ndarray, shape (parameter, parameter)
+        Smallest covariance of an unbiased estimate.
+    sigma : float
+        Standard deviation of the noise.
+    """
+
+    param_names: tuple[str, ...]
+    values: F64
+    cov: F64
+    sigma: float
+
+    @property
+    def sd(self) -> F64:
+        """Smallest standard deviations, (parameter,)."""
+        return np.sqrt(np.diag(self.cov))
+
+    @property
+    def relative(self) -> float:
+        """Root mean square over the parameters of standard deviation over value, in %."""
+        if not np.all(self.values != 0):
+            return float("nan")
+        return float(100 * np.sqrt(np.mean((self.sd / self.values) ** 2)))
+
+    def __getitem__(self, name: str) -> float:
+        """Smallest standard deviation of a parameter."""
+        if name not in self.param_names:
+            raise SpecError(f"the bound has no parameter {name!r}; there are {', '.join(self.param_names)}")
+        return float(self.sd[self.param_names.index(name)])
+
+    def to_table(self) -> Table:
+        """Parameters, their values and bounds as a Table."""
+        with np.errstate(divide="ignore"):
+            percent = 100 * self.sd / np.abs(self.values)
+        return Table(
+            {"param": list(self.param_names), "value": self.values, "bound": self.sd, "percent": percent},
+            title=f"Cramér–Rao bound (standard deviation), noise sd {self.sigma:.4g}",
+        )
+
+    def __repr__(self) -> str:
+        return repr(self.to_table())
+
+    def _repr_html_(self) -> str:
+        return self.to_table()._repr_html_()
+
+
+def crlb(
+    sys: LTI,
+    rec: Record,
+    *,
+    nsr: float | None = None,
+    sigma: float | None = None,
+    trend: str | None = None,
+    initial_state: str = "unknown",
+    model: TransferFunction | None = None,
+) -> Bound:
+    """Cramér–Rao bound of the parameters under white noise on the sampled output.
+
+    The bound is σ²(SᵀS)⁻¹ with S the derivatives of the response from rest to the record's input, exact
+    between the samples; those to the initial state (and to the trend) are nuisance.
+
+    Parameters
+    ----------
+    sys : LTI
+        The system, one output.
+    rec : Record
+        Inputs, sampling and length of the experiment; its output is not looked at.
+    nsr : float
+        Noise standard deviation over the root mean square of the noise-free response from rest. Give
+        this or `sigma`.
+    sigma : float
+        Noise standard deviation.
+    trend : {None, "constant", "linear"}
+        Unknown offset, or offset and slope, of the output.
+    initial_state : {"unknown", "zero"}
+        Whether the initial state is unknown or known to be zero.
+    model : TransferFunction, optional
+        Structure whose parameters are unknown; default: the system's own.
+
+    Returns
+    -------
+    Bound
+
+    Raises
+    ------
+    SpecError
+        Both or none of nsr and sigma, several outputs, a structure that does not hold the system.
+    DataError
+        A record with uneven sampling, or one from which the parameters cannot be found.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> sys = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(sys, input="sin(t**2/5)", duration=10.0, intervals=256)
+    >>> round(mf.crlb(sys, rec, nsr=0.2).relative, 1)
+    3.3
+    """
+    if not isinstance(sys, LTI):
+        raise SpecError(f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den) or fit.model")
+    if (nsr is None) == (sigma is None):
+        raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
+    level = nsr if nsr is not None else sigma
+    if not isinstance(level, int | float) or not (np.isfinite(level) and level > 0):
+        raise SpecError(f"crlb: the noise level {level!r} must be a number above 0")
+    if trend not in TRENDS:
+        raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
+    if initial_state not in ("unknown", "zero"):
+        raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
+    if rec.dt is None:
+        raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
+    structure = TransferFunction.from_system(sys) if model is None else model
+    inputs = len(rec.inputs)
+    if inputs != sys.shape[1]:
+        raise SpecError(f"crlb: the record has {inputs} input(s), the system {sys.shape[1]}")
+    theta = structure.theta(sys)
+    prepared = Inputs(list(rec.u), rec.dt, rec.intervals, rec.intersample, sys.delays)
+    omega = time_unit(np.concatenate([[1.0], theta[: structure.poles]]))
+    engine = Sensitivities(structure.poles, structure.numerators(inputs), prepared, omega)
+    y, columns = engine.run(theta * engine.scale)
+    rms = float(np.sqrt(np.mean(y**2)))
+    if nsr is not None and rms == 0:
+        raise DataError("crlb: the response from rest is zero, so nsr says nothing; give sigma=")
+    if initial_state == "zero":
+        columns = columns[: theta.size]
+    t = np.linspace(-1.0, 1.0, y.size)
+    extra = {None: [], "constant": [np.ones_like(t)], "linear": [np.ones_like(t), t]}[trend]
+    s = np.vstack([columns, *extra]).T
+    size = np.linalg.norm(s, axis=0)
+    if not np.all(np.isfinite(size)) or np.any(size == 0):
+        raise DataError("crlb: a parameter does not move the output, or moves it without bound; shorten the "
+                        "record or give every input a signal")  # fmt: skip
+    r = np.linalg.qr(s / size, mode="r")
+    singular = np.linalg.svd(r, compute_uv=False)
+    if singular[-1] < 1e-12 * singular[0] or s.shape[0] < s.shape[1]:
+        raise DataError(
+            f"crlb: the experiment does not tell the parameters apart (condition "
+            f"{singular[0] / max(singular[-1], 1e-300):.1e}); use a richer input or a longer record"
+        )
+    half = np.linalg.inv(r) / size[:, None]
+    noise = float(level) * (rms if nsr is not None else 1.0)
+    factor = half[: theta.size] / engine.scale[:, None]
+    return Bound(
+        param_names=structure.param_names(rec.inputs),
+        values=theta,
+        cov=noise**2 * (factor @ factor.T),
+        sigma=noise,
+    )
