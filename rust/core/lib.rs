@@ -2,12 +2,17 @@
 
 #![warn(missing_docs)]
 
+mod covariance;
 mod error;
+pub mod estimate;
+pub mod linalg;
 pub mod math;
+pub mod modulation;
 pub mod quadrature;
 pub mod rng;
 pub mod simd;
 pub mod spectrum;
 pub mod threads;
+pub mod structure;
 
 pub use error::{Error, Status};

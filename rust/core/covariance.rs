@@ -1,0 +1,80 @@
+//! Noise to covariance of the lines: one number a line for linear models, the weight of that line.
+//!
+//! White noise on the output makes line m of the equation error independent of the others, with
+//! variance h_m S_m, S_m = σ²|A(iω)|²/N (docs/architecture.md, "Weights").
+
+use crate::simd::{Lanes, Wide};
+
+/// Below this fraction of its size without cancellation |A|² counts as zero: the weight of a line on
+/// an undamped mode stays finite. Relative to the line itself, so that wide bands keep their weights.
+pub(crate) const FLOOR: f64 = 1e-9;
+
+/// A polynomial with descending coefficients at s = ix by Horner's rule; `lead` stands before them.
+#[inline(always)]
+pub(crate) fn polynomial<L: Lanes>(lead: f64, descending: &[Wide], x: f64) -> (L, L) {
+    let x = L::splat(x);
+    let (mut re, mut im) = (L::splat(lead), L::splat(0.0));
+    for c in descending {
+        (re, im) = ((-im).mul_add(x, L::load(c)), re * x);
+    }
+    (re, im)
+}
+
+/// |A|² as the variance of a line uses it: never below the floor that its size sets.
+#[inline(always)]
+pub(crate) fn variance<L: Lanes>(a: (L, L), denominator: &[Wide], size_x: f64) -> L {
+    let x = L::splat(size_x);
+    let mut size = L::splat(1.0);
+    for c in denominator {
+        size = size.mul_add(x, L::load(c).abs());
+    }
+    let square = a.0.mul_add(a.0, a.1 * a.1);
+    square.max(size * size * L::splat(FLOOR))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{Isa, Kernel};
+
+    struct At(f64);
+    impl Kernel for At {
+        type Output = (f64, f64, f64);
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> (f64, f64, f64) {
+            let c = [Wide::splat(3.0), Wide::splat(8.0)];
+            let a = polynomial::<L>(1.0, &c, self.0);
+            let v = variance::<L>(a, &c, self.0);
+            let mut out = [Wide::ZERO; 3];
+            a.0.store(&mut out[0]);
+            a.1.store(&mut out[1]);
+            v.store(&mut out[2]);
+            (out[0].0[0], out[1].0[0], out[2].0[0])
+        }
+    }
+
+    #[test]
+    fn horner_on_the_imaginary_axis() {
+        for isa in Isa::available() {
+            assert_eq!(isa.run(At(2.0)), (4.0, 6.0, 52.0));
+        }
+    }
+
+    struct Undamped;
+    impl Kernel for Undamped {
+        type Output = f64;
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> f64 {
+            let c = [Wide::ZERO, Wide::splat(1.0)];
+            let a = polynomial::<L>(1.0, &c, 1.0);
+            let mut out = Wide::ZERO;
+            variance::<L>(a, &c, 1.0).store(&mut out);
+            out.0[0]
+        }
+    }
+
+    #[test]
+    fn a_line_on_an_undamped_mode_keeps_a_finite_weight() {
+        assert_eq!(Isa::Plain.run(Undamped), 4.0 * FLOOR);
+    }
+}

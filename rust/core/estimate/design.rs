@@ -1,0 +1,243 @@
+//! The plan of one estimation problem: columns, sums, lines and scales; nothing in it depends on the data.
+
+use super::sums::{Product, SumPlan, lowest_power};
+use crate::error::Error;
+use crate::modulation::{
+    Column, Lines, Rows, Signal, difference_weights, parameter_columns, rows, target_column,
+    transient_columns,
+};
+use crate::structure::{Method, Noise, Structure, Trend};
+
+/// Lines of one pass that stay in the nearest cache; longer records go tile by tile.
+pub(crate) const TILE: usize = 256;
+
+/// Lines of one record with the numbers every pass needs.
+#[derive(Debug, Clone)]
+pub(crate) struct RecordDesign {
+    /// First and last line, resolving frequency, variance unit.
+    pub lines: Lines,
+    /// x = mω₀/ω_B of each line.
+    pub x: Vec<f64>,
+    /// max(x, that of line 1): where the size of A is judged.
+    pub size_x: Vec<f64>,
+    /// 1/(h · unit variance): h = 1 on line 0, else ½.
+    pub weight: Vec<f64>,
+    /// Real values of the transient columns on each line, `transient` a line.
+    pub transient: Vec<f64>,
+    /// Rows of Δⁿ for `ls`.
+    pub rows: Rows,
+}
+
+/// Everything about a problem that its samples do not change.
+#[derive(Debug, Clone)]
+pub struct Design {
+    pub(crate) structure: Structure,
+    pub(crate) method: Method,
+    pub(crate) noise: Noise,
+    pub(crate) trend: Trend,
+    pub(crate) records: Vec<RecordDesign>,
+    /// Transient columns of each record, then those of θ.
+    pub(crate) columns: Vec<Column>,
+    pub(crate) target: Column,
+    pub(crate) transient: usize,
+    pub(crate) products: Vec<Product>,
+    /// JᵀWΓ with J = Γ.
+    pub(crate) symmetric: SumPlan,
+    /// JᵀWΓ with J from the denoised output.
+    pub(crate) instrument: SumPlan,
+    pub(crate) lowest_power: i32,
+    pub(crate) powers: usize,
+    pub(crate) tile: usize,
+    pub(crate) differences: Vec<f64>,
+    /// θ in the user's units is θ in units of the band edge times this.
+    pub(crate) scale: Vec<f64>,
+    pub(crate) band_edge: f64,
+}
+
+impl Design {
+    /// Plans a problem over records that share θ.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the lines give fewer equations than unknowns.
+    pub fn new(
+        structure: &Structure,
+        method: Method,
+        noise: Noise,
+        trend: Trend,
+        extended: bool,
+        lines: &[Lines],
+    ) -> Result<Design, Error> {
+        let n = structure.order;
+        let transient_cols = transient_columns(n, extended, trend);
+        let transient = transient_cols.len();
+        let mut columns = transient_cols;
+        columns.extend(parameter_columns(structure));
+        let target = target_column(structure);
+        let band_edge = lines.iter().fold(0.0, |edge: f64, l| edge.max(l.last as f64 * l.omega0));
+
+        let lowest = lowest_power(&columns);
+        let mut products = Vec::new();
+        let with_target: Vec<Column> = columns.iter().copied().chain([target]).collect();
+        let symmetric = SumPlan::new(&columns, &with_target, true, lowest, &mut products);
+        let left: Vec<Column> = columns
+            .iter()
+            .map(|c| match c.signal {
+                Signal::Y => Column { signal: Signal::Denoised, ..*c },
+                _ => *c,
+            })
+            .collect();
+        let instrument = if method == Method::Ml && noise == Noise::Output {
+            SumPlan::new(&left, &with_target, false, lowest, &mut products)
+        } else {
+            SumPlan::default()
+        };
+
+        let records: Vec<RecordDesign> = lines
+            .iter()
+            .map(|l| record_design(structure, trend, extended, l, band_edge, &columns[..transient]))
+            .collect();
+        let rows: usize = records.iter().map(equations).sum();
+        let unknowns = structure.parameters() + transient * lines.len();
+        if rows <= unknowns {
+            return Err(Error::Data(format!(
+                "fitting: {} lines give {rows} real equations for {unknowns} unknowns \
+                 ({} parameters and {transient} transient terms a record); widen the band or take fewer poles and zeros",
+                records.iter().map(|r| r.x.len()).sum::<usize>(),
+                structure.parameters(),
+            )));
+        }
+        let power_of = |k: usize| (0..k).fold(1.0, |p, _| p * band_edge);
+        let scale = structure
+            .terms()
+            .iter()
+            .map(|(_, power)| power_of(n) / power_of(*power))
+            .collect();
+        Ok(Design {
+            structure: structure.clone(),
+            method,
+            noise,
+            trend,
+            transient,
+            products,
+            symmetric,
+            instrument,
+            lowest_power: lowest,
+            powers: (2 * n as i32 - lowest) as usize + 1,
+            tile: records.iter().map(|r| r.x.len()).max().unwrap_or(0).min(TILE),
+            records,
+            columns,
+            target,
+            differences: difference_weights(n),
+            scale,
+            band_edge,
+        })
+    }
+
+    /// Number of parameters.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.structure.parameters()
+    }
+
+    /// Unknowns of one record's system: transient and θ.
+    pub(crate) fn size(&self) -> usize {
+        self.transient + self.parameters()
+    }
+
+    /// Columns of the differenced system: those of trends, and θ.
+    pub(crate) fn ls_size(&self) -> usize {
+        self.ls_trends() + self.parameters()
+    }
+
+    /// Columns of trends that the differenced rows need: one for line 0, one for 1/s.
+    pub(crate) fn ls_trends(&self) -> usize {
+        let meets_line_0 = self.records.iter().any(|r| r.rows.first <= 0);
+        match self.trend {
+            Trend::None => 0,
+            Trend::Constant => usize::from(meets_line_0),
+            Trend::Linear => 1 + usize::from(meets_line_0),
+        }
+    }
+
+    /// Real equations less all unknowns.
+    #[must_use]
+    pub fn degrees_of_freedom(&self) -> usize {
+        let rows: usize = self.records.iter().map(equations).sum();
+        rows - self.parameters() - self.transient * self.records.len()
+    }
+
+    /// The lines of each record.
+    #[must_use]
+    pub fn lines(&self) -> Vec<Lines> {
+        self.records.iter().map(|r| r.lines).collect()
+    }
+
+    /// The weights that belong to the noise, once θ is known.
+    pub(crate) fn final_weights(&self) -> super::pass::Weights {
+        match self.noise {
+            Noise::Output => super::pass::Weights::Adapted,
+            Noise::Equation => super::pass::Weights::Flat,
+        }
+    }
+
+    /// Unit of a weighted residual: that of the output, or of the equation for equation noise.
+    pub(crate) fn cost_unit(&self) -> f64 {
+        match self.noise {
+            Noise::Output => 1.0,
+            Noise::Equation => (0..self.structure.order).fold(1.0, |p, _| p * self.band_edge),
+        }
+    }
+
+    /// Columns of the information at the estimate: the model's own response for `ml`.
+    pub(crate) fn final_factors(&self) -> super::pass::Factors {
+        match (self.method, self.noise) {
+            (Method::Ml, Noise::Output) => super::pass::Factors::Denoised,
+            _ => super::pass::Factors::Data,
+        }
+    }
+
+    /// `wls` under output noise: estimated with weights that are not those of its noise.
+    pub(crate) fn keeps_flat_weights(&self) -> bool {
+        self.method == Method::Wls && self.noise == Noise::Output
+    }
+
+    /// Whether the weight depends on θ.
+    pub(crate) fn adapts(&self) -> bool {
+        self.noise == Noise::Output && matches!(self.method, Method::Awls | Method::Ml)
+    }
+}
+
+/// Real equations on the lines of one record: two a line, one on line 0.
+fn equations(r: &RecordDesign) -> usize {
+    2 * r.x.len() - usize::from(r.lines.first == 0)
+}
+
+fn record_design(
+    structure: &Structure,
+    trend: Trend,
+    extended: bool,
+    lines: &Lines,
+    band_edge: f64,
+    transient: &[Column],
+) -> RecordDesign {
+    // An unknown constant touches line 0 alone: it is left out.
+    let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
+    let used = Lines { first, ..*lines };
+    let x_of = |m: usize| m as f64 * lines.omega0 / band_edge;
+    let x: Vec<f64> = (first..=lines.last).map(x_of).collect();
+    let weight = (first..=lines.last)
+        .map(|m| if m == 0 { 1.0 } else { 2.0 } / lines.unit_variance)
+        .collect();
+    let value = |x: f64, c: &Column| {
+        let power = (0..c.power.max(0)).fold(1.0, |p, _| p * x);
+        c.sign * if c.power < 0 { -1.0 / x } else { power }
+    };
+    RecordDesign {
+        transient: x.iter().flat_map(|x| transient.iter().map(|c| value(*x, c))).collect(),
+        size_x: x.iter().map(|x| x.max(x_of(1))).collect(),
+        rows: rows(structure.order, lines.first, lines.last, extended),
+        lines: used,
+        x,
+        weight,
+    }
+}

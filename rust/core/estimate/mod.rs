@@ -1,0 +1,212 @@
+//! Estimators of θ for eight replicates at once; a single fit is the same kernel with one live lane.
+
+mod awls;
+mod design;
+mod fit;
+mod ls;
+mod ml;
+mod pass;
+mod qr_step;
+mod sums;
+mod uncertainty;
+mod wls;
+mod workspace;
+
+pub use design::Design;
+pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time, fit};
+pub use workspace::Workspace;
+
+use crate::error::Status;
+use crate::simd::{Isa, LANES, Wide};
+use crate::structure::Method;
+use pass::{Factors, Prepare, Weights};
+
+/// Smallest pivot ratio the normal equations are trusted with: the square of a condition of 3,000.
+const PIVOT: f64 = 1e-7;
+
+/// When an iteration stops.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Largest change of a parameter, as its effect on the equation relative to the leading term.
+    pub tol: f64,
+    /// Most iterations after the start.
+    pub maxiter: usize,
+    /// Whether covariances are wanted.
+    pub covariance: bool,
+}
+
+/// How one lane's estimation went.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Lane {
+    pub done: bool,
+    pub dependent: bool,
+    pub nit: u32,
+}
+
+/// Outcome of eight replicates; estimates stay in the workspace.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// One a lane.
+    pub status: [Status; LANES],
+    /// Iterations after the start.
+    pub nit: [u32; LANES],
+}
+
+/// Where an iteration starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start<'a> {
+    /// From `wls`.
+    Wls,
+    /// From given parameters, in the user's units.
+    Theta(&'a [f64]),
+}
+
+/// Estimates θ from the coefficients in the workspace; `live` lanes only, the others hold anything.
+pub fn estimate(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    start: Start<'_>,
+    o: &Options,
+) -> Outcome {
+    let mut lanes = live.map(|l| Lane { done: !l, ..Lane::default() });
+    isa.run(Prepare { design: d, space: w });
+    if d.method == Method::Ls {
+        isa.run(ls::LsStep { design: d, space: w });
+        for k in 0..LANES {
+            w.accept(k);
+        }
+    } else {
+        match start {
+            Start::Wls => wls::solve(isa, d, w, &mut lanes),
+            Start::Theta(theta) => {
+                for ((to, value), scale) in w.theta.iter_mut().zip(theta).zip(&d.scale) {
+                    *to = Wide::splat(value / scale);
+                }
+                isa.run(uncertainty::Transients { design: d, space: w });
+            }
+        }
+        match d.method {
+            Method::Awls if d.adapts() => awls::iterate(isa, d, w, &mut lanes, o),
+            Method::Ml if d.adapts() => ml::iterate(isa, d, w, &mut lanes, o),
+            _ => lanes.iter_mut().for_each(|l| l.done = true),
+        }
+    }
+    uncertainty::finish(isa, d, w, live, o.covariance);
+    if d.method == Method::Ls {
+        lanes.iter_mut().for_each(|l| l.done = true);
+    }
+    Outcome {
+        status: std::array::from_fn(|k| status(w, k, &lanes[k])),
+        nit: lanes.map(|l| l.nit),
+    }
+}
+
+fn status(w: &Workspace, k: usize, lane: &Lane) -> Status {
+    let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.cost.0[k].is_finite();
+    if !finite {
+        let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+        let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
+        return if sound { Status::Rank } else { Status::NonFinite };
+    }
+    match (lane.dependent, lane.done) {
+        (true, _) => Status::Rank,
+        (false, true) => Status::Ok,
+        (false, false) => Status::MaxIter,
+    }
+}
+
+/// Replaces steps that small pivots spoiled by steps from orthogonal factors, lane by lane.
+pub(crate) fn take_step(
+    d: &Design,
+    w: &mut Workspace,
+    lanes: &mut [Lane],
+    weights: Weights,
+    factors: Factors,
+) {
+    for (k, lane) in lanes.iter_mut().enumerate() {
+        let trusted = w.worst.0[k] > PIVOT && w.next.iter().all(|x| x.0[k].is_finite());
+        if lane.done || trusted {
+            continue;
+        }
+        let at = qr_step::Place { lane: k, weights, factors };
+        let full = w.qr.solve(d, &mut w.records, &w.theta, &mut w.next, at);
+        lane.dependent = !full;
+        if !full && factors == Factors::Data && weights == Weights::Flat {
+            // Dependent columns in the start: nothing to iterate from.
+            lane.done = true;
+        }
+    }
+}
+
+impl Workspace {
+    /// Largest change of a parameter of one lane, as its effect relative to the leading term's.
+    pub(crate) fn moved(&self, k: usize) -> f64 {
+        let size = self.target_size.0[k];
+        let each = self.theta.iter().zip(&self.next).zip(&self.column_size);
+        let square = each.fold(0.0, |most: f64, ((from, to), column)| {
+            let step = to.0[k] - from.0[k];
+            let effect = step * step * column.0[k].abs();
+            // NaN must not read as settled.
+            if effect > most || effect.is_nan() { effect } else { most }
+        });
+        if square.is_nan() { f64::INFINITY } else { (square / size).sqrt() }
+    }
+
+    /// Makes the next iterate of one lane the current one.
+    pub(crate) fn accept(&mut self, k: usize) {
+        for (to, from) in self.theta.iter_mut().zip(&self.next) {
+            to.0[k] = from.0[k];
+        }
+        for r in &mut self.records {
+            for (to, from) in r.transient.iter_mut().zip(&r.next_transient) {
+                to.0[k] = from.0[k];
+            }
+        }
+    }
+
+    /// Remembers the current iterate of one lane as the best so far.
+    pub(crate) fn keep(&mut self, k: usize) {
+        let current = self.theta.iter().chain(self.records.iter().flat_map(|r| &r.transient));
+        for (to, from) in self.accepted.iter_mut().zip(current) {
+            to.0[k] = from.0[k];
+        }
+    }
+
+    /// Moves the current iterate of one lane half way back to the best so far.
+    pub(crate) fn halve(&mut self, k: usize) {
+        let current =
+            self.theta.iter_mut().chain(self.records.iter_mut().flat_map(|r| &mut r.transient));
+        for (to, from) in current.zip(&self.accepted) {
+            to.0[k] = 0.5 * (to.0[k] + from.0[k]);
+        }
+    }
+
+    /// θ of one lane in the user's units.
+    pub fn theta(&self, d: &Design, lane: usize) -> Vec<f64> {
+        self.theta.iter().zip(&d.scale).map(|(t, s)| t.0[lane] * s).collect()
+    }
+
+    /// Whitened squared residuals of one lane, summed.
+    pub fn cost(&self, lane: usize) -> f64 {
+        self.cost.0[lane]
+    }
+
+    /// A covariance of one lane in the user's units, row major.
+    fn covariance(cov: &[Wide], d: &Design, lane: usize) -> Vec<f64> {
+        let p = d.parameters();
+        let at = |k: usize| cov[k].0[lane] * d.scale[k / p] * d.scale[k % p];
+        (0..p * p).map(at).collect()
+    }
+
+    /// HC3 covariance of one lane.
+    pub fn cov_hc3(&self, d: &Design, lane: usize) -> Vec<f64> {
+        Self::covariance(&self.cov_hc3, d, lane)
+    }
+
+    /// Classical covariance of one lane.
+    pub fn cov_nonrobust(&self, d: &Design, lane: usize) -> Vec<f64> {
+        Self::covariance(&self.cov_nonrobust, d, lane)
+    }
+}

@@ -1,0 +1,405 @@
+//! At the estimate: the transient that belongs to it, cost, and covariance of θ, classical and HC3.
+//!
+//! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i with instruments z. Its covariance is
+//! H (Σ_i z_i z_iᵀ v_i) Hᵀ with H = (Zᵀ Γ)⁻¹: v_i = σ²·(variance of the line) gives the classical one,
+//! v_i = e_i²/(1 − h_i)² gives HC3, which assumes nothing about the colour of the noise.
+
+use super::design::Design;
+use super::ls::column_value;
+use super::pass::{Factors, Weights, add_parameter_block, lines, record_system, tiles};
+use super::qr_step::Place;
+use super::workspace::Workspace;
+use crate::linalg::lanes::{eliminate, invert, substitute};
+use crate::modulation::Signal;
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::structure::Method;
+
+/// Leaves (1 − h) of a row that determines a parameter alone above zero.
+const LEVERAGE: f64 = 1e-6;
+
+/// Completes estimates: T, cost, and where asked for the covariances, in units of the band edge.
+pub(crate) fn finish(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    covariance: bool,
+) {
+    isa.run(Transients { design: d, space: w });
+    isa.run(Information { design: d, space: w, covariance });
+    if !covariance {
+        return;
+    }
+    if d.method != Method::Ls {
+        let flat = d.keeps_flat_weights();
+        let weights = if flat { Weights::Flat } else { d.final_weights() };
+        for lane in 0..LANES {
+            if live[lane] && !(w.worst.0[lane] > super::PIVOT) {
+                let at = Place { lane, weights, factors: d.final_factors() };
+                w.qr.inverse(d, &w.records, &w.theta, &mut w.inverse, at);
+            }
+        }
+    }
+    isa.run(Covariances { design: d, space: w });
+}
+
+/// Completes T at a given θ: what an iteration started from θ needs.
+pub(crate) struct Transients<'a> {
+    pub design: &'a Design,
+    pub space: &'a mut Workspace,
+}
+
+impl Kernel for Transients<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        transients::<L>(self.design, self.space, self.design.final_weights());
+    }
+}
+
+/// Cost and normal matrix of θ on the lines in use, at the current θ and T; with `covariance` also the
+/// inverse H that belongs to the estimator's instruments.
+pub(crate) struct Information<'a> {
+    pub design: &'a Design,
+    pub space: &'a mut Workspace,
+    pub covariance: bool,
+}
+
+impl Kernel for Information<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        let mut worst = information::<L>(d, w, d.final_weights());
+        if self.covariance {
+            let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
+            if flat {
+                flat_information::<L>(d, w, &mut worst);
+            }
+            let (normal, size) = match (differenced, flat) {
+                (true, _) => (&w.ls_normal, d.ls_size()),
+                (_, true) => (&w.square, d.parameters()),
+                _ => (&w.gram, d.parameters()),
+            };
+            invert::<L>(normal, size, &mut w.inverse, &mut w.work, &mut worst);
+        }
+        w.worst = worst;
+    }
+}
+
+/// Both covariances from H, the instruments and the residuals.
+struct Covariances<'a> {
+    design: &'a Design,
+    space: &'a mut Workspace,
+}
+
+impl Kernel for Covariances<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        covariances::<L>(self.design, self.space, self.design.final_weights());
+    }
+}
+
+/// T of every record by least squares at the current θ.
+#[inline(always)]
+fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
+    let (nt, size) = (d.transient, d.size());
+    let mut worst = Wide::splat(1.0);
+    for k in 0..w.records.len() {
+        record_system::<L>(d, w, k, weights, Factors::Data, false);
+        let r = &mut w.records[k];
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut worst);
+        w.unknowns[nt..size].copy_from_slice(&w.theta);
+        substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
+        r.transient.copy_from_slice(&w.unknowns[..nt]);
+    }
+}
+
+/// Normal matrix of θ with the transient projected out into `gram`, projections and (TᵀWT)⁻¹ a
+/// record, and the cost. Columns are denoised for `ml`.
+#[inline(always)]
+fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wide {
+    let (p, nt, size) = (d.parameters(), d.transient, d.size());
+    let factors = d.final_factors();
+    let width = p + 1;
+    let mut worst = Wide::splat(1.0);
+    let mut cost = L::splat(0.0);
+    w.global[..p * width].fill(Wide::ZERO);
+    for k in 0..w.records.len() {
+        let (c, _) = record_system::<L>(d, w, k, weights, factors, true);
+        cost = cost + c;
+        let r = &mut w.records[k];
+        for i in 0..nt {
+            for j in i..nt {
+                w.square[i * nt + j] = r.matrix[i * (size + 1) + j];
+            }
+        }
+        if nt > 0 {
+            invert::<L>(&w.square, nt, &mut r.transient_inverse, &mut w.work, &mut worst);
+        }
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut worst);
+        project::<L>(&r.matrix, nt, size, &mut r.projection);
+        add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
+    }
+    cost.store(&mut w.cost);
+    for i in 0..p {
+        for j in i..p {
+            w.gram[i * p + j] = w.global[i * width + j];
+            w.gram[j * p + i] = w.global[i * width + j];
+        }
+    }
+    worst
+}
+
+/// (TᵀWT)⁻¹TᵀWJ from the eliminated rows of the transient.
+#[inline(always)]
+fn project<L: Lanes>(matrix: &[Wide], nt: usize, size: usize, projection: &mut [Wide]) {
+    let p = size - nt;
+    for c in 0..p {
+        for t in (0..nt).rev() {
+            let row = &matrix[t * (size + 1)..(t + 1) * (size + 1)];
+            let mut sum = L::load(&row[nt + c]);
+            for j in t + 1..nt {
+                sum = (-L::load(&row[j])).mul_add(L::load(&projection[j * p + c]), sum);
+            }
+            (sum / L::load(&row[t])).store(&mut projection[t * p + c]);
+        }
+    }
+}
+
+/// Instruments of `wls` at the end: the same rows under flat weights. Their normal matrix into `square`.
+#[inline(always)]
+fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, worst: &mut Wide) {
+    let (p, nt, size) = (d.parameters(), d.transient, d.size());
+    w.global[..p * (p + 1)].fill(Wide::ZERO);
+    for k in 0..w.records.len() {
+        record_system::<L>(d, w, k, Weights::Flat, Factors::Data, false);
+        let r = &mut w.records[k];
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, worst);
+        project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
+        add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
+    }
+    for i in 0..p {
+        for j in i..p {
+            w.square[i * p + j] = w.global[i * (p + 1) + j];
+        }
+    }
+}
+
+/// Both covariances from H, the instruments z and the residuals.
+#[inline(always)]
+fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
+    let p = d.parameters();
+    let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
+    let size = if differenced { d.ls_size() } else { p };
+    let extra = size - p;
+    w.meat.fill(Wide::ZERO);
+    w.classical.fill(Wide::ZERO);
+    let sandwich = differenced || flat;
+    for k in 0..w.records.len() {
+        for range in tiles(w.records[k].limit, d.tile) {
+            lines::<L>(d, w, k, range.clone(), weights, true);
+            for (i, m) in range.enumerate() {
+                let weight = L::load(&w.powers[(-d.lowest_power) as usize * d.tile + i]);
+                projected_row::<L>(d, w, k, m, i);
+                instruments::<L>(d, w, k, m, weight, differenced, flat);
+                let own = transient_leverage::<L>(d, w, k, m);
+                let (h_re, h_im) = leverage::<L>(w, size, extra);
+                let (e_re, e_im) = (L::load(&w.residual_re[i]), L::load(&w.residual_im[i]));
+                let factor = |e: L, h: L| {
+                    let left = (L::splat(1.0) - h).max(L::splat(LEVERAGE));
+                    let scaled = e / left;
+                    scaled * scaled
+                };
+                let f_re = factor(e_re, own.0.mul_add(weight, h_re));
+                let f_im = factor(e_im, own.1.mul_add(weight, h_im));
+                outer::<L>(&w.z_re, &w.z_im, f_re, f_im, size, &mut w.meat);
+                if sandwich {
+                    let v = L::splat(1.0) / weight;
+                    outer::<L>(&w.z_re, &w.z_im, v, v, size, &mut w.classical);
+                }
+            }
+        }
+    }
+    let variance = L::load(&w.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
+    sandwiched::<L>(&w.inverse, &w.meat, size, p, L::splat(1.0), &mut w.cov_hc3);
+    if sandwich {
+        sandwiched::<L>(&w.inverse, &w.classical, size, p, variance, &mut w.cov_nonrobust);
+    } else {
+        for (to, from) in w.cov_nonrobust.iter_mut().zip(&w.inverse) {
+            (L::load(from) * variance).store(to);
+        }
+    }
+}
+
+/// θ columns of one line less their projection on the transient, into `row_re`, `row_im`.
+#[inline(always)]
+fn projected_row<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: usize, i: usize) {
+    let (rd, r) = (&d.records[k], &w.records[k]);
+    let (p, nt) = (d.parameters(), d.transient);
+    for (c, column) in d.columns[nt..].iter().enumerate() {
+        let (re, im) = match column.signal {
+            Signal::U(input) => {
+                let at = (1 + input) * r.lines + m;
+                (L::load(&r.re[at]), L::load(&r.im[at]))
+            }
+            _ if d.final_factors() == Factors::Denoised => (L::load(&w.hat_re[i]), L::load(&w.hat_im[i])),
+            _ => (L::load(&r.re[m]), L::load(&r.im[m])),
+        };
+        let (mut re, mut im) = column_value::<L>(column, rd.x[m], re, im);
+        for (t, own) in d.columns[..nt].iter().enumerate() {
+            let value = L::splat(-rd.transient[m * nt + t]);
+            let by = L::load(&r.projection[t * p + c]);
+            if own.phase % 2 == 0 {
+                re = value.mul_add(by, re);
+            } else {
+                im = value.mul_add(by, im);
+            }
+        }
+        re.store(&mut w.row_re[c]);
+        im.store(&mut w.row_im[c]);
+    }
+}
+
+/// What the estimator weighs this line by, into `z_re`, `z_im`.
+#[inline(always)]
+fn instruments<L: Lanes>(
+    d: &Design,
+    w: &mut Workspace,
+    k: usize,
+    m: usize,
+    weight: L,
+    differenced: bool,
+    flat: bool,
+) {
+    let (rd, r) = (&d.records[k], &w.records[k]);
+    let (p, nt) = (d.parameters(), d.transient);
+    if differenced {
+        let size = d.ls_size();
+        let from = &r.instruments[m * 2 * size..(m + 1) * 2 * size];
+        w.z_re[..size].copy_from_slice(&from[..size]);
+        w.z_im[..size].copy_from_slice(&from[size..]);
+        return;
+    }
+    for c in 0..p {
+        let (mut re, mut im) = (L::load(&w.row_re[c]), L::load(&w.row_im[c]));
+        let mut scale = weight;
+        if flat {
+            // From the projection under the final weights to the one under flat weights.
+            scale = L::splat(rd.weight[m]);
+            for (t, own) in d.columns[..nt].iter().enumerate() {
+                let value = L::splat(rd.transient[m * nt + t]);
+                let by = L::load(&r.projection[t * p + c]) - L::load(&r.flat_projection[t * p + c]);
+                if own.phase % 2 == 0 {
+                    re = value.mul_add(by, re);
+                } else {
+                    im = value.mul_add(by, im);
+                }
+            }
+        }
+        (re * scale).store(&mut w.z_re[c]);
+        (im * scale).store(&mut w.z_im[c]);
+    }
+}
+
+/// t (TᵀWT)⁻¹ tᵀ of the two rows of a line.
+#[inline(always)]
+fn transient_leverage<L: Lanes>(d: &Design, w: &Workspace, k: usize, m: usize) -> (L, L) {
+    let (rd, r, nt) = (&d.records[k], &w.records[k], d.transient);
+    let mut own = (L::splat(0.0), L::splat(0.0));
+    for i in 0..nt {
+        for j in 0..nt {
+            let (a, b) = (d.columns[i].phase % 2, d.columns[j].phase % 2);
+            if a != b {
+                continue;
+            }
+            let value = L::splat(rd.transient[m * nt + i] * rd.transient[m * nt + j]);
+            let by = L::load(&r.transient_inverse[i * nt + j]);
+            if a == 0 {
+                own.0 = value.mul_add(by, own.0);
+            } else {
+                own.1 = value.mul_add(by, own.1);
+            }
+        }
+    }
+    own
+}
+
+/// γ H zᵀ of the two rows of a line; trend columns of `ls` vanish in γ.
+#[inline(always)]
+fn leverage<L: Lanes>(w: &Workspace, size: usize, extra: usize) -> (L, L) {
+    let mut h = (L::splat(0.0), L::splat(0.0));
+    for i in extra..size {
+        let mut s = (L::splat(0.0), L::splat(0.0));
+        for j in 0..size {
+            let by = L::load(&w.inverse[i * size + j]);
+            s.0 = by.mul_add(L::load(&w.z_re[j]), s.0);
+            s.1 = by.mul_add(L::load(&w.z_im[j]), s.1);
+        }
+        h.0 = s.0.mul_add(L::load(&w.row_re[i - extra]), h.0);
+        h.1 = s.1.mul_add(L::load(&w.row_im[i - extra]), h.1);
+    }
+    h
+}
+
+/// sum += z zᵀ f for the real and the imaginary row, upper triangle.
+#[inline(always)]
+fn outer<L: Lanes>(z_re: &[Wide], z_im: &[Wide], f_re: L, f_im: L, size: usize, sum: &mut [Wide]) {
+    for i in 0..size {
+        let (a, b) = (L::load(&z_re[i]) * f_re, L::load(&z_im[i]) * f_im);
+        for j in i..size {
+            let s = &mut sum[i * size + j];
+            let im = b.mul_add(L::load(&z_im[j]), L::load(s));
+            a.mul_add(L::load(&z_re[j]), im).store(s);
+        }
+    }
+}
+
+/// The θ block of H·meat·H times `scale`; H and meat symmetric, meat by its upper triangle.
+#[inline(always)]
+fn sandwiched<L: Lanes>(h: &[Wide], meat: &[Wide], size: usize, p: usize, scale: L, out: &mut [Wide]) {
+    let extra = size - p;
+    for i in 0..p {
+        for j in i..p {
+            let mut sum = L::splat(0.0);
+            for a in 0..size {
+                let left = L::load(&h[(extra + i) * size + a]);
+                for b in 0..size {
+                    let m = L::load(&meat[a.min(b) * size + a.max(b)]);
+                    sum = (left * m).mul_add(L::load(&h[b * size + extra + j]), sum);
+                }
+            }
+            let value = sum * scale;
+            value.store(&mut out[i * p + j]);
+            value.store(&mut out[j * p + i]);
+        }
+    }
+}
+
+/// Weighted residuals of every line (unit variance times σ), for a single fit.
+pub(crate) struct Residuals<'a> {
+    pub design: &'a Design,
+    pub space: &'a mut Workspace,
+    pub out: &'a mut Vec<Vec<[Wide; 2]>>,
+}
+
+impl Kernel for Residuals<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        for k in 0..w.records.len() {
+            let mut all = vec![[Wide::ZERO; 2]; w.records[k].limit];
+            for range in tiles(w.records[k].limit, d.tile) {
+                lines::<L>(d, w, k, range.clone(), d.final_weights(), true);
+                for (i, m) in range.enumerate() {
+                    let root = L::load(&w.powers[(-d.lowest_power) as usize * d.tile + i]).sqrt();
+                    (root * L::load(&w.residual_re[i])).store(&mut all[m][0]);
+                    (root * L::load(&w.residual_im[i])).store(&mut all[m][1]);
+                }
+            }
+            self.out.push(all);
+        }
+    }
+}

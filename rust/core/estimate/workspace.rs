@@ -1,0 +1,146 @@
+//! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
+
+use super::design::Design;
+use super::qr_step::QrStep;
+use crate::simd::Wide;
+
+/// One record of eight replicates.
+#[derive(Debug, Clone)]
+pub(crate) struct RecordSpace {
+    /// Signals (output, then inputs) × lines.
+    pub re: Vec<Wide>,
+    /// Imaginary parts, alike.
+    pub im: Vec<Wide>,
+    /// Products × lines of a tile.
+    pub products: Vec<Wide>,
+    /// System of this record: (transient + θ) × (one more).
+    pub matrix: Vec<Wide>,
+    /// Coefficients of the transient at the current iterate, and where a step leads.
+    pub transient: Vec<Wide>,
+    pub next_transient: Vec<Wide>,
+    /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹: what projects the transient out of a row.
+    pub projection: Vec<Wide>,
+    pub flat_projection: Vec<Wide>,
+    pub transient_inverse: Vec<Wide>,
+    /// Columns on the lines for `ls`, (trend, θ, target) × (Re, Im) a line, and DᵀD of them.
+    pub differenced: Vec<Wide>,
+    pub instruments: Vec<Wide>,
+    /// Lines there are.
+    pub lines: usize,
+    /// Lines in use, at most all: the band rule asks for fewer.
+    pub limit: usize,
+}
+
+/// Scratch for one [`Design`].
+#[derive(Debug, Clone)]
+pub struct Workspace {
+    pub(crate) records: Vec<RecordSpace>,
+    pub(crate) powers: Vec<Wide>,
+    /// Denoised output and residual on the lines of a tile.
+    pub(crate) hat_re: Vec<Wide>,
+    pub(crate) hat_im: Vec<Wide>,
+    pub(crate) residual_re: Vec<Wide>,
+    pub(crate) residual_im: Vec<Wide>,
+    pub(crate) sums: Vec<Wide>,
+    pub(crate) diagonal: Vec<Wide>,
+    /// System in θ alone, summed over records.
+    pub(crate) global: Vec<Wide>,
+    /// θ at the current iterate, and where a step leads.
+    pub(crate) theta: Vec<Wide>,
+    pub(crate) next: Vec<Wide>,
+    /// Scratch for one record's unknowns.
+    pub(crate) unknowns: Vec<Wide>,
+    pub(crate) cost: Wide,
+    /// Size of the target column, Σ w|γ₀|², and of each θ column: what convergence is judged by.
+    pub(crate) target_size: Wide,
+    pub(crate) column_size: Vec<Wide>,
+    pub(crate) worst: Wide,
+    pub(crate) inverse: Vec<Wide>,
+    pub(crate) square: Vec<Wide>,
+    /// Normal matrix of the differenced rows.
+    pub(crate) ls_normal: Vec<Wide>,
+    pub(crate) work: Vec<Wide>,
+    pub(crate) meat: Vec<Wide>,
+    pub(crate) classical: Vec<Wide>,
+    /// Covariances of θ in units of the band edge, and the normal matrix.
+    pub(crate) cov_hc3: Vec<Wide>,
+    pub(crate) cov_nonrobust: Vec<Wide>,
+    pub(crate) gram: Vec<Wide>,
+    pub(crate) row_re: Vec<Wide>,
+    pub(crate) row_im: Vec<Wide>,
+    pub(crate) z_re: Vec<Wide>,
+    pub(crate) z_im: Vec<Wide>,
+    pub(crate) accepted: Vec<Wide>,
+    pub(crate) qr: QrStep,
+}
+
+impl Workspace {
+    /// Room for one design.
+    #[must_use]
+    pub fn new(d: &Design) -> Workspace {
+        let signals = 1 + d.structure.numerators.len();
+        let (size, p, tile) = (d.size(), d.parameters(), d.tile);
+        let wide = |n: usize| vec![Wide::ZERO; n];
+        let ls = d.method == crate::structure::Method::Ls;
+        let records = d
+            .records
+            .iter()
+            .map(|r| RecordSpace {
+                re: wide(signals * r.x.len()),
+                im: wide(signals * r.x.len()),
+                products: wide(d.products.len() * tile),
+                matrix: wide(size * (size + 1)),
+                transient: wide(d.transient),
+                next_transient: wide(d.transient),
+                projection: wide(d.transient * p),
+                flat_projection: wide(d.transient * p),
+                transient_inverse: wide(d.transient * d.transient),
+                differenced: wide(if ls { r.x.len() * 2 * (d.ls_size() + 1) } else { 0 }),
+                instruments: wide(if ls { r.x.len() * 2 * d.ls_size() } else { 0 }),
+                lines: r.x.len(),
+                limit: r.x.len(),
+            })
+            .collect();
+        let extra = d.ls_size();
+        Workspace {
+            records,
+            powers: wide(d.powers * tile),
+            hat_re: wide(tile),
+            hat_im: wide(tile),
+            residual_re: wide(tile),
+            residual_im: wide(tile),
+            sums: wide(d.symmetric.count.max(d.instrument.count)),
+            diagonal: wide(size.max(extra)),
+            global: wide(extra * (extra + 1)),
+            theta: wide(p),
+            next: wide(p),
+            unknowns: wide(size.max(extra)),
+            cost: Wide::ZERO,
+            target_size: Wide::ZERO,
+            column_size: wide(extra),
+            worst: Wide::ZERO,
+            inverse: wide(extra * extra),
+            square: wide((extra * extra).max(d.transient * d.transient)),
+            ls_normal: wide(extra * extra),
+            work: wide(size.max(extra) * (size.max(extra) + 1)),
+            meat: wide(extra * extra),
+            classical: wide(extra * extra),
+            cov_hc3: wide(p * p),
+            cov_nonrobust: wide(p * p),
+            gram: wide(p * p),
+            row_re: wide(extra + 1),
+            row_im: wide(extra + 1),
+            z_re: wide(extra),
+            z_im: wide(extra),
+            accepted: wide(p + d.transient * d.records.len()),
+            qr: QrStep::new(d),
+        }
+    }
+
+    /// Where the coefficients of one record and signal (0 the output, 1 + k input k) are written.
+    pub fn signal_mut(&mut self, record: usize, signal: usize) -> (&mut [Wide], &mut [Wide]) {
+        let r = &mut self.records[record];
+        let range = signal * r.lines..(signal + 1) * r.lines;
+        (&mut r.re[range.clone()], &mut r.im[range])
+    }
+}

@@ -1,0 +1,4 @@
+//! Small systems of equations: eight at once without pivoting, and one at a time by Householder QR.
+
+pub mod lanes;
+pub mod qr;

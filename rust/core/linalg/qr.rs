@@ -1,0 +1,180 @@
+//! Householder factors for one ill-conditioned system: rows are absorbed tile by tile, nothing is allocated.
+//!
+//! It solves JᵀΓθ = −Jᵀg without forming the product, so that the condition number enters once and
+//! not squared. Written out rather than taken from a library because it must give the same bits on
+//! every processor and allocate nothing inside a replicate.
+
+/// Factors of the stacked rows seen so far: J = QR, and the part of Qᵀ\[Γ, g\] that R needs.
+#[derive(Debug, Clone)]
+pub struct Absorber {
+    columns: usize,
+    /// Leading `columns` rows: R and QᵀΓ; behind them the tile's rows. Column major.
+    j: Vec<f64>,
+    g: Vec<f64>,
+    height: usize,
+    filled: usize,
+}
+
+impl Absorber {
+    /// For `columns` unknowns and tiles of at most `tile` rows.
+    #[must_use]
+    pub fn new(columns: usize, tile: usize) -> Absorber {
+        let height = columns + tile;
+        Absorber {
+            columns,
+            j: vec![0.0; height * columns],
+            g: vec![0.0; height * (columns + 1)],
+            height,
+            filled: columns,
+        }
+    }
+
+    /// Forgets all rows.
+    pub fn clear(&mut self) {
+        self.j.fill(0.0);
+        self.g.fill(0.0);
+        self.filled = self.columns;
+    }
+
+    /// Adds a row of J and the row [Γ, g]; absorbs the tile when it is full.
+    pub fn push(&mut self, j: impl Iterator<Item = f64>, g: impl Iterator<Item = f64>) {
+        if self.filled == self.height {
+            self.absorb();
+        }
+        for (c, value) in j.take(self.columns).enumerate() {
+            self.j[c * self.height + self.filled] = value;
+        }
+        for (c, value) in g.take(self.columns + 1).enumerate() {
+            self.g[c * self.height + self.filled] = value;
+        }
+        self.filled += 1;
+    }
+
+    /// Triangularises what stands: afterwards only the leading `columns` rows matter.
+    pub fn absorb(&mut self) {
+        let (h, rows) = (self.height, self.filled);
+        for k in 0..self.columns {
+            let (done, rest) = self.j.split_at_mut((k + 1) * h);
+            let v = &mut done[k * h..k * h + rows];
+            // Above the tile R is triangular: rows k+1..columns of column k are zero already.
+            let norm = dot(&v[k..], &v[k..]).sqrt();
+            if norm == 0.0 || !norm.is_finite() {
+                continue;
+            }
+            let alpha = if v[k] > 0.0 { -norm } else { norm };
+            v[k] -= alpha;
+            let scale = 1.0 / (norm * (norm + (v[k] + alpha).abs()));
+            for column in rest.chunks_exact_mut(h).chain(self.g.chunks_exact_mut(h)) {
+                let column = &mut column[k..rows];
+                let factor = -scale * dot(&v[k..], column);
+                for (c, x) in column.iter_mut().zip(&v[k..]) {
+                    *c = factor.mul_add(*x, *c);
+                }
+            }
+            v[k] = alpha;
+            v[k + 1..].fill(0.0);
+        }
+        self.filled = self.columns;
+    }
+
+    /// R(i, j), upper triangular after [`Absorber::absorb`].
+    #[must_use]
+    pub fn r(&self, i: usize, j: usize) -> f64 {
+        self.j[j * self.height + i]
+    }
+
+    /// (Qᵀ\[Γ, g\])(i, j).
+    #[must_use]
+    pub fn qt(&self, i: usize, j: usize) -> f64 {
+        self.g[j * self.height + i]
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |sum, (x, y)| x.mul_add(*y, sum))
+}
+
+/// Solves the square system by elimination with column scaling and partial pivoting, in place.
+///
+/// `a` is row major `size` × (`size` + 1) with the right side last; the solution replaces it. Returns
+/// the smallest pivot relative to its scaled column: 0 or NaN where the matrix is singular.
+pub fn solve_square(a: &mut [f64], size: usize, x: &mut [f64], scale: &mut [f64]) -> f64 {
+    let w = size + 1;
+    for j in 0..size {
+        let norm = (0..size).fold(0.0, |s: f64, i| a[i * w + j].mul_add(a[i * w + j], s)).sqrt();
+        scale[j] = if norm > 0.0 { 1.0 / norm } else { 1.0 };
+        for i in 0..size {
+            a[i * w + j] *= scale[j];
+        }
+    }
+    let mut worst = f64::INFINITY;
+    for k in 0..size {
+        let best = (k..size).fold(k, |p, i| if a[i * w + k].abs() > a[p * w + k].abs() { i } else { p });
+        for j in 0..w {
+            a.swap(k * w + j, best * w + j);
+        }
+        let pivot = a[k * w + k];
+        worst = if pivot.abs() < worst { pivot.abs() } else { worst };
+        if pivot == 0.0 || !pivot.is_finite() {
+            return 0.0;
+        }
+        for i in k + 1..size {
+            let factor = -a[i * w + k] / pivot;
+            for j in k + 1..w {
+                a[i * w + j] = factor.mul_add(a[k * w + j], a[i * w + j]);
+            }
+        }
+    }
+    for i in (0..size).rev() {
+        let sum = (i + 1..size).fold(a[i * w + size], |s, j| (-a[i * w + j]).mul_add(x[j], s));
+        x[i] = sum / a[i * w + i];
+    }
+    for j in 0..size {
+        x[j] *= scale[j];
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(k: usize) -> f64 {
+        ((k * 2_654_435_761) % 1009) as f64 / 1009.0 - 0.5
+    }
+
+    #[test]
+    fn factors_reproduce_the_normal_equations_for_any_tile() {
+        let (rows, c) = (23, 4);
+        let j = |r: usize, k: usize| value(r * 7 + k * 31 + 1);
+        let g = |r: usize, k: usize| value(r * 11 + k * 17 + 5);
+        for tile in [1, 5, 23, 40] {
+            let mut a = Absorber::new(c, tile);
+            for r in 0..rows {
+                a.push((0..c).map(|k| j(r, k)), (0..=c).map(|k| g(r, k)));
+            }
+            a.absorb();
+            for p in 0..c {
+                for q in 0..=c {
+                    let want: f64 = (0..rows).map(|r| j(r, p) * g(r, q)).sum();
+                    let got: f64 = (0..c).map(|i| a.r(i, p) * a.qt(i, q)).sum();
+                    assert!((want - got).abs() < 1e-13, "tile {tile}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn square_systems_and_singular_ones() {
+        let n = 5;
+        let m: Vec<f64> = (0..n * (n + 1)).map(|k| value(k * k + 3)).collect();
+        let (mut a, mut x, mut s) = (m.clone(), vec![0.0; n], vec![0.0; n]);
+        assert!(solve_square(&mut a, n, &mut x, &mut s) > 1e-4);
+        for i in 0..n {
+            let sum: f64 = (0..n).map(|j| m[i * (n + 1) + j] * x[j]).sum();
+            assert!((sum - m[i * (n + 1) + n]).abs() < 1e-12);
+        }
+        let mut singular = vec![1.0, 2.0, 0.0, 2.0, 4.0, 1.0];
+        assert!(solve_square(&mut singular, 2, &mut x, &mut s) < 1e-15);
+    }
+}
