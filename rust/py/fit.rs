@@ -1,0 +1,199 @@
+//! `fit` and `fit_many`: arrays and words in, a dictionary of arrays out.
+
+use modfun::Error;
+use modfun::estimate::{Band, Fit, FitOptions, Options, RecordView, Time, fit as core_fit};
+use modfun::quadrature::Hold;
+use modfun::simd::Isa;
+use modfun::spectrum::Kind;
+use modfun::structure::{Method, Noise, Structure, Trend};
+use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{matrix, slice, vector};
+use crate::errors::to_python;
+
+/// One of a closed list of words.
+fn word<T: Copy>(what: &str, given: &str, all: &[(&str, T)]) -> Result<T, Error> {
+    all.iter().find(|(name, _)| *name == given).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<String> = all.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        Error::Spec(format!("fitting: {what} \"{given}\" is not one of {}", names.join(", ")))
+    })
+}
+
+/// Options as Python gives them.
+#[derive(FromPyObject)]
+pub struct Given {
+    #[pyo3(item)]
+    order: usize,
+    #[pyo3(item)]
+    numerators: Vec<Option<usize>>,
+    #[pyo3(item)]
+    delays: Vec<f64>,
+    #[pyo3(item)]
+    intersample: Vec<String>,
+    #[pyo3(item)]
+    method: String,
+    #[pyo3(item)]
+    noise: String,
+    #[pyo3(item)]
+    trend: Option<String>,
+    #[pyo3(item)]
+    rule: String,
+    #[pyo3(item)]
+    extended: bool,
+    #[pyo3(item)]
+    band: Option<(f64, f64)>,
+    #[pyo3(item)]
+    harmonics: Option<usize>,
+    #[pyo3(item)]
+    tol: f64,
+    #[pyo3(item)]
+    maxiter: usize,
+}
+
+impl Given {
+    /// In the core's words.
+    pub fn options(&self, covariance: bool) -> Result<FitOptions, Error> {
+        let hold = |name: &String| -> Result<Option<Hold>, Error> {
+            match (name.as_str(), Kind::from_name(name)) {
+                ("smooth", _) => Ok(None),
+                (_, Ok(Kind::Hold(hold))) => Ok(Some(hold)),
+                _ => Err(Error::Spec(format!(
+                    "fitting: intersample \"{name}\" is not one of \"smooth\", \"zoh\", \"foh\""
+                ))),
+            }
+        };
+        let Kind::Rule(rule) = Kind::from_name(&self.rule)? else {
+            return Err(Error::Spec(format!(
+                "fitting: \"{}\" describes inputs; give it as intersample and leave rule to the output",
+                self.rule
+            )));
+        };
+        let methods =
+            [("ls", Method::Ls), ("wls", Method::Wls), ("awls", Method::Awls), ("ml", Method::Ml)];
+        let band = match (self.band, self.harmonics) {
+            (None, None) => Band::Default,
+            (Some((low, high)), None) => Band::Edges(low, high),
+            (None, Some(m)) => Band::Harmonics(m),
+            (Some(_), Some(_)) => {
+                return Err(Error::Spec("fitting: give band or harmonics, not both".into()));
+            }
+        };
+        Ok(FitOptions {
+            structure: Structure::new(self.order, self.numerators.clone())?,
+            delays: self.delays.clone(),
+            intersample: self.intersample.iter().map(hold).collect::<Result<_, _>>()?,
+            rule,
+            method: word("method", &self.method, &methods)?,
+            noise: word(
+                "noise",
+                &self.noise,
+                &[("output", Noise::Output), ("equation", Noise::Equation)],
+            )?,
+            trend: match &self.trend {
+                None => Trend::None,
+                Some(name) => word(
+                    "trend",
+                    name,
+                    &[("constant", Trend::Constant), ("linear", Trend::Linear)],
+                )?,
+            },
+            extended: self.extended,
+            band,
+            options: Options { tol: self.tol, maxiter: self.maxiter, covariance },
+        })
+    }
+}
+
+/// Sampling instants as Python gives them: a step or an array.
+#[derive(FromPyObject)]
+enum When<'py> {
+    Step(f64),
+    Instants(PyReadonlyArray1<'py, f64>),
+}
+
+/// Fits one structure to one or several records.
+#[pyfunction]
+#[pyo3(signature = (y, u, time, **options))]
+pub fn fit<'py>(
+    py: Python<'py>,
+    y: Vec<PyReadonlyArray2<'py, f64>>,
+    u: Vec<PyReadonlyArray2<'py, f64>>,
+    time: Vec<Bound<'py, PyAny>>,
+    options: Option<Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
+    let o = given.options(true).map_err(to_python)?;
+    if y.len() != u.len() || y.len() != time.len() {
+        return Err(to_python(Error::Data(format!(
+            "fitting: {} outputs, {} inputs and {} time axes; one of each a record",
+            y.len(),
+            u.len(),
+            time.len()
+        ))));
+    }
+    let when: Vec<When<'py>> = time.iter().map(|t| t.extract()).collect::<PyResult<_>>()?;
+    let mut records = Vec::with_capacity(y.len());
+    for ((y, u), when) in y.iter().zip(&u).zip(&when) {
+        let samples = slice(y, "y")?;
+        let inputs = slice(u, "u")?;
+        let count = y.as_array().ncols();
+        if y.as_array().nrows() != 1 {
+            return Err(to_python(Error::Data(format!(
+                "fitting: {} outputs at once; select one, for example with select(outputs=[...])",
+                y.as_array().nrows()
+            ))));
+        }
+        if u.as_array().nrows() > 0 && u.as_array().ncols() != count {
+            return Err(to_python(Error::Data(format!(
+                "fitting: the output has {count} samples but the inputs have {}",
+                u.as_array().ncols()
+            ))));
+        }
+        let time = match when {
+            When::Step(dt) => Time::Even(*dt),
+            When::Instants(t) => Time::Uneven(t.as_slice()?),
+        };
+        let u = if inputs.is_empty() { Vec::new() } else { inputs.chunks_exact(count).collect() };
+        records.push(RecordView { y: samples, u, time });
+    }
+    let result = core_fit(&records, &o, Isa::detect()).map_err(to_python)?;
+    dictionary(py, &result)
+}
+
+fn dictionary<'py>(py: Python<'py>, f: &Fit) -> PyResult<Bound<'py, PyDict>> {
+    let p = f.theta.len();
+    let out = PyDict::new(py);
+    out.set_item("theta", vector(py, f.theta.clone()))?;
+    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust.clone(), p)?)?;
+    out.set_item("cov_hc3", matrix(py, f.cov_hc3.clone(), p)?)?;
+    out.set_item("gram", matrix(py, f.gram.clone(), p)?)?;
+    out.set_item("cost", f.cost)?;
+    out.set_item("df_resid", f.degrees_of_freedom)?;
+    out.set_item("sigma", f.sigma)?;
+    out.set_item("status", f.status.name())?;
+    out.set_item("nit", f.nit)?;
+    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
+    out.set_item("lines", lines)?;
+    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
+    let residuals = PyList::empty(py);
+    for r in &f.residuals {
+        let complex: Vec<Complex64> = r.iter().map(|(re, im)| Complex64::new(*re, *im)).collect();
+        residuals.append(vector(py, complex))?;
+    }
+    out.set_item("residuals", residuals)?;
+    match &f.band_rule {
+        None => out.set_item("band_rule", py.None())?,
+        Some(rule) => {
+            let account = PyDict::new(py);
+            account.set_item("k_max", rule.wide)?;
+            account.set_item("k_0", rule.narrow)?;
+            account.set_item("cost_wide", rule.costs[0])?;
+            account.set_item("cost_narrow", rule.costs[1])?;
+            account.set_item("k", rule.chosen)?;
+            out.set_item("band_rule", account)?;
+        }
+    }
+    Ok(out)
+}
