@@ -1,0 +1,226 @@
+"""What may be wrong with a record that is not wrong enough to refuse it, in words with numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .tables import Findings
+
+if TYPE_CHECKING:
+    from .records import Record
+
+__all__ = ["check_record"]
+
+F64 = NDArray[np.float64]
+
+
+def check_record(record: Record) -> Findings:
+    """Return the findings of `Record.check`."""
+    sentences = [*_clock(record), *_length(record)]
+    for name in (*record.outputs, *record.inputs):
+        values = record[name]
+        if values.min() == values.max():
+            sentences.append(_constant(record, name))
+            continue
+        held = False
+        if name in record.inputs:
+            sentences += _between_samples(record, name)
+            held = record.intersample[record.inputs.index(name)] != "smooth" or _is_held(values)
+        if not held:  # a held input sits at its extremes, repeats itself and jumps by design
+            sentences += [*_clipped(record, name), *_stale(record, name), *_outliers(record, name)]
+        if name in record.outputs:
+            sentences += _trend(record, name)
+    sentences += _alike(record)
+    size = f"{len(record.outputs)} outputs, {len(record.inputs)} inputs, {len(record.t)} samples"
+    return Findings(f"Record of {size}", sentences)
+
+
+def _clock(record: Record) -> Iterator[str]:
+    if record.dt is not None:
+        return
+    steps = np.diff(record.t)
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > 1.5 * usual)
+    if gaps.size:
+        worst = int(np.argmax(steps))
+        yield (
+            f"Time has {gaps.size} gaps, the longest of {steps[worst]:.4g} s at t = {record.t[worst]:g} s "
+            "where "
+            f"{usual:.4g} s is usual; split the record there if the signals move in the gaps."
+        )
+        return
+    grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))
+    stray = float(np.abs(record.t - grid).max()) / usual
+    rounded = " If the clock was only rounded, give dt= instead of the times." if stray < 0.6 else ""
+    yield (
+        f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g} s, and times stray from an even grid by "
+        "up to "
+        f"{100 * stray:.2g} % of a step.{rounded}"
+    )
+
+
+def _length(record: Record) -> Iterator[str]:
+    if len(record.t) < 50:
+        yield f"There are only {len(record.t)} samples: expect wide intervals and a short band."
+    for name in record.outputs:
+        power = record.spectrum()[name] ** 2
+        if not power.sum() > 0:
+            continue
+        top = 1 + int(np.searchsorted(np.cumsum(power), 0.95 * power.sum()))
+        if record.intervals / top < 6:
+            yield (
+                f"Output {name!r}: 95 % of its power lies below {top} periods a record, which is "
+                f"{record.intervals / top:.1f} samples a period; noise covers it, or it is sampled too "
+                "slowly."
+            )
+        if power[:2].sum() > 0.9 * power.sum() and power[0] > power[1]:
+            yield (
+                f"Output {name!r}: {100 * power[:2].sum() / power.sum():.0f} % of its power lies in the "
+                "lowest two "
+                f"harmonics; {record.duration:.4g} s are short for its slow motion."
+            )
+
+
+def _constant(record: Record, name: str) -> str:
+    value = record[name][0]
+    if name in record.outputs:
+        return f"Output {name!r} is {value:g} throughout: it says nothing about the system."
+    return (
+        f"Input {name!r} is {value:g} throughout: no excitation, its numerator cannot be found; leave it out."
+    )
+
+
+def _changes(values: F64) -> NDArray[np.bool_]:
+    return np.abs(np.diff(values)) > 1e-9 * float(np.ptp(values))
+
+
+def _is_held(values: F64) -> bool:
+    """Tell whether most steps are flat and the changes stand alone, as behind a zero-order hold."""
+    moves = _changes(values)
+    alone = moves & ~np.append(moves[1:], False) & ~np.insert(moves[:-1], 0, False)
+    return bool(moves.any() and moves.mean() <= 0.5 and alone.sum() >= 0.8 * moves.sum())
+
+
+def _between_samples(record: Record, name: str) -> Iterator[str]:
+    values = record[name]
+    word = record.intersample[record.inputs.index(name)]
+    flat = int((~_changes(values)).sum())
+    if _is_held(values):
+        if word != "zoh":
+            yield (
+                f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} "
+                "steps and "
+                "jumps between; if it was held, give intersample='zoh'."
+            )
+        return
+    bends = np.abs(np.diff(values, 2)) > 1e-9 * float(np.ptp(values))
+    straight = int((~bends).sum()) - int((np.diff(values) == 0).sum())
+    if word == "smooth" and record.dt is not None and straight > 0.5 * len(bends):
+        yield (
+            f"Input {name!r} is declared smooth but consists of straight lines ({int(bends.sum())} bends); "
+            "if it was interpolated so, give intersample='foh'."
+        )
+    if word == "zoh" and flat == 0 and _is_smooth(values):
+        yield (
+            f"Input {name!r} is declared zoh but changes smoothly at every sample; if it was not held, "
+            "give intersample='smooth'."
+        )
+
+
+def _is_smooth(values: F64) -> bool:
+    return float(np.mean(np.diff(values, 2) ** 2)) < 0.05 * float(np.mean(np.diff(values) ** 2))
+
+
+def _runs(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return first index and length of each run of True."""
+    edges = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
+    starts = np.flatnonzero(edges == 1)
+    return starts, np.flatnonzero(edges == -1) - starts
+
+
+def _clipped(record: Record, name: str) -> Iterator[str]:
+    values = record[name]
+    if (~_changes(values)).mean() > 0.5:  # coarse steps or rest; said by _stale
+        return
+    for end, extreme in (("largest", float(values.max())), ("smallest", float(values.min()))):
+        there = values == extreme
+        starts, lengths = _runs(there)
+        if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
+            where = record.t[starts[int(np.argmax(lengths))]]
+            yield (
+                f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
+                "its "
+                f"{end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
+            )
+
+
+def _stale(record: Record, name: str) -> Iterator[str]:
+    values = record[name]
+    inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
+    starts, lengths = _runs(inside)
+    if inside.mean() > 0.2 or (lengths.size and lengths.max() >= max(10, 0.05 * len(values))):
+        worst = int(np.argmax(lengths))
+        yield (
+            f"{_kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
+            "before, "
+            f"{int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, held or "
+            "coarsely "
+            "rounded samples?"
+        )
+
+
+def _outliers(record: Record, name: str) -> Iterator[str]:
+    """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
+    values = record[name]
+    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    usual = 1.4826 * float(np.median(bend)) + 1e-9 * float(np.ptp(values))
+    beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
+    found = np.flatnonzero((bend > 10 * usual) & (bend > 1.5 * beside)) + 1
+    if 0 < found.size <= 0.02 * len(values) + 1:
+        first = found[0]
+        yield (
+            f"{_kind(record, name)} {name!r} has {found.size} outlying samples, the first at t = "
+            f"{record.t[first]:g} s "
+            f"({values[first]:.4g} between {values[first - 1]:.4g} and {values[first + 1]:.4g})."
+        )
+
+
+def _trend(record: Record, name: str) -> Iterator[str]:
+    values = record[name]
+    spread, mean = float(values.std()), float(values.mean())
+    phase = (record.t - record.t[0]) / record.duration - 0.5
+    slope = float((phase - phase.mean()) @ values / ((phase - phase.mean()) @ phase))
+    explained = slope**2 * float(np.var(phase)) / spread**2
+    if explained > 0.5:
+        yield (
+            f"Output {name!r} drifts by {slope:.4g} over the record, {100 * explained:.0f} % of its "
+            "variance; if the "
+            "sensor drifts, fit with trend='linear'; if the system integrates, leave it."
+        )
+    if abs(mean) > 3 * spread:
+        yield (
+            f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
+            "trend='constant' "
+            "(the default of linear models)."
+        )
+
+
+def _alike(record: Record) -> Iterator[str]:
+    moving = [name for name in record.inputs if np.ptp(record[name]) > 0]
+    for k, one in enumerate(moving):
+        for other in moving[k + 1 :]:
+            r = float(np.corrcoef(record[one], record[other])[0, 1])
+            if abs(r) > 0.98:
+                yield (
+                    f"Inputs {one!r} and {other!r} move together (correlation {r:.3f}): their effects can "
+                    "hardly be "
+                    "told apart."
+                )
+
+
+def _kind(record: Record, name: str) -> str:
+    return "Output" if name in record.outputs else "Input"

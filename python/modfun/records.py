@@ -1,0 +1,718 @@
+"""Records: samples of outputs and inputs, checked once, here, and never changed afterwards."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import html
+from .checking import check_record
+from .errors import DataError, ModfunWarning, SpecError
+from .extras import optional
+from .samples import (
+    F64,
+    FEWEST,
+    Names,
+    channels_of,
+    floats,
+    frozen,
+    intersample_of,
+    listed,
+    names_of,
+    positive,
+    refuse_duplicates,
+    refuse_nonfinite,
+    times_of,
+)
+from .tables import Findings, Table, nearest
+
+__all__ = ["Batch", "Record", "Spectrum"]
+
+
+class Record:
+    """Sampled outputs and inputs of one manoeuvre, test or simulation.
+
+    Everything about the samples is checked when the record is made. A record cannot be changed;
+    `window`, `split`, `select` and `assign` return new ones.
+
+    Parameters
+    ----------
+    y : array_like, shape (time,) or (channel, time)
+        Measured outputs.
+    u : array_like, shape (time,) or (channel, time), optional
+        Inputs; none: free motion.
+    dt : float, optional
+        Sampling interval in seconds. Exactly one of `dt`, `fs` and `t` is needed.
+    fs : float, optional
+        Sampling rate in hertz.
+    t : array_like, shape (time,), optional
+        Times in seconds, increasing. Uneven steps are allowed; steps even to 1e-6 count as even.
+    axis : {-1, 0, 1}, default -1
+        Axis of time in 2-D `y` and `u`: last, or 0 for arrays (time, channel).
+    outputs, inputs : str or sequence of str, optional
+        Names of the channels. Default ``y`` or ``y1, y2, ...`` and ``u`` or ``u1, u2, ...``.
+    units : mapping of str to str, optional
+        Units by channel name, for labels only: nothing is converted.
+    intersample : {"smooth", "zoh", "foh"} or a sequence or mapping of them, default "smooth"
+        How the inputs go between samples: smoothly (band-limited), held, or in straight lines; one word
+        for all inputs, one an input, or words by input name (inputs left out are smooth).
+    keep : mapping of str to array_like, optional
+        Further channels to carry along, such as an event marker for `split`.
+    t0 : float, default 0.0
+        Time of the first sample in seconds, with `dt` or `fs`.
+
+    Attributes
+    ----------
+    y : ndarray, shape (channel, time)
+    u : ndarray, shape (channel, time)
+    t : ndarray, shape (time,)
+    dt : float or None
+        None where the steps are uneven.
+    outputs, inputs : tuple of str
+    intersample : tuple of str
+        One word an input.
+
+    Raises
+    ------
+    DataError
+        If the samples cannot be used; the message says which and what to do about it.
+    SpecError
+        If names, units or options do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = 0.02 * np.arange(501)
+    >>> rec = Record(y=np.sin(t), u=np.cos(t), dt=0.02, outputs="q", inputs="de")
+    >>> rec.duration, rec.intervals
+    (10.0, 500)
+    >>> rec.window(2.0, 6.0).duration
+    4.0
+    """
+
+    __slots__ = ("_keep", "_units", "dt", "inputs", "intersample", "outputs", "t", "u", "y")
+
+    y: F64
+    u: F64
+    t: F64
+    dt: float | None
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    intersample: tuple[str, ...]
+    _units: dict[str, str]
+    _keep: dict[str, F64]
+
+    def __init__(
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        dt: float | None = None,
+        fs: float | None = None,
+        t: ArrayLike | None = None,
+        axis: int = -1,
+        outputs: Names = None,
+        inputs: Names = None,
+        units: Mapping[str, str] | None = None,
+        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+        keep: Mapping[str, ArrayLike] | None = None,
+        t0: float = 0.0,
+    ) -> None:
+        ys = channels_of(y, "y", axis)
+        if ys.shape[0] == 0:
+            raise DataError("Record: y has no channel; give at least one output")
+        us = np.empty((0, ys.shape[1])) if u is None else channels_of(u, "u", axis)
+        kept = {
+            str(name): channels_of(values, f"kept channel {name!r}", -1)
+            for name, values in (keep or {}).items()
+        }
+        out_names = names_of(outputs, ys.shape[0], "y", "outputs")
+        in_names = names_of(inputs, us.shape[0], "u", "inputs")
+        refuse_duplicates((*out_names, *in_names, *kept))
+        count = ys.shape[1]
+        for what, values in [("u", us), *((f"kept channel {name!r}", v) for name, v in kept.items())]:
+            if values.shape[1] != count:
+                raise DataError(
+                    f"Record: y has {count} samples a channel and {what} has {values.shape[1]}; "
+                    "all channels must be sampled at the same times: cut or resample one of them"
+                )
+        for name, values in kept.items():
+            if values.shape[0] != 1:
+                raise DataError(
+                    f"Record: kept channel {name!r} has shape {values.shape}, it must be 1-D (time)"
+                )
+        if count < FEWEST:
+            raise DataError(f"Record: {count} samples are too few; at least {FEWEST} are needed")
+        for names, values in [(out_names, ys), (in_names, us), *(((name,), v) for name, v in kept.items())]:
+            refuse_nonfinite(names, values)
+        times, step = times_of(count, dt, fs, t, t0)
+        known = (*out_names, *in_names, *kept)
+        for name in units or {}:
+            if name not in known:
+                raise SpecError(f"Record: units names {name!r}, which is no channel; {nearest(name, known)}")
+        self._set(
+            y=ys,
+            u=us,
+            t=times,
+            dt=step,
+            outputs=out_names,
+            inputs=in_names,
+            intersample=intersample_of(intersample, in_names),
+            _units={str(name): str(unit) for name, unit in (units or {}).items()},
+            _keep={name: values[0] for name, values in kept.items()},
+        )
+
+    def _set(self, **fields: Any) -> None:
+        for name in ("y", "u", "t"):
+            fields[name] = frozen(fields[name])
+        fields["_keep"] = {name: frozen(values) for name, values in fields["_keep"].items()}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    def _like(self, **changes: Any) -> Record:
+        """Return a record with some fields replaced, without the checks that its samples have passed."""
+        record = object.__new__(Record)
+        record._set(**{**self._fields(), **changes})
+        return record
+
+    def _fields(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(
+            f"a Record cannot be changed ({name}); use assign, select or window for a new one"
+        )
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(
+            f"a Record cannot be changed ({name}); use assign, select or window for a new one"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (self._fields(),)
+
+    # What it is ------------------------------------------------------------------------------
+
+    @property
+    def intervals(self) -> int:
+        """Number of sampling intervals N; there are N+1 samples."""
+        return len(self.t) - 1
+
+    @property
+    def duration(self) -> float:
+        """Time T spanned by the samples, in seconds: N·dt."""
+        return float(self.t[-1] - self.t[0]) if self.dt is None else self.intervals * self.dt
+
+    @property
+    def t0(self) -> float:
+        """Time of the first sample in seconds."""
+        return float(self.t[0])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by channel name, where known (a copy)."""
+        return dict(self._units)
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Names of further channels, neither outputs nor inputs."""
+        return tuple(self._keep)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of all channels: outputs, inputs, kept ones."""
+        return (*self.outputs, *self.inputs, *self._keep)
+
+    def __getitem__(self, channel: str) -> F64:
+        """Return the samples of a channel by name, shape (time,), read only."""
+        if channel in self.outputs:
+            row: F64 = self.y[self.outputs.index(channel)]
+            return row
+        if channel in self.inputs:
+            row = self.u[self.inputs.index(channel)]
+            return row
+        if channel in self._keep:
+            return self._keep[channel]
+        raise SpecError(f"Record: no channel {channel!r}; {nearest(channel, self.channels)}")
+
+    def __contains__(self, channel: object) -> bool:
+        return channel in self.channels
+
+    def __iter__(self) -> Any:
+        raise TypeError(
+            "a Record is not a sequence; use rec.channels for the names, rec.y and rec.u for the samples"
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        return (
+            (self.dt, self.outputs, self.inputs, self.intersample, self._units, self.kept)
+            == (other.dt, other.outputs, other.inputs, other.intersample, other._units, other.kept)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("y", "u", "t"))
+            and all(np.array_equal(self._keep[name], other._keep[name]) for name in self._keep)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    # Parts and changes -----------------------------------------------------------------------
+
+    def window(self, t0: float, t1: float) -> Record:
+        """Return the samples from time `t0` to time `t1`, both included.
+
+        Parameters
+        ----------
+        t0, t1 : float
+            Times in seconds on the record's own clock (`t`), which is kept.
+
+        Raises
+        ------
+        DataError
+            If fewer than 8 samples lie in the window.
+        """
+        slack = 1e-6 * self.duration / self.intervals  # so that 0.1·k typed as a decimal hits its sample
+        first = int(np.searchsorted(self.t, t0 - slack, side="left"))
+        last = int(np.searchsorted(self.t, t1 + slack, side="right"))
+        if last - first < FEWEST:
+            raise DataError(
+                f"window({t0:g}, {t1:g}) holds {max(last - first, 0)} samples, at least {FEWEST} are needed; "
+                f"the record runs from {self.t[0]:g} to {self.t[-1]:g} s"
+            )
+        return self._slice(first, last)
+
+    def _slice(self, first: int, last: int) -> Record:
+        part = slice(first, last)
+        t, dt = self.t[part], self.dt
+        if dt is None:  # a part of an uneven record may well be even
+            t, dt = times_of(last - first, None, None, t, 0.0)
+        keep = {name: values[part] for name, values in self._keep.items()}
+        return self._like(y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep)
+
+    def split(self, *, every: float | None = None, on: str | None = None) -> list[Record]:
+        """Cut the record into several.
+
+        Parameters
+        ----------
+        every : float, optional
+            Length of the pieces in seconds. Neighbours share the sample between them, so each spans
+            `every` exactly; a shorter rest at the end is left out.
+        on : str, optional
+            Name of a channel (such as an event marker carried along by `keep`): one record for each
+            time it is on, that is, above the middle of its range.
+
+        Returns
+        -------
+        list of Record
+
+        Raises
+        ------
+        SpecError
+            If not exactly one of `every` and `on` is given, or the channel does not exist.
+        DataError
+            If no piece would have 8 samples.
+        """
+        if (every is None) == (on is None):
+            raise SpecError("split: give one of every= (seconds) and on= (name of a channel)")
+        if on is not None:
+            return self._split_on(on)
+        assert every is not None
+        if not (math.isfinite(every) and every > 0):
+            raise SpecError(f"split: every={every!r} must be a positive number of seconds")
+        slack = 1e-6 * self.duration / self.intervals
+        pieces = int((self.duration + slack) // every)
+        edges = np.searchsorted(self.t, self.t[0] + every * np.arange(pieces + 1) - slack, side="left")
+        if pieces == 0 or np.min(np.diff(edges)) + 1 < FEWEST:
+            raise DataError(
+                f"split(every={every:g}): pieces need at least {FEWEST} samples and may not be longer than "
+                "the "
+                f"record, which has {len(self.t)} samples in {self.duration:g} s"
+            )
+        return [self._slice(int(a), int(b) + 1) for a, b in pairwise(edges)]
+
+    def _split_on(self, channel: str) -> list[Record]:
+        values = self[channel]
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            raise DataError(
+                f"split(on={channel!r}): the channel is {low:g} throughout, so it never goes on or off; "
+                "name a channel that marks the pieces"
+            )
+        on = np.concatenate(([False], values > 0.5 * (low + high), [False]))
+        starts, ends = np.flatnonzero(on[1:] & ~on[:-1]), np.flatnonzero(~on[1:] & on[:-1])
+        long = ends - starts >= FEWEST
+        if not long.any():
+            raise DataError(
+                f"split(on={channel!r}): the channel is on {len(starts)} times, never for {FEWEST} samples "
+                "or more; "
+                "name another channel or use window"
+            )
+        if not long.all():
+            warnings.warn(
+                f"split(on={channel!r}): {int((~long).sum())} of {len(long)} pieces have fewer than {FEWEST} "
+                "samples "
+                f"and are left out, the first at t = {self.t[starts[~long][0]]:g} s",
+                ModfunWarning,
+                stacklevel=3,
+            )
+        return [self._slice(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)]
+
+    def select(self, outputs: Names = None, inputs: Names = None) -> Record:
+        """Return a record with these channels as outputs and inputs; the others are dropped.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names of any channels of the record, kept ones included; None: as they are. ``inputs=[]``
+            leaves no input. Kept channels that are not named stay kept.
+        """
+        outs = self.outputs if outputs is None else listed(outputs)
+        ins = self.inputs if inputs is None else listed(inputs)
+        if not outs:
+            raise SpecError(f"select: a record needs an output; there are: {', '.join(self.channels)}")
+        refuse_duplicates((*outs, *ins))
+        count = len(self.t)
+        words = dict(zip(self.inputs, self.intersample, strict=True))
+        keep = {name: values for name, values in self._keep.items() if name not in (*outs, *ins)}
+        return self._like(
+            y=np.reshape([self[name] for name in outs], (len(outs), count)),
+            u=np.reshape([self[name] for name in ins], (len(ins), count)),
+            outputs=tuple(outs),
+            inputs=tuple(ins),
+            intersample=tuple(words.get(name, "smooth") for name in ins),
+            _keep=keep,
+            _units={name: unit for name, unit in self._units.items() if name in (*outs, *ins, *keep)},
+        )
+
+    def assign(self, **channels: ArrayLike | Callable[[Record], ArrayLike]) -> Record:
+        """Return a record with channels replaced or added.
+
+        Parameters
+        ----------
+        **channels : array_like, shape (time,), or callable
+            Samples by channel name, or a function of the record that returns them; all functions see
+            the record as it was. A new name becomes a kept channel: `select` makes it an output or
+            input. The unit of a channel that is replaced is forgotten.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> rec = Record(y=np.arange(9.0), dt=0.1, outputs="q")
+        >>> rec.assign(q=lambda r: np.deg2rad(r["q"]))["q"][-1] == np.deg2rad(8.0)
+        True
+        """
+        y, u, keep = self.y.copy(), self.u.copy(), dict(self._keep)
+        for name, given in channels.items():
+            values = channels_of(given(self) if callable(given) else given, f"channel {name!r}", -1)
+            if values.shape != (1, len(self.t)):
+                raise DataError(
+                    f"assign({name}=...): shape {values.shape[1:] if len(values) == 1 else values.shape} "
+                    f"where ({len(self.t)},) is needed, one value a sample"
+                )
+            refuse_nonfinite((name,), values)
+            if name in self.outputs:
+                y[self.outputs.index(name)] = values[0]
+            elif name in self.inputs:
+                u[self.inputs.index(name)] = values[0]
+            else:
+                keep[name] = values[0]
+        units = {name: unit for name, unit in self._units.items() if name not in channels}
+        return self._like(y=y, u=u, _keep=keep, _units=units)
+
+    # What it says ----------------------------------------------------------------------------
+
+    def check(self) -> Findings:
+        """Say in words what is wrong or doubtful about the samples.
+
+        Returns
+        -------
+        Findings
+            Prints as a list; false where there is nothing to say. Looked at: steps and gaps, clipping,
+            stale samples, a held input declared smooth, inputs without excitation, offsets and drift,
+            noise levels, length and rate, outliers.
+        """
+        return check_record(self)
+
+    def noise_level(self, order: int = 2) -> Table:
+        """Estimate each channel's noise from the upper harmonics, which the signals leave empty.
+
+        With q = order + 2, the variance is N·mean|Δ^q V(m)|²/C(2q, q) over the upper half of the
+        harmonics; the difference removes what the ends of the record leak there. Right for white noise
+        only: on filtered records it is too low.
+
+        Parameters
+        ----------
+        order : int, default 2
+            Order of the model to be fitted.
+
+        Returns
+        -------
+        Table
+            ``channel``, ``unit``, ``noise_sd``, ``rms`` (about the mean), ``percent`` (of rms).
+
+        Raises
+        ------
+        DataError
+            If the record is uneven.
+        """
+        if self.dt is None:
+            raise DataError(
+                "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
+            )
+        from . import _core
+
+        both = np.ascontiguousarray(np.concatenate((self.y, self.u)))
+        level = np.asarray(_core.noise_level(both, order))
+        rms = both.std(axis=1)
+        names = (*self.outputs, *self.inputs)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            percent = 100.0 * level / rms
+        columns = {
+            "channel": names,
+            "unit": [self._units.get(name, "") for name in names],
+            "noise_sd": level,
+            "rms": rms,
+            "percent": percent,
+        }
+        return Table(columns)
+
+    def spectrum(self) -> Spectrum:
+        """Return the amplitude spectrum of every output and input.
+
+        The mean is removed and a Hann window, (1 − cos 2πt/T)/2, put over the record, so that its ends
+        do not cover the upper harmonics with leakage; amplitudes are those of sinusoids.
+
+        Returns
+        -------
+        Spectrum
+            At ω = m·2π/T, m = 1, 2, ... up to half the sampling rate (at most 512 for uneven records).
+        """
+        both = np.concatenate((self.y, self.u))
+        phase = (self.t - self.t[0]) / self.duration
+        hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * phase)
+        if self.dt is not None:
+            weights = np.full(len(self.t), 1.0 / self.intervals)
+        else:
+            steps = np.diff(phase)
+            weights = 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
+        shape = hann * weights / np.sum(hann * weights)
+        seen = 2.0 * shape * (both - (both @ shape)[:, None])
+        if self.dt is not None:  # the window is zero at the last sample, which makes N samples of it
+            lines = np.abs(np.fft.rfft(seen[:, :-1], axis=1))[:, 1:]
+        else:
+            count = min(self.intervals // 2, 512)
+            lines = np.array([np.abs(seen @ np.exp(-2j * np.pi * m * phase)) for m in range(1, count + 1)]).T
+        omega = 2.0 * np.pi / self.duration * np.arange(1, lines.shape[1] + 1)
+        names = (*self.outputs, *self.inputs)
+        units = {name: unit for name, unit in self._units.items() if name in names}
+        return Spectrum(frozen(omega), frozen(lines), names, units)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw every channel over time; see `modfun.plot.record`."""
+        from . import plot
+
+        return plot.record(self, ax=ax)
+
+    def to_pandas(self) -> Any:
+        """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``)."""
+        pandas = optional("pandas", "pandas", "Record.to_pandas")
+        index = pandas.Index(self.t, name="t")
+        return pandas.DataFrame({name: self[name] for name in self.channels}, index=index)
+
+    def _summary(self) -> tuple[str, list[tuple[str, str, str]]]:
+        if self.dt is None:
+            steps = np.diff(self.t)
+            pace = f"uneven steps of {steps.min():.4g} to {steps.max():.4g} s"
+        else:
+            pace = f"dt = {self.dt:.6g} s"
+        start = f" from t = {self.t0:g} s" if self.t0 else ""
+        line = f"Record of {self.duration:.6g} s{start}: {len(self.t)} samples, {pace}"
+        roles = ["output"] * len(self.outputs)
+        roles += [f"input, {word}" for word in self.intersample] + ["kept"] * len(self._keep)
+        rows = []
+        for name, role in zip(self.channels, roles, strict=True):
+            values = self[name]
+            span = f"{values.min():.4g} to {values.max():.4g}"
+            rows.append((name, role, f"{span} {self._units.get(name, '')}".rstrip()))
+        return line, rows
+
+    def __repr__(self) -> str:
+        line, rows = self._summary()
+        widths = [max(len(row[k]) for row in rows) for k in range(2)]
+        return "\n".join([line, *(f"  {a.ljust(widths[0])}  {b.ljust(widths[1])}  {c}" for a, b, c in rows)])
+
+    def _repr_html_(self) -> str:
+        line, rows = self._summary()
+        return html.table(("channel", "role", "range"), rows, title=line)
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Amplitudes of sinusoids by channel.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (line,)
+        Angular frequencies in rad/s.
+    amplitude : ndarray, shape (channel, line)
+    channels : tuple of str
+    units : dict of str to str
+    """
+
+    omega: F64
+    amplitude: F64
+    channels: tuple[str, ...]
+    units: dict[str, str]
+
+    def __getitem__(self, channel: str) -> F64:
+        """Return the amplitudes of a channel by name, shape (line,)."""
+        if channel not in self.channels:
+            raise SpecError(f"Spectrum: no channel {channel!r}; {nearest(channel, self.channels)}")
+        row: F64 = self.amplitude[self.channels.index(channel)]
+        return row
+
+    def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
+        """Draw the amplitudes over frequency; see `modfun.plot.spectrum`."""
+        from . import plot
+
+        return plot.spectrum(self, ax=ax, hz=hz)
+
+
+class Batch:
+    """Many records of one experiment, sampled alike: what `fit_many` takes.
+
+    Parameters
+    ----------
+    y : array_like, shape (replicate, channel, time) or (replicate, time)
+        Outputs. A replicate with samples that are not finite gets the status "nonfinite" and leaves the
+        others alone.
+    u : array_like, optional
+        Inputs: (replicate, channel, time), or shared by all replicates: (time,) or (channel, time).
+    dt : float
+        Sampling interval in seconds.
+    outputs, inputs, intersample
+        As in `Record`.
+
+    Attributes
+    ----------
+    y : ndarray, shape (replicate, channel, time), read only
+        The given array itself where it is float64 and C-contiguous, otherwise a copy.
+    u : ndarray, shape (replicate or 1, channel, time), read only
+        Its first axis is 1 where the inputs are shared.
+    dt : float
+
+    Raises
+    ------
+    DataError, SpecError
+        As in `Record`.
+    """
+
+    __slots__ = ("dt", "inputs", "intersample", "outputs", "u", "y")
+
+    y: F64
+    u: F64
+    dt: float
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    intersample: tuple[str, ...]
+
+    def __init__(
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        dt: float | None = None,
+        *,
+        outputs: Names = None,
+        inputs: Names = None,
+        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+    ) -> None:
+        ys = floats(y, "y")
+        if ys.ndim == 2:
+            ys = ys[:, None, :]
+        if ys.ndim != 3 or 0 in ys.shape:
+            raise DataError(
+                f"Batch: y has shape {floats(y, 'y').shape}, it must be (replicate, channel, time)"
+            )
+        us = np.empty((1, 0, ys.shape[2])) if u is None else floats(u, "u")
+        if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
+            raise DataError(
+                f"Batch: u of shape {us.shape} may be one input a replicate or {us.shape[0]} inputs shared "
+                "by all; "
+                "give u[:, None, :] for the first, u[None] for the second"
+            )
+        if us.ndim < 3:
+            us = us.reshape((1, *us.shape)) if us.ndim == 2 else us.reshape(1, 1, -1)
+        if us.ndim != 3 or us.shape[0] not in (1, ys.shape[0]) or us.shape[2] != ys.shape[2]:
+            raise DataError(
+                f"Batch: u has shape {us.shape} and y {ys.shape}; u must be (replicate, channel, time), "
+                "(channel, time) or (time), with as many samples as y"
+            )
+        if ys.shape[2] < FEWEST:
+            raise DataError(f"Batch: {ys.shape[2]} samples are too few; at least {FEWEST} are needed")
+        if ys.shape[1] > ys.shape[2]:
+            raise DataError(
+                f"Batch: y has {ys.shape[1]} channels of {ys.shape[2]} samples; time must be the last axis: "
+                "give np.moveaxis(y, 1, 2)"
+            )
+        if dt is None:
+            raise SpecError("Batch: give dt=, the sampling interval in seconds")
+        out_names = names_of(outputs, ys.shape[1], "y", "outputs")
+        in_names = names_of(inputs, us.shape[1], "u", "inputs")
+        refuse_duplicates((*out_names, *in_names))
+        for one in us:
+            refuse_nonfinite(in_names, one)
+        for name, value in {
+            "y": frozen(ys),
+            "u": frozen(us),
+            "dt": positive(dt, "dt", "seconds"),
+            "outputs": out_names,
+            "inputs": in_names,
+            "intersample": intersample_of(intersample, in_names),
+        }.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Batch cannot be changed ({name})")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self.intersample)
+
+    def __len__(self) -> int:
+        """Return the number of replicates."""
+        return int(self.y.shape[0])
+
+    def __getitem__(self, replicate: int) -> Record:
+        """Return one replicate as a Record."""
+        u = self.u[replicate if self.u.shape[0] > 1 else 0]
+        return Record(
+            y=self.y[replicate],
+            u=u if len(u) else None,
+            dt=self.dt,
+            outputs=self.outputs,
+            inputs=self.inputs,
+            intersample=self.intersample,
+        )
+
+    def __repr__(self) -> str:
+        replicates, channels, count = self.y.shape
+        shared = "shared " if self.u.shape[0] == 1 < replicates else ""
+        return (
+            f"Batch of {replicates} replicates: {channels} outputs, {self.u.shape[1]} {shared}inputs, "
+            f"{count} samples, dt = {self.dt:.6g} s"
+        )
+
+
+def _restore(fields: dict[str, Any]) -> Record:
+    record = object.__new__(Record)
+    record._set(**fields)
+    return record
+
+
+def _restore_batch(y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str]) -> Batch:
+    return Batch(y, u if u.shape[1] else None, dt, outputs=outputs, inputs=inputs, intersample=words)

@@ -1,0 +1,187 @@
+"""Rules about samples, channel names and times; each is stated here and nowhere else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import DataError, SpecError
+from .tables import nearest
+
+F64 = NDArray[np.float64]
+Names = str | Sequence[str] | None
+
+INTERSAMPLE = ("smooth", "zoh", "foh")
+FEWEST = 8  # samples a record must have
+EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
+
+
+def frozen(values: F64) -> F64:
+    """Return a read-only, C-contiguous view or copy; the caller's own array stays as it is."""
+    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array.flags.writeable = False
+    return array
+
+
+def floats(values: ArrayLike, what: str) -> F64:
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise DataError(
+            f"Record: {what} is ragged; all its channels must have the same number of samples"
+        ) from None
+    if array.dtype.kind not in "biuf":
+        cure = {
+            "c": "give real and imaginary part as two channels",
+            "O": "give numbers; missing values and text must be dealt with first",
+            "U": "convert the texts to numbers first, or let modfun.read do it",
+            "S": "convert the texts to numbers first, or let modfun.read do it",
+        }.get(array.dtype.kind, "give numbers")
+        raise DataError(
+            f"Record: {what} holds {array.dtype.name} values where real numbers are needed; {cure}"
+        )
+    return np.asarray(array, dtype=np.float64)
+
+
+def channels_of(values: ArrayLike, what: str, axis: int) -> F64:
+    """Return a fresh array (channel, time)."""
+    array = np.array(floats(values, what), order="C")
+    if array.ndim == 1:
+        array = array[None, :]
+    elif array.ndim != 2:
+        raise DataError(
+            f"Record: {what} has {array.ndim} dimensions; it must be 1-D (time) or 2-D (channel, time)"
+        )
+    elif axis == 0:
+        array = np.ascontiguousarray(array.T)
+    elif axis not in (-1, 1):
+        raise SpecError(f"Record: axis={axis!r}; the axis of time is -1 (last) or 0 (first)")
+    if array.size == 0:
+        raise DataError(f"Record: {what} is empty")
+    if array.shape[0] > array.shape[1]:
+        cure = "leave axis=0 out" if axis == 0 else "if time runs along the first axis, give axis=0"
+        raise DataError(
+            f"Record: {what} would have {array.shape[0]} channels of {array.shape[1]} samples; {cure}"
+        )
+    return array
+
+
+def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
+    if np.isfinite(values).all():
+        return
+    for name, channel in zip(names, values, strict=True):
+        bad = np.flatnonzero(~np.isfinite(channel))
+        if bad.size:
+            raise DataError(
+                f"Record: channel {name!r} has {bad.size} values that are not finite, the first at index "
+                f"{bad[0]} "
+                f"({channel[bad[0]]}); cut the record there, or fill the gap before"
+            )
+
+
+def listed(names: Names) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names or ())
+
+
+def names_of(given: Names, count: int, letter: str, option: str) -> tuple[str, ...]:
+    if given is None:
+        return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+    names = listed(given)
+    if len(names) != count:
+        raise SpecError(
+            f"Record: {option} names {len(names)} channels ({', '.join(map(str, names))}), {letter} has "
+            f"{count}"
+        )
+    for name in names:
+        if not isinstance(name, str) or not name.strip():
+            raise SpecError(f"Record: {option} holds {name!r}; names are texts that are not empty")
+    return tuple(str(name) for name in names)
+
+
+def refuse_duplicates(names: Sequence[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise SpecError(
+            f"Record: {', '.join(map(repr, twice))} names more than one channel; names must differ"
+        )
+
+
+def intersample_of(
+    given: str | Sequence[str] | Mapping[str, str], inputs: tuple[str, ...]
+) -> tuple[str, ...]:
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in inputs:
+                raise SpecError(
+                    f"Record: intersample names {name!r}, which is no input; {nearest(name, inputs)}"
+                )
+        words = tuple(given.get(name, "smooth") for name in inputs)
+    elif isinstance(given, str):
+        words = (given,) * len(inputs)
+        given = (given,)  # an unknown word is refused also where there is no input yet
+    else:
+        words = tuple(given)
+        if len(words) != len(inputs):
+            raise SpecError(
+                f"Record: intersample has {len(words)} words for {len(inputs)} inputs; one for all or one "
+                "each"
+            )
+    for word in (*words, *(given if not isinstance(given, Mapping) else ())):
+        if word not in INTERSAMPLE:
+            raise SpecError(f"Record: intersample {word!r} is unknown; {nearest(word, INTERSAMPLE)}")
+    return words
+
+
+def positive(value: float, option: str, unit: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise SpecError(f"Record: {option}={value!r} must be a number of {unit}") from None
+    if not (math.isfinite(number) and number > 0):
+        raise SpecError(f"Record: {option}={value!r} must be a positive number of {unit}")
+    return number
+
+
+def times_of(
+    count: int, dt: float | None, fs: float | None, t: ArrayLike | None, t0: float
+) -> tuple[F64, float | None]:
+    """Return the times and the step, None where the steps are uneven."""
+    given = [name for name, value in (("dt", dt), ("fs", fs), ("t", t)) if value is not None]
+    if len(given) != 1:
+        found = f"{' and '.join(given)} were given" if given else "none was given"
+        raise SpecError(f"Record: give exactly one of dt= (seconds), fs= (hertz) and t= (times); {found}")
+    if t is None:
+        step = positive(dt, "dt", "seconds") if dt is not None else 1.0 / positive(fs or 0.0, "fs", "hertz")
+        if not math.isfinite(t0):
+            raise SpecError(f"Record: t0={t0!r} must be finite")
+        return np.asarray(t0 + step * np.arange(count), dtype=np.float64), step
+    if t0:
+        raise SpecError("Record: t0= goes with dt= or fs=; t= has its own start")
+    times = np.asarray(t)
+    if times.dtype.kind in "mM":  # dates or time differences: seconds from the first sample
+        times = (times - times[:1]) / np.timedelta64(1, "s")
+    times = floats(times, "t")
+    if times.shape != (count,):
+        raise DataError(
+            f"Record: t has shape {times.shape}, it must have one value for each of the {count} samples"
+        )
+    if not np.isfinite(times).all():
+        bad = int(np.flatnonzero(~np.isfinite(times))[0])
+        raise DataError(
+            f"Record: t is {times[bad]} at index {bad}; every sample needs its time: cut the record there"
+        )
+    steps = np.diff(times)
+    if not (steps > 0).all():
+        bad = int(np.flatnonzero(steps <= 0)[0])
+        raise DataError(
+            f"Record: time does not increase at index {bad + 1}: t = {times[bad]:.10g}, then "
+            f"{times[bad + 1]:.10g}; "
+            "sort the samples, drop repeated ones, or give dt= if the clock is at fault"
+        )
+    step = float(times[-1] - times[0]) / (count - 1)
+    grid = times[0] + step * np.arange(count)
+    slack = EVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(times).max())
+    return (grid, step) if np.abs(times - grid).max() <= slack else (times, None)

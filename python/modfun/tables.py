@@ -1,0 +1,253 @@
+"""Tables that print themselves: what every tabular answer of modfun is."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import html
+from .errors import SpecError
+from .extras import optional
+
+__all__ = ["Findings", "Table", "nearest"]
+
+DIGITS = 5  # significant digits of the largest number of a column
+
+
+class Table:
+    """Named columns of equal length; prints aligned, cannot be changed.
+
+    ``len(table)`` is the number of rows, iteration gives the rows as dictionaries.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence
+        Values by column name. Numbers become NumPy arrays, anything else an object array.
+    title : str, optional
+        A line printed above the table.
+
+    Raises
+    ------
+    SpecError
+        If the columns differ in length.
+
+    Examples
+    --------
+    >>> table = Table({"mode": [1, 2], "omega": [2.828, 14.5]})
+    >>> print(table)
+    mode   omega
+       1   2.828
+       2  14.500
+    """
+
+    __slots__ = ("_columns", "title")
+
+    _columns: dict[str, NDArray[Any]]
+    title: str | None
+
+    def __init__(self, columns: Mapping[str, Sequence[Any] | NDArray[Any]], title: str | None = None) -> None:
+        arrays = {str(name): _column(values) for name, values in columns.items()}
+        lengths = {name: len(values) for name, values in arrays.items()}
+        if len(set(lengths.values())) > 1:
+            raise SpecError(f"a Table needs columns of equal length, these have {lengths}")
+        object.__setattr__(self, "_columns", arrays)
+        object.__setattr__(self, "title", title)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("a Table cannot be changed; make a new one from .to_dict()")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError("a Table cannot be changed; make a new one from .to_dict()")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Table, (self._columns, self.title)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self._columns)
+
+    @property
+    def rows(self) -> tuple[dict[str, Any], ...]:
+        """Rows as dictionaries of plain Python values."""
+        lists = self.to_dict()
+        return tuple(dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True))
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter(self.rows)
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """Return the values of a column, read only."""
+        try:
+            return self._columns[column]
+        except KeyError:
+            raise SpecError(f"this Table has no column {column!r}; {nearest(column, self.columns)}") from None
+
+    def __contains__(self, column: object) -> bool:
+        return column in self._columns
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Table):
+            return NotImplemented
+        return (
+            self.title == other.title
+            and self.columns == other.columns
+            and all(_same(self[name], other[name]) for name in self.columns)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """Return the columns as lists of plain Python values."""
+        return {name: values.tolist() for name, values in self._columns.items()}
+
+    def to_pandas(self) -> Any:
+        """Return a pandas.DataFrame (extra ``pandas``)."""
+        return optional("pandas", "pandas", "Table.to_pandas").DataFrame(self.to_dict())
+
+    def __repr__(self) -> str:
+        texts = [_texts(values) for values in self._columns.values()]
+        flush = [_is_number(values) for values in self._columns.values()]
+        widths = [max(map(len, [name, *cells])) for name, cells in zip(self._columns, texts, strict=True)]
+
+        def line(cells: Sequence[str]) -> str:
+            padded = (
+                cell.rjust(width) if right else cell.ljust(width)
+                for cell, width, right in zip(cells, widths, flush, strict=True)
+            )
+            return "  ".join(padded).rstrip()
+
+        lines = [line(self.columns), *(line(row) for row in zip(*texts, strict=True))]
+        return "\n".join([self.title, *lines] if self.title else lines)
+
+    def _repr_html_(self) -> str:
+        texts = [_texts(values) for values in self._columns.values()]
+        flush = [_is_number(values) for values in self._columns.values()]
+        return html.table(self.columns, zip(*texts, strict=True), title=self.title, right=flush)
+
+
+class Findings:
+    """What a check found, in sentences; prints as a list, cannot be changed.
+
+    True where there is something to say: ``if rec.check(): ...``.
+
+    Parameters
+    ----------
+    title : str
+        What was checked.
+    sentences : sequence of str
+        One sentence a finding, most important first.
+    """
+
+    __slots__ = ("sentences", "title")
+
+    title: str
+    sentences: tuple[str, ...]
+
+    def __init__(self, title: str, sentences: Sequence[str]) -> None:
+        object.__setattr__(self, "title", title)
+        object.__setattr__(self, "sentences", tuple(sentences))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("findings cannot be changed")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Findings, (self.title, self.sentences)
+
+    def __len__(self) -> int:
+        return len(self.sentences)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.sentences)
+
+    def __contains__(self, text: str) -> bool:
+        """Tell whether a text occurs in one of the sentences."""
+        return any(text in sentence for sentence in self.sentences)
+
+    def __repr__(self) -> str:
+        if not self.sentences:
+            return f"{self.title}: nothing wrong was found."
+        return "\n".join([f"{self.title}:", *(f"* {sentence}" for sentence in self.sentences)])
+
+    def _repr_html_(self) -> str:
+        title = f"{self.title}:" if self.sentences else repr(self)
+        return html.listing(self.sentences, title=title)
+
+
+def nearest(name: object, known: Sequence[str]) -> str:
+    """Return "did you mean ...? There are ..." for a name that is not among the known ones."""
+    by_lower = {word.lower(): word for word in reversed(known)}
+    text = str(name).lower()
+    close = [by_lower[word] for word in difflib.get_close_matches(text, by_lower, n=3, cutoff=0.5)]
+    if text:  # "q" is no close match of "Q (deg/s)" by letters, but what is meant all the same
+        close += [word for word in known if word.lower().startswith(text) and word not in close][:3]
+    guess = f"did you mean {' or '.join(repr(word) for word in close)}? " if close else ""
+    return f"{guess}There are: {', '.join(known) if known else 'none'}"
+
+
+def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
+    plain = list(values)
+    try:
+        array = np.array(plain)
+    except ValueError:  # ragged sequences
+        array = np.empty(0, dtype=object)
+    if array.ndim != 1 or array.dtype.kind not in "biufc" or len(array) != len(plain):
+        array = np.empty(len(plain), dtype=object)
+        array[:] = plain
+    array.flags.writeable = False
+    return array
+
+
+def _same(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    if a.dtype.kind in "fc" and b.dtype.kind in "fc":
+        return bool(np.array_equal(a, b, equal_nan=True))
+    return bool(np.array_equal(a, b))
+
+
+def _is_number(values: NDArray[Any]) -> bool:
+    if values.dtype.kind in "iufc":
+        return True
+    given = [v for v in values if v is not None]
+    return bool(given) and all(
+        isinstance(v, int | float | np.number) and not isinstance(v, bool) for v in given
+    )
+
+
+def _texts(values: NDArray[Any]) -> list[str]:
+    if values.dtype.kind == "f":
+        return _floats(values)
+    if values.dtype.kind == "c":
+        return [f"{v:.{DIGITS}g}" for v in values]
+    if values.dtype.kind == "O" and _is_number(values):
+        numbers = iter(_floats(np.array([v for v in values if v is not None], dtype=float)))
+        return ["" if v is None else next(numbers) for v in values]
+    return [_text(v) for v in values]
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    return str(value)
+
+
+def _floats(values: NDArray[Any]) -> list[str]:
+    """Fixed point with common decimals where the column's range allows it, else the short form."""
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    if sizes.size == 0 or (np.all(sizes == np.round(sizes)) and sizes.max() < 1e9):
+        return [f"{v:.0f}" for v in values]
+    low, high = math.floor(math.log10(sizes.min())), math.floor(math.log10(sizes.max()))
+    if low >= -4 and high <= 5 and high - low <= 3:
+        decimals = max(DIGITS - 1 - high, 2 - low, 0)
+        trimmed = max((len(f"{v:.{decimals}f}".rstrip("0").partition(".")[2]) for v in sizes), default=0)
+        return [f"{v:.{min(decimals, trimmed)}f}" for v in values]
+    return [f"{v:.{DIGITS}g}" for v in values]
