@@ -3,6 +3,7 @@
 mod arrays;
 mod errors;
 mod fit;
+mod signals;
 
 use pyo3::prelude::*;
 
@@ -11,5 +12,6 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(fit::fit, module)?)?;
+    signals::register(module)?;
     Ok(())
 }

@@ -1,0 +1,85 @@
+//! Standard deviation of white measurement noise from the harmonics that the signal leaves empty.
+
+use crate::Error;
+use crate::quadrature::Rule;
+use crate::spectrum::{CoefficientPlan, Kind};
+
+/// Lines that the mean must at least run over.
+const LEAST: usize = 4;
+
+/// Standard deviation σ̂ of white noise on evenly spaced samples.
+///
+/// σ̂² is the mean of |Δ^q V(m)|² over m = N/4…N/2−q, q = `order` + 2, over its value at unit noise,
+/// C(2q, q) Σw²/N². The difference Δ^q removes what the ends of the record leak into the upper harmonics,
+/// which is smooth in m. Right only where the signal is empty there and the noise white: filtered records
+/// show less than they carry.
+///
+/// # Errors
+/// [`Error::Data`] where the record is too short for at least four such lines.
+pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
+    let intervals = samples.len().saturating_sub(1);
+    let q = order + 2;
+    let (low, top) = (intervals.div_ceil(4), intervals / 2);
+    if top + 1 < low + q + LEAST {
+        return Err(Error::Data(format!(
+            "the noise level at order {order} needs at least {} samples, the record has {}; take a longer record or give the noise",
+            4 * (q + LEAST) - 3,
+            samples.len()
+        )));
+    }
+    let plan = CoefficientPlan::new(intervals, top, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
+    let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
+    plan.run(samples, &mut re, &mut im)?;
+    for part in [&mut re, &mut im] {
+        for round in 0..q {
+            for m in low..=top - round - 1 {
+                part[m] = part[m + 1] - part[m];
+            }
+        }
+    }
+    let lines = low..=top - q;
+    let count = (top - q - low + 1) as f64;
+    let power: f64 = lines.map(|m| re[m] * re[m] + im[m] * im[m]).sum();
+    // C(2q, q) = Π (q + i)/i.
+    let choose: f64 = (1..=q).map(|i| (q + i) as f64 / i as f64).product();
+    Ok((power / (count * choose * plan.unit_variance())).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Address, Purpose, normals};
+
+    #[test]
+    fn white_noise_on_a_transient_is_found() {
+        let n = 1024;
+        for sigma in [1e-6, 0.3, 40.0] {
+            let mut noise = vec![0.0; n + 1];
+            let purpose = Purpose::User;
+            normals(Address { seed: 7, purpose, channel: 0, replicate: 0, group: 0 }, &mut noise);
+            let samples: Vec<f64> = noise
+                .iter()
+                .enumerate()
+                .map(|(k, e)| {
+                    let t = k as f64 / n as f64;
+                    5.0 * t * t - 3.0 * t + 1.0 + sigma * e
+                })
+                .collect();
+            let level = noise_level(&samples, 2).unwrap();
+            assert!((level / sigma - 1.0).abs() < 0.15, "{level} {sigma}");
+        }
+    }
+
+    #[test]
+    fn a_smooth_transient_has_no_noise() {
+        let samples: Vec<f64> = (0..=256).map(|k| f64::from(k * k) / 65_536.0).collect();
+        assert!(noise_level(&samples, 2).unwrap() < 1e-6);
+    }
+
+    #[test]
+    fn short_records_are_refused_with_the_length_that_serves() {
+        assert!(matches!(noise_level(&[0.0; 28], 2), Err(Error::Data(m)) if m.contains("has 28")));
+        assert!(noise_level(&[0.0; 29], 2).is_ok());
+        assert!(noise_level(&[], 2).is_err());
+    }
+}
