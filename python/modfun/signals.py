@@ -1,7 +1,7 @@
 """Signals given as text, as a function of time or as samples, evaluated at given times."""
 
 import ast
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
 
-__all__ = ["Source", "evaluate"]
+__all__ = ["Source", "evaluate", "expression"]
 
 F64 = NDArray[np.float64]
 Source = str | Callable[[F64], ArrayLike] | ArrayLike
@@ -56,7 +56,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.GtE: np.greater_equal,
 }
 _ALLOWED = (
-    f"allowed are t, {', '.join(_CONSTANTS)}, numbers, + - * / ** % < <= > >=, parentheses and "
+    f"{', '.join(_CONSTANTS)}, numbers, + - * / ** % < <= > >=, parentheses and "
     f"{', '.join(_FUNCTIONS)}"
 )
 
@@ -95,7 +95,7 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
     times = np.ascontiguousarray(t, dtype=np.float64)
     if isinstance(source, str):
         what = f"the signal {source if len(source) <= 60 else source[:57] + '...'!r}"
-        values: Any = _Text(source).at(times)
+        values: Any = _Text(source).at({"t": times})
     elif callable(source):
         what = f"the signal from {getattr(source, '__name__', type(source).__name__)}"
         values = _call(source, times, what)
@@ -124,6 +124,30 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
             "change the signal so that it is finite at all times used"
         )
     return np.ascontiguousarray(array)
+
+
+def expression(text: str, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
+    """A text in given names as a function of their values; the language is that of `evaluate`.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"a1/(2*sqrt(a2))"``.
+    names : sequence of str
+        What may stand in it besides constants and functions.
+
+    Returns
+    -------
+    callable
+        Takes a mapping from name to value; nan or inf where the expression has no value.
+
+    Raises
+    ------
+    SpecError
+        Text with a name, operator or construct outside the language.
+    """
+    parsed = _Text(text, names, "expression")
+    return lambda values: float(parsed.at({name: np.float64(values[name]) for name in names}))
 
 
 def sources(given: Any, inputs: int) -> list[Source]:
@@ -166,8 +190,11 @@ def _call(function: Callable[[F64], ArrayLike], times: F64, what: str) -> Any:
 class _Text:
     """A parsed signal text; refuses what is outside the language when made."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, names: Sequence[str] = ("t",), what: str = "signal") -> None:
         self.text = text
+        self.names = names
+        self.what = what
+        self.allowed = f"allowed are {', '.join(names)}, {_ALLOWED}"
         if len(text) > _MAX_LENGTH:
             raise SpecError(
                 f"reading a signal text: it has {len(text)} characters, at most {_MAX_LENGTH} are read; "
@@ -177,13 +204,15 @@ class _Text:
             tree = ast.parse(text.strip(), mode="eval")
         except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
             reason = error.msg if isinstance(error, SyntaxError) else type(error).__name__
-            raise SpecError(f"reading the signal {text[:60]!r}: {reason}; {_ALLOWED}") from None
+            raise SpecError(f"reading the {what} {text[:60]!r}: {reason}; {self.allowed}") from None
         self.body = tree.body
         self.check(self.body, 0)
 
     def refuse(self, node: ast.AST, reason: str) -> SpecError:
         token = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
-        return SpecError(f"reading the signal {self.text[:60]!r}: {token[:40]!r} {reason}; {_ALLOWED}")
+        return SpecError(
+            f"reading the {self.what} {self.text[:60]!r}: {token[:40]!r} {reason}; {self.allowed}"
+        )
 
     def check(self, node: ast.expr, depth: int) -> None:
         if depth > _MAX_DEPTH:
@@ -202,7 +231,7 @@ class _Text:
             case ast.Name(id=name):
                 if name in _FUNCTIONS:
                     raise self.refuse(node, f"is a function: write {name}(...)")
-                if name != "t" and name not in _CONSTANTS:
+                if name not in self.names and name not in _CONSTANTS:
                     raise self.refuse(node, "is not a known name")
             case ast.BinOp(left=left, op=op, right=right):
                 if isinstance(op, ast.BitXor):
@@ -231,25 +260,25 @@ class _Text:
             case _:
                 raise self.refuse(node, "is not part of the language")
 
-    def at(self, t: F64) -> Any:
+    def at(self, values: Mapping[str, Any]) -> Any:
         # Overflow and invalid operations show as inf and nan, which the caller reports with their time.
         with np.errstate(all="ignore"):
-            return self.value(self.body, t)
+            return self.value(self.body, values)
 
-    def value(self, node: ast.expr, t: F64) -> Any:
+    def value(self, node: ast.expr, given: Mapping[str, Any]) -> Any:
         match node:
             case ast.Constant(value=number):
                 return np.float64(number)  # type: ignore[arg-type]  # never an int: powers cannot grow
             case ast.Name(id=name):
-                return t if name == "t" else np.float64(_CONSTANTS[name])
+                return given[name] if name in given else np.float64(_CONSTANTS[name])
             case ast.BinOp(left=left, op=op, right=right):
-                return _BINARY[type(op)](self.value(left, t), self.value(right, t))
+                return _BINARY[type(op)](self.value(left, given), self.value(right, given))
             case ast.UnaryOp(op=sign, operand=operand):
-                return _UNARY[type(sign)](self.value(operand, t))
+                return _UNARY[type(sign)](self.value(operand, given))
             case ast.Compare(left=left, ops=ops, comparators=others):
-                values = [self.value(part, t) for part in [left, *others]]
+                values = [self.value(part, given) for part in [left, *others]]
                 true = [_COMPARE[type(op)](a, b) for op, a, b in zip(ops, values, values[1:], strict=False)]
                 return np.logical_and.reduce(true).astype(np.float64)
             case ast.Call(func=ast.Name(id=name), args=args):
-                return _FUNCTIONS[name][1](*(self.value(part, t) for part in args))
+                return _FUNCTIONS[name][1](*(self.value(part, given) for part in args))
         raise AssertionError(f"unchecked node {type(node).__name__}")
