@@ -7,10 +7,13 @@ from . import plot, signals
 from ._core import __version__
 from .bounds import crlb
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
+from .estimation import Estimator, fit, fit_many
 from .lti import LTI, ss, tf
 from .records import Batch, Record
 from .response import FrequencyResponse
+from .results import Fit
 from .simulation import coefficients, regressors, simulate
+from .storage import load
 from .structures import TransferFunction
 from .tables import Table
 
@@ -18,6 +21,8 @@ __all__ = [
     "LTI",
     "Batch",
     "DataError",
+    "Estimator",
+    "Fit",
     "FitError",
     "FrequencyResponse",
     "InternalError",
@@ -30,6 +35,9 @@ __all__ = [
     "__version__",
     "coefficients",
     "crlb",
+    "fit",
+    "fit_many",
+    "load",
     "plot",
     "regressors",
     "signals",

@@ -12,9 +12,9 @@ from .extras import optional
 
 if TYPE_CHECKING:
     from .records import Record, Spectrum
-    from .response import FrequencyResponse
+    from .results import Fit
 
-__all__ = ["bode", "record", "spectrum"]
+__all__ = ["bode", "poles", "record", "residuals", "response", "spectrum"]
 
 
 def record(rec: Record, ax: Any = None) -> Any:
@@ -70,39 +70,216 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     return _returned(ax, axes)
 
 
-def bode(*responses: FrequencyResponse, ax: Any = None, hz: bool = False) -> Any:
-    """Draw magnitude in dB above phase in degrees (unwrapped) over frequency.
+def response(fit: Fit, rec: Record | int | None = None, ax: Any = None) -> Any:
+    """Draw measured and simulated output, and the error below.
 
     Parameters
     ----------
-    *responses : FrequencyResponse
-        Each draws one line for every pair of output and input.
-    ax : pair of Axes, optional
-        For magnitude and phase; new ones by default.
-    hz : bool, default False
-        Frequencies in hertz instead of rad/s.
+    fit : Fit
+    rec : Record or int, optional
+        A record, or the index of one of the fit's own (needed where it has several).
+    ax : Axes or sequence of two Axes, optional
+        A single Axes takes both; new ones by default.
 
     Returns
     -------
-    ndarray of Axes, shape (2,)
+    Axes or ndarray of Axes
     """
-    if hasattr(ax, "plot"):
-        raise SpecError("bode: ax is a single Axes; give two, for magnitude and phase")
-    magnitude, phase = axes = _axes(ax, 2, height=2.2)
-    scale, label = _frequency(hz)
-    for response in responses:
-        pairs = response.response.reshape(-1, len(response.omega))
-        with np.errstate(divide="ignore"):
-            decibels = 20.0 * np.log10(np.abs(pairs))
-        magnitude.plot(scale * response.omega, decibels.T, linewidth=1.0)
-        phase.plot(scale * response.omega, np.degrees(np.unwrap(np.angle(pairs))).T, linewidth=1.0)
-    magnitude.set_ylabel("magnitude (dB)")
-    phase.set_ylabel("phase (deg)")
-    for here in axes:
-        here.set_xscale("log")
+    simulated, error = fit.predict(rec), fit.errors(rec)[0]
+    level = float(fit.score(rec)["signal_to_error"][-1])
+    upper, lower = _axes(ax, 2, height=2.3)
+    name = fit.outputs[0]
+    unit = f" ({fit.units[name]})" if name in fit.units else ""
+    upper.plot(simulated.t, simulated.y[0] + error, color="0.55", linewidth=2.0, label="measured")
+    upper.plot(simulated.t, simulated.y[0], color="C3", linewidth=1.0, label=f"simulated: {level:.1f} dB")
+    lower.plot(simulated.t, error, color="C0", linewidth=0.8, label="error")
+    upper.set_ylabel(f"{name}{unit}")
+    if lower is not upper:
+        lower.axhline(0.0, color="0.3", linewidth=0.6)
+        lower.set_ylabel(f"error{unit}")
+    upper.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    for here in (upper, lower):
         here.grid(True, alpha=0.3)
-    phase.set_xlabel(label)
-    return _returned(ax, axes)
+    lower.set_xlabel("time (s)")
+    return _returned(ax, [upper, lower])
+
+
+def bode(
+    *systems: Any,
+    band: tuple[float, float] | None = None,
+    hz: bool = False,
+    labels: Sequence[str] | None = None,
+    ax: Any = None,
+) -> Any:
+    """Draw magnitude (dB) and phase (degrees) over frequency, fits with 95 % bands.
+
+    Parameters
+    ----------
+    *systems : Fit, LTI or FrequencyResponse
+        Every path of each gets a line; the band of a fit is by the delta method, and what lies outside
+        the frequencies it was fitted on is dashed.
+    band : (float, float), optional
+        Frequencies drawn, rad/s; default: around the bands of the fits or the poles of the systems.
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+    labels : sequence of str, optional
+        A name a system, for the legend.
+    ax : sequence of two Axes, optional
+        Magnitude and phase; new ones by default.
+
+    Returns
+    -------
+    ndarray of Axes
+    """
+    if not systems:
+        raise SpecError("plot.bode: give at least one fit, system or frequency response")
+    if labels is not None and len(labels) != len(systems):
+        raise SpecError(f"plot.bode: {len(labels)} labels for {len(systems)} systems; give one each")
+    low, high = _range(systems) if band is None else band
+    if not 0 < low < high:
+        raise SpecError(f"plot.bode: band={band!r} must be (lower, upper) in rad/s with 0 < lower < upper")
+    omega = np.geomspace(low, high, 400)
+    upper, lower = _axes(ax, 2, height=2.4)
+    factor, label = _frequency(hz)
+    color = 0
+    for k, system in enumerate(systems):
+        named = None if labels is None else labels[k]
+        for name, w, gain, db_error, degrees_error, inside in _paths(system, omega):
+            with np.errstate(divide="ignore"):
+                db = 20 * np.log10(np.abs(gain))
+            degrees = np.degrees(np.unwrap(np.angle(gain)))
+            text = " ".join(part for part in (named, name) if part) or type(system).__name__
+            for here, values, error in ((upper, db, db_error), (lower, degrees, degrees_error)):
+                line = f"C{color % 10}"
+                if error is not None:
+                    here.fill_between(
+                        factor * w, values - error, values + error, color=line, alpha=0.2, linewidth=0
+                    )
+                    here.plot(factor * w, values, color=line, linewidth=0.9, linestyle=(0, (4, 3)))
+                here.plot(
+                    factor * w,
+                    np.where(inside, values, np.nan),
+                    color=line,
+                    linewidth=1.5,
+                    label=text if here is upper else None,
+                )
+            color += 1
+    for here in (upper, lower):
+        here.set_xscale("log")
+        here.grid(True, which="both", alpha=0.25)
+        here.set_xlim(factor * low, factor * high)
+    upper.set_ylabel("magnitude (dB)")
+    lower.set_ylabel("phase (degrees)")
+    lower.set_xlabel(label)
+    _clip_to_lines(upper)
+    _clip_to_lines(lower)
+    upper.legend(frameon=False)
+    return _returned(ax, [upper, lower])
+
+
+def residuals(fit: Fit, ax: Any = None) -> Any:
+    """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
+
+    Parameters
+    ----------
+    fit : Fit
+    ax : sequence of two Axes, optional
+        New ones by default.
+
+    Returns
+    -------
+    ndarray of Axes
+    """
+    from .validation import correlation_of_lines
+
+    upper, lower = _axes(ax, 2, height=2.3, sharex=False)
+    for k, ((first, last), e) in enumerate(zip(fit.lines, fit.pieces, strict=True)):
+        m = np.arange(first, last + 1)
+        some = len(e) <= 60
+        look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
+        upper.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
+        upper.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
+    upper.axhline(0.0, color="0.3", linewidth=0.6)
+    for level in (-1.96, 1.96):
+        upper.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    reach = max(3.0, 1.1 * float(np.max(np.abs([fit.residuals.real, fit.residuals.imag]), initial=0.0)))
+    upper.set_ylim(-reach, reach)
+    upper.set_xlabel("harmonic m")
+    upper.set_ylabel("whitened residual")
+    upper.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    test, r = correlation_of_lines(fit.pieces)
+    lags = np.arange(1, r.size + 1)
+    lower.bar(lags, r, width=0.35, color="C0")
+    lower.axhline(0.0, color="0.3", linewidth=0.6)
+    limit = 1.96 / np.sqrt(2 * max(test.count, 1))
+    for level in (-limit, limit):
+        lower.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    lower.set_xticks(lags)
+    lower.set_xlim(0.0, max(10, r.size) + 1.0)
+    lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
+    lower.set_ylabel("autocorrelation")
+    for here in (upper, lower):
+        here.grid(True, alpha=0.3)
+    return _returned(ax, [upper, lower])
+
+
+def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> Any:
+    """Draw the poles of fits with 95 % confidence ellipses (real poles: intervals).
+
+    Parameters
+    ----------
+    *fits : Fit
+    labels : sequence of str, optional
+        A name a fit, for the legend.
+    ax : Axes, optional
+        A new one by default.
+
+    Returns
+    -------
+    Axes
+    """
+    from scipy.stats import f as fisher
+
+    from .derived import poles as poles_of
+
+    if not fits:
+        raise SpecError("plot.poles: give at least one fit")
+    if labels is not None and len(labels) != len(fits):
+        raise SpecError(f"plot.poles: {len(labels)} labels for {len(fits)} fits; give one each")
+    (here,) = _axes(ax, 1, height=4.0, width=5.0)
+    turn = np.exp(2j * np.pi * np.arange(181) / 180)
+    for k, fit in enumerate(fits):
+        found, gradients = poles_of(fit)
+        cov = fit.cov_params()
+        name = f"{fit.order} poles" if labels is None else labels[k]
+        here.plot(
+            found.real, found.imag, "x", color=f"C{k % 10}", markersize=8, markeredgewidth=1.8, label=name
+        )
+        for pole, gradient in zip(found, gradients, strict=True):
+            if pole.imag == 0:
+                low, high = fit.interval(np.array(pole.real), np.sqrt(gradient.real @ cov @ gradient.real))
+                here.plot(
+                    [low, high], [0, 0], color=f"C{k % 10}", linewidth=3, alpha=0.35, solid_capstyle="butt"
+                )
+                continue
+            both = np.array([gradient.real, gradient.imag])
+            spread = both @ cov @ both.T
+            if not np.all(np.isfinite(spread)):
+                continue
+            size, axes = np.linalg.eigh(spread)
+            radius = np.sqrt(2 * fisher.ppf(0.95, 2, max(fit.df_resid, 1)) * np.maximum(size, 0.0))
+            edge = axes @ (radius[:, None] * np.array([turn.real, turn.imag]))
+            here.fill(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", alpha=0.2, linewidth=0)
+            here.plot(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", linewidth=0.8)
+    here.axhline(0.0, color="0.3", linewidth=0.6)
+    here.axvline(0.0, color="0.3", linewidth=0.9)
+    here.margins(0.12)
+    here.set_xlabel("real part (rad/s)")
+    here.set_ylabel("imaginary part (rad/s)")
+    here.grid(True, alpha=0.3)
+    if len(fits) > 1:
+        here.legend(frameon=False)
+    return _returned(ax, [here])
 
 
 # What every plot uses -----------------------------------------------------------------------------
@@ -147,3 +324,55 @@ def _label(axes: Sequence[Any], names: Sequence[str], units: dict[str, str], xla
 def _frequency(hz: bool) -> tuple[float, str]:
     """Return the factor from rad/s to the unit drawn, and the label of the axis."""
     return (0.5 / np.pi, "frequency (Hz)") if hz else (1.0, "frequency (rad/s)")
+
+
+def _range(systems: Sequence[Any]) -> tuple[float, float]:
+    """Frequencies worth drawing, rad/s."""
+    marks: list[float] = []
+    for system in systems:
+        if hasattr(system, "omega0"):
+            low, high = system.band
+            marks += [max(low, min(system.omega0)) / 2, 2 * high]
+        elif hasattr(system, "omega"):
+            marks += [float(w) for w in system.omega if w > 0]
+        elif hasattr(system, "poles"):
+            sizes = np.abs(system.poles())
+            marks += [x for size in sizes[sizes > 0] for x in (size / 10, size * 10)]
+    return (min(marks), max(marks)) if marks else (0.1, 10.0)
+
+
+def _paths(system: Any, omega: Any) -> Any:
+    """Yield name, frequencies, gain, errors in dB and degrees (or None), and which lie in the fitted band."""
+    if hasattr(system, "omega0"):  # a fit
+        gain, gradient = system.frequency_response(omega)
+        cov = system.cov_params()
+        inside = (omega >= system.band[0]) & (omega <= system.band[1])
+        for k, name in enumerate(system.inputs):
+            if system.numerators[k] is None:
+                continue
+            with np.errstate(divide="ignore", invalid="ignore"):
+                relative = gradient[:, k] / gain[k]
+            errors = [
+                np.sqrt(np.einsum("pf,pq,qf->f", part, cov, part)) for part in (relative.real, relative.imag)
+            ]
+            half = system.interval(np.zeros(omega.size), np.ones(omega.size))[1]
+            decibel, degree = 20 / np.log(10) * half * errors[0], np.degrees(half * errors[1])
+            yield f"{name} → {system.outputs[0]}", omega, gain[k], decibel, degree, inside
+        return
+    found = system if hasattr(system, "omega") else system.frequency_response(omega)
+    everywhere = np.ones(found.omega.size, dtype=bool)
+    several = found.response.shape[:2] != (1, 1)
+    for i, row in enumerate(found.response):
+        for k, gain in enumerate(row):
+            name = f"input {k + 1} → output {i + 1}" if several else ""
+            yield name, found.omega, gain, None, None, everywhere
+
+
+def _clip_to_lines(axes: Any) -> None:
+    """Scale an axis by its lines: an enormous confidence band must not flatten them."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = float(values.min()), float(values.max())
+        room = 0.15 * (high - low) or 1.0
+        axes.set_ylim(low - room, high + room)

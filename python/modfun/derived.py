@@ -1,0 +1,138 @@
+"""What follows from the parameters, with standard errors by the delta method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+from .signals import expression
+from .tables import Table
+
+if TYPE_CHECKING:
+    from .results import Fit
+
+__all__ = ["damp", "derived", "frequency_response", "poles"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+
+
+def derived(fit: Fit, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
+    """Table of functions of the parameters; see `Fit.derived`."""
+    if not expressions:
+        raise SpecError('derived: give name=expression, as fit.derived(wn="sqrt(a2)")')
+    values, errors = [], []
+    for name, given in expressions.items():
+        function = _function(name, given, fit.param_names)
+        value, gradient = _gradient(name, function, fit)
+        values.append(value)
+        errors.append(float(np.sqrt(gradient @ fit.cov_params() @ gradient)))
+    low, high = fit.interval(np.array(values), np.array(errors))
+    return Table({"name": list(expressions), "value": values, "bse": errors, "low": low, "high": high})
+
+
+def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
+    if isinstance(given, str):
+        return expression(given, names)
+    if callable(given):
+        return lambda values: float(given(values))
+    raise SpecError(f"derived: {name}={given!r} must be an expression as text, or a function of a mapping")
+
+
+def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: Fit) -> tuple[float, F64]:
+    """Value and central differences, with steps that suit the size of each parameter and its error."""
+    names, params = fit.param_names, fit.params
+
+    def at(theta: F64) -> float:
+        return function(dict(zip(names, theta.tolist(), strict=True)))
+
+    value = at(params)
+    if not np.isfinite(value):
+        raise SpecError(
+            f"derived: {name} is {value} at the estimate {fit.estimates()}; it must have a finite value there"
+        )
+    gradient = np.empty(params.size)
+    for i in range(params.size):
+        step = np.zeros(params.size)
+        scale = max(abs(params[i]), float(np.nan_to_num(fit.bse[i]))) or 1.0
+        step[i] = np.cbrt(np.finfo(float).eps) * scale
+        gradient[i] = (at(params + step) - at(params - step)) / (2 * step[i])
+    return value, gradient
+
+
+def poles(fit: Fit) -> tuple[C128, C128]:
+    """Poles of the fit and their derivatives (pole, p): dp/da_j = -p^(n-j)/A'(p)."""
+    den, _ = fit.polynomials()
+    n = fit.order
+    found = fit.model.poles()
+    slope = np.polyval(np.polyder(den), found)
+    gradient = np.zeros((n, fit.params.size), complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for j in range(1, n + 1):
+            gradient[:, j - 1] = -(found ** (n - j)) / slope
+    return found, gradient
+
+
+def damp(fit: Fit) -> Table:
+    """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
+    found, gradients = poles(fit)
+    cov = fit.cov_params()
+    columns: dict[str, list[Any]] = {
+        name: []
+        for name in ("pole", "omega", "omega_bse", "zeta", "zeta_bse", "time_constant", "time_constant_bse")
+    }
+
+    def error(gradient: F64) -> float:
+        if not np.all(np.isfinite(gradient)):
+            return float("nan")  # a repeated pole: its derivative is infinite
+        return float(np.sqrt(gradient @ cov @ gradient))
+
+    for pole, gradient in zip(found, gradients, strict=True):
+        if pole.imag < 0:
+            continue
+        size = abs(pole)
+        if pole.imag == 0:
+            lasting = np.inf if pole.real == 0 else -1 / pole.real
+            zeta = -float(np.sign(pole.real))
+            row = [complex(pole), size, error(gradient.real), zeta, None, float(lasting)]
+            row.append(error(gradient.real * lasting**2) if np.isfinite(lasting) else None)
+        else:
+            omega = (pole.conjugate() * gradient).real / size
+            zeta = -pole.real / size
+            row = [
+                complex(pole),
+                size,
+                error(omega),
+                zeta,
+                error(-(gradient.real + zeta * omega) / size),
+                None,
+                None,
+            ]
+        for column, value in zip(columns.values(), row, strict=True):
+            column.append(value)
+    return Table(columns)
+
+
+def frequency_response(fit: Fit, omega: F64) -> tuple[C128, C128]:
+    """Response (input, f) and gradient (p, input, f); see `Fit.frequency_response`."""
+    den, nums = fit.polynomials()
+    n = fit.order
+    s = 1j * omega
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over = 1 / np.polyval(den, s)
+        response = np.empty((len(nums), s.size), complex)
+        gradient = np.zeros((fit.params.size, len(nums), s.size), complex)
+        at = n
+        for k, (num, degree, delay) in enumerate(zip(nums, fit.numerators, fit.delays, strict=True)):
+            late = np.exp(-s * delay)
+            response[k] = np.polyval(num, s) * over * late
+            for j in range(1, n + 1):
+                gradient[j - 1, k] = -response[k] * s ** (n - j) * over
+            for power in range(-1 if degree is None else degree, -1, -1):
+                gradient[at, k] = s**power * over * late
+                at += 1
+    return response, gradient

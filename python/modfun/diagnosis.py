@@ -1,0 +1,186 @@
+"""Numbers that tell whether a fit can be believed; `explain` puts them into words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .validation import Whiteness, colour_of_lines, correlation_of_lines
+
+if TYPE_CHECKING:
+    from .results import Fit
+
+__all__ = ["Diagnosis", "Lag", "diagnose", "fewest_samples", "lags"]
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lag:
+    """What is left in the residuals of one input: a further delay (s), or a gain where it has no path."""
+
+    channel: str
+    amount: float
+    bse: float
+    p_value: float
+    path: bool
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Tests of one fit.
+
+    Attributes
+    ----------
+    chi2_p : float
+        Probability of a chi-square as large, at the noise level of the high band.
+    level_ratio : float
+        Noise level of the fit over that of the high band.
+    correlation, colour : Whiteness
+        Neighbouring lines; level over the band.
+    colour_ratio : float
+        Level of the lower over that of the upper half of the band.
+    lags : tuple of Lag
+    growing : float
+        Largest real part of the poles, rad/s.
+    disagreement : float
+        Largest ratio of HC3 and classical standard errors, either way up.
+    samples : float
+        Fewest samples a period of the highest harmonic used.
+    """
+
+    chi2_p: float
+    level_ratio: float
+    correlation: Whiteness
+    colour: Whiteness
+    colour_ratio: float
+    lags: tuple[Lag, ...]
+    growing: float
+    disagreement: float
+    samples: float
+
+
+def diagnose(fit: Fit) -> Diagnosis:
+    """All tests of a fit with finite parameters."""
+    from scipy.stats import chi2
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = float(np.divide(fit.sigma, fit.high_band_sigma))
+    colour, colour_ratio = colour_of_lines(fit.pieces)
+    return Diagnosis(
+        chi2_p=float(chi2.sf(fit.chi2, fit.df_resid)) if np.isfinite(fit.chi2) else float("nan"),
+        level_ratio=ratio if np.isfinite(fit.chi2) else float("nan"),
+        correlation=correlation_of_lines(fit.pieces)[0],
+        colour=colour,
+        colour_ratio=colour_ratio,
+        lags=lags(fit),
+        growing=growth(fit),
+        disagreement=disagreement(fit),
+        samples=fewest_samples(fit),
+    )
+
+
+def growth(fit: Fit) -> float:
+    """Largest real part of the poles, rad/s."""
+    return float(np.max(fit.model.poles().real))
+
+
+def disagreement(fit: Fit) -> float:
+    """Largest ratio of the two kinds of standard errors, either way up."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(np.diag(fit.cov_hc3) / np.diag(fit.cov_nonrobust))
+        both = np.maximum(ratio, 1 / ratio)
+    return float(np.max(both)) if np.all(np.isfinite(both)) else float("nan")
+
+
+def fewest_samples(fit: Fit) -> float:
+    """Fewest samples a period of the highest harmonic used, over the records."""
+    return min(n / max(hi, 1) for n, (_, hi) in zip(fit.intervals, fit.lines, strict=True))
+
+
+def lags(fit: Fit) -> tuple[Lag, ...]:
+    """Score test of a further delay of each input, or of a gain where an input has no path.
+
+    To first order a further delay d adds -d s B(s)U to the residual lines; that column, cleared of all
+    the fitted ones, is regressed on them, with a standard error that assumes no level of the lines.
+    Needs the samples, evenly spaced, and the weighting of output noise.
+    """
+    from scipy.stats import t as student
+
+    weighted = fit.options.noise == "output" and fit.options.method in ("awls", "ml")
+    if fit.records is None or not weighted or not fit.inputs or not fit.sigma > 0:
+        return ()
+    if any(rec.dt is None for rec in fit.records) or fit.df_resid < 4:
+        return ()
+    den, nums = fit.polynomials()
+    blocks = [_columns(fit, i, den, nums) for i in range(len(fit.records))]
+    transient = sum(block[1].shape[1] for block in blocks)
+    rows = sum(block[0].shape[0] for block in blocks)
+    p, inputs = fit.params.size, len(fit.inputs)
+    fitted, wanted, residual = np.zeros((rows, p + transient)), np.zeros((rows, inputs)), np.zeros(rows)
+    row, column = 0, p
+    for shared, own, tested, e in blocks:
+        here = slice(row, row + e.size)
+        fitted[here, :p], wanted[here], residual[here] = shared, tested, e
+        fitted[here, column : column + own.shape[1]] = own
+        row, column = row + e.size, column + own.shape[1]
+    norms = np.linalg.norm(fitted, axis=0)
+    basis = np.linalg.qr(fitted / np.where(norms > 0, norms, 1.0))[0]
+    found = []
+    for k, channel in enumerate(fit.inputs):
+        z = wanted[:, k] - basis @ (basis.T @ wanted[:, k])
+        size = float(z @ z)
+        if not size > 1e-12 * float(wanted[:, k] @ wanted[:, k]):
+            continue
+        spread = float(np.sqrt(np.sum((z * residual) ** 2)))
+        amount = float(z @ residual) / size
+        p_value = (
+            2 * float(student.sf(abs(float(z @ residual)) / spread, fit.df_resid - 1)) if spread > 0 else 1.0
+        )
+        found.append(Lag(channel, amount, spread / size, p_value, fit.numerators[k] is not None))
+    return tuple(found)
+
+
+def _columns(fit: Fit, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64, F64]:
+    """Whitened real rows of a record: fitted columns, its own (transient, trend), tested, residuals."""
+    assert fit.records is not None
+    rec, (lo, hi), e = fit.records[i], fit.lines[i], fit.pieces[i]
+    assert rec.dt is not None
+    smooth = [fit.options.rule if kind == "smooth" else kind for kind in fit.intersample]
+    late = [delay / rec.dt for delay in fit.delays]
+    found = _core.coefficients(
+        np.ascontiguousarray(np.vstack([rec.y, rec.u])),
+        hi,
+        [fit.options.rule, *smooth],
+        [0.0, *late],
+        rec.intervals - fit.intervals[i],
+        None,
+    )[:, lo : hi + 1]
+    m = np.arange(lo, hi + 1)
+    s = 1j * m * fit.omega0[i]
+    unit = 1j * m / hi  # the same, of size one: for columns whose scale is free
+    a = np.polyval(den, s)
+    h = np.where(m == 0, 1.0, 0.5)
+    deviation = fit.sigma * np.sqrt(h / fit.intervals[i]) * np.abs(a)
+    y = found[0] - e * deviation / np.where(a == 0, 1.0, a)
+    n = fit.order
+    shared = [unit ** (n - j) * y for j in range(1, n + 1)]
+    tested = []
+    for degree, num, u in zip(fit.numerators, nums, found[1:], strict=True):
+        if degree is not None:
+            shared += [unit ** (degree - j) * u for j in range(degree + 1)]
+        tested.append(-s * np.polyval(num, s) * u if degree is not None else -u)
+    own = [unit**j for j in range(n)]
+    if fit.trend == "linear":
+        own.append(np.where(m == 0, 0.0, a / np.where(m == 0, 1.0, s)))
+    weight = 1 / np.where(deviation > 0, deviation, np.inf)
+
+    def rows(columns: list[NDArray[Any]]) -> F64:
+        stacked = np.array(columns) * weight
+        return np.concatenate([stacked.real, stacked.imag], axis=1).T
+
+    return rows(shared), rows(own), rows(tested), np.concatenate([e.real, e.imag])

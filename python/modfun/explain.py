@@ -1,0 +1,307 @@
+"""A fit in words: its message, its check, its summary, and what it warns of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import html
+from .diagnosis import diagnose, disagreement, fewest_samples, growth
+from .tables import Findings, Table
+
+if TYPE_CHECKING:
+    from .results import Fit
+
+__all__ = ["Summary", "check", "message", "one_line", "warnings_of"]
+
+FEW_SAMPLES = 8.0  # a period of the highest harmonic
+DISAGREE = 2.0  # ratio of the two standard errors
+CONDITION = 1e6
+UNLIKELY = 0.01  # p-value below which a test speaks
+LEVEL = 1.5  # ratio of noise levels
+
+
+def message(fit: Fit) -> str:
+    """The status in words, with the cure; see `Fit.message`."""
+    if fit.status == "ok":
+        return (
+            "One-shot estimate."
+            if fit.options.method in ("ls", "wls")
+            else f"Converged in {fit.nit} iterations."
+        )
+    if fit.status == "maxiter":
+        return (
+            f"Not settled after {fit.nit} iterations: raise maxiter, take fewer poles or zeros, "
+            "or a narrower band "
+            f"than {fit.band[1]:.4g} rad/s."
+        )
+    if fit.status == "rank":
+        return (
+            "The samples cannot tell the parameters apart: take fewer poles or zeros, or a record "
+            "in which the "
+            "input moves more or longer."
+        )
+    return (
+        "The numbers left the range of floating point: look for samples that are absurdly large, "
+        "a structure of "
+        "too high an order, or a record without any signal."
+    )
+
+
+def warnings_of(fit: Fit) -> list[str]:
+    """What deserves a warning when the fit is made."""
+    if not fit.success:
+        return [f"fit: {message(fit)}"]
+    found = [text for text in (_few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
+    if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
+        found.append(text)
+    return [f"fit: {text}" for text in found]
+
+
+def _few_samples(fit: Fit) -> str | None:
+    samples = fewest_samples(fit)
+    if samples >= FEW_SAMPLES:
+        return None
+    return (
+        f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "
+        f"{FEW_SAMPLES:.0f} quadrature errors grow: lower the band or sample faster."
+    )
+
+
+def _unstable(fit: Fit) -> str | None:
+    growing = growth(fit)
+    if growing <= 0:
+        return None
+    return (
+        f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
+        f"{np.log(2) / growing:.3g} s). Right for an unstable system, else a sign of too many "
+        "poles or a band "
+        "without signal."
+    )
+
+
+def _minima(fit: Fit) -> str | None:
+    rule = fit.band_rule
+    if rule is None:
+        return None
+    wide, narrow = rule["cost_wide"], rule["cost_narrow"]
+    if not (np.isfinite(wide) and np.isfinite(narrow)) or abs(wide - narrow) <= 1e-6 * min(wide, narrow):
+        return None
+    return (
+        f"Two minima were found over the wide band, with costs {min(wide, narrow):.6g} and "
+        f"{max(wide, narrow):.6g}; "
+        "the lower one was taken. Often a delay is missing from the structure, or it has too many poles."
+    )
+
+
+def _condition(fit: Fit) -> str | None:
+    if fit.cond <= CONDITION:
+        return None
+    return (
+        f"The regressors are nearly dependent (condition number {fit.cond:.2g}): take fewer poles "
+        "or zeros, or a "
+        "record with more excitation."
+    )
+
+
+def _disagreement(fit: Fit) -> str | None:
+    ratio = disagreement(fit)
+    if not ratio > DISAGREE:
+        return None
+    return (
+        f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}: the noise is "
+        "not white over "
+        "the band, or the model too simple. Trust HC3, or narrow the band (now up to "
+        f"{fit.band[1]:.4g} rad/s)."
+    )
+
+
+def check(fit: Fit) -> Findings:
+    """What is wrong or doubtful about a fit; see `Fit.check`."""
+    title = f"Check of {one_line(fit)}"
+    if not np.all(np.isfinite(fit.params)):
+        return Findings(title, [message(fit)])
+    d = diagnose(fit)
+    found: list[str | None] = [None if fit.success else message(fit), _unstable(fit)]
+    if d.chi2_p < UNLIKELY or d.level_ratio > LEVEL:
+        found.append(
+            f"The residuals are {d.level_ratio:.3g} times the noise level of the unused high band "
+            f"({fit.sigma:.4g} "
+            f"against {fit.high_band_sigma:.4g}): chi-square {fit.chi2:.4g} for {fit.df_resid} "
+            "degrees of freedom. "
+            "Either the model misses something, or the record was low-pass filtered and the high "
+            "band is empty of "
+            "noise, as flight records often are."
+        )
+    elif d.level_ratio < 1 / LEVEL:
+        found.append(
+            f"The residuals are only {d.level_ratio:.3g} of the noise level of the unused high band "
+            f"({fit.sigma:.4g} against {fit.high_band_sigma:.4g}): the noise is stronger at high "
+            "frequency, or there "
+            f"is signal there."
+        )
+    if d.colour.p_value < UNLIKELY:
+        found.append(
+            "The residual lines are not of one level over the band (lower half "
+            f"{d.colour_ratio:.3g} times the upper "
+            f"half, p = {d.colour.p_value:.2g}): the noise is coloured or the model misses part of the band; "
+            "classical standard errors do not hold, HC3 does."
+        )
+    if d.correlation.p_value < UNLIKELY:
+        found.append(
+            f"Neighbouring residual lines are correlated (Ljung-Box {d.correlation.statistic:.3g}, p = "
+            f"{d.correlation.p_value:.2g}): something short in time is not explained, such as a "
+            "gust, a step of "
+            "another input or clipping; look at plot_response()."
+        )
+    for lag in d.lags:
+        if lag.p_value >= UNLIKELY:
+            continue
+        if lag.path:
+            found.append(
+                f"The residuals correlate with {lag.channel}: "
+                f"{'more' if lag.amount > 0 else 'less'} delay by about "
+                f"{abs(lag.amount):.3g} s (standard error {lag.bse:.2g}, p = {lag.p_value:.2g}) "
+                "or one more zero "
+                "would reduce them."
+            )
+        else:
+            found.append(
+                f"The residuals correlate with {lag.channel} (p = {lag.p_value:.2g}), which has "
+                "no path in the "
+                "structure: give it zeros."
+            )
+    found += [_disagreement(fit), _minima(fit), _few_samples(fit), _condition(fit)]
+    return Findings(title, [text for text in found if text])
+
+
+def one_line(fit: Fit) -> str:
+    """A fit on one line."""
+    numbers = ", ".join(
+        f"{name}={value:.5g}±{error:.2g}"
+        for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
+    )
+    path = (
+        f"{', '.join(fit.inputs)} -> {fit.outputs[0]}" if fit.inputs else f"free motion of {fit.outputs[0]}"
+    )
+    return f"Fit({path}, {fit.options.method}, {fit.status}: {numbers})"
+
+
+class Summary:
+    """The fit on one page: prints as text, shows as HTML in a notebook."""
+
+    def __init__(self, fit: Fit) -> None:
+        self.facts = _facts(fit)
+        self.parameters = _parameters(fit)
+        finite = bool(np.all(np.isfinite(fit.params)))
+        self.poles = fit.damp() if finite else None
+        self.findings = check(fit)
+
+    def __str__(self) -> str:
+        width = max(len(name) for name, _ in self.facts)
+        lines = [f"{name.ljust(width)}  {text}" for name, text in self.facts]
+        rule = "-" * 88
+        parts = ["\n".join(lines), str(self.parameters)]
+        if self.poles is not None:
+            parts.append(str(self.poles))
+        parts.append("\n".join(f"* {text}" for text in self.findings) or "Checks: nothing wrong was found.")
+        return f"\n{rule}\n".join(parts)
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        parts = [html.table(("", ""), self.facts), self.parameters._repr_html_()]
+        if self.poles is not None:
+            parts.append(self.poles._repr_html_())
+        parts.append(
+            html.listing(
+                self.findings, title="Checks" if self.findings else "Checks: nothing wrong was found."
+            )
+        )
+        return "".join(parts)
+
+
+def _facts(fit: Fit) -> list[tuple[str, str]]:
+    late = "".join(f", {name} delayed {d:.6g} s" for name, d in zip(fit.inputs, fit.delays, strict=True) if d)
+    spans = [
+        f"{n} intervals in {2 * np.pi / w:.6g} s" for n, w in zip(fit.intervals, fit.omega0, strict=True)
+    ]
+    return [
+        ("Model", f"{', '.join(fit.inputs) or 'free motion'} -> {fit.outputs[0]}: {fit.structure!r}{late}"),
+        ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
+        ("Method", f"{fit.options.method}; {fit.status}. {message(fit)}"),
+        ("Band", _band(fit)),
+        (
+            "Trend",
+            f"{fit.trend or 'none'}{' (default for this structure)' if fit.options.trend == 'auto' else ''}",
+        ),
+        ("Noise", _noise(fit)),
+        ("Chi-square", _chi2(fit)),
+        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
+        ("Errors", f"{fit.cov_type}; Student's t with {fit.df_resid} degrees of freedom"),
+    ]
+
+
+def _band(fit: Fit) -> str:
+    low, high = fit.band
+    lines = ", ".join(f"{lo} to {hi}" for lo, hi in dict.fromkeys(fit.lines))
+    text = f"{low:.4g} to {high:.4g} rad/s (lines {lines})"
+    rule = fit.band_rule
+    if rule is not None:
+        return (
+            f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
+            f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
+        )
+    if fit.options.band is not None:
+        return f"{text}: given as band"
+    if fit.options.harmonics is not None:
+        return f"{text}: given as harmonics M = {fit.options.harmonics}"
+    return f"{text}: M = 3 times the number of unknowns"
+
+
+def _noise(fit: Fit) -> str:
+    if fit.options.noise == "equation":
+        return f"white equation error; level {fit.sigma:.4g}"
+    if fit.options.method in ("ls", "wls"):
+        return f"not used by {fit.options.method}; level of the equation error {fit.sigma:.4g}"
+    text = f"white on {fit.outputs[0]}, standard deviation {fit.sigma:.4g}"
+    return (
+        text
+        if np.isnan(fit.high_band_sigma)
+        else f"{text}; in the unused high band {fit.high_band_sigma:.4g}"
+    )
+
+
+def _chi2(fit: Fit) -> str:
+    if np.isnan(fit.chi2):
+        return "not available (needs even samples, output noise, and awls or ml)"
+    ratio = fit.sigma / fit.high_band_sigma
+    verdict = (
+        "as it should be"
+        if 1 / LEVEL < ratio < LEVEL
+        else "residuals above the high band's level: model too simple, or filtered record"
+        if ratio >= LEVEL
+        else "residuals below the high band's level"
+    )
+    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom: {verdict}"
+
+
+def _parameters(fit: Fit) -> Table:
+    classical = np.sqrt(np.diag(fit.cov_nonrobust))
+    robust = np.sqrt(np.diag(fit.cov_hc3))
+    interval = fit.conf_int()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = fit.params / fit.bse
+    return Table(
+        {
+            "parameter": list(fit.param_names),
+            "value": fit.params,
+            "se HC3": robust,
+            "se classical": classical,
+            "t": ratio,
+            "2.5 %": interval[:, 0],
+            "97.5 %": interval[:, 1],
+        }
+    )

@@ -1,0 +1,155 @@
+"""The options of a fit: checked once, kept with the result."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any, TypedDict
+
+import numpy as np
+
+from .errors import SpecError
+from .tables import nearest
+
+__all__ = ["Choices", "Options"]
+
+WORDS: dict[str, tuple[str, ...]] = {
+    "method": ("ls", "wls", "awls", "ml"),
+    "noise": ("output", "equation"),
+    "cov_type": ("HC3", "nonrobust"),
+    "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
+}
+TRENDS = ("auto", "constant", "linear")
+
+
+class Choices(TypedDict, total=False):
+    """What may be given to `fit`, `Estimator` and `fit_many` by keyword; see `fit`."""
+
+    method: str
+    band: float | tuple[float, float] | None
+    harmonics: int | None
+    trend: str | None
+    noise: str
+    cov_type: str
+    rule: str
+    extended: bool
+    tol: float
+    maxiter: int
+
+
+@dataclass(frozen=True)
+class Options:
+    """Checked options of a fit; `band` is None or (lower, upper) in rad/s."""
+
+    method: str = "ml"
+    band: tuple[float, float] | None = None
+    harmonics: int | None = None
+    trend: str | None = "auto"
+    noise: str = "output"
+    cov_type: str = "HC3"
+    rule: str = "gregory"
+    extended: bool = True
+    tol: float = 1e-9
+    maxiter: int = 50
+
+    @classmethod
+    def checked(cls, what: str, **given: Any) -> Options:
+        """Options from what a user wrote.
+
+        Parameters
+        ----------
+        what : str
+            Whose options they are, for the messages ("fit", "Estimator", ...).
+        **given
+            The options.
+
+        Raises
+        ------
+        SpecError
+            An unknown option or word, or a number out of range.
+        """
+        known = [field.name for field in fields(cls)]
+        for name in given:
+            if name not in known:
+                raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
+        for name, words in WORDS.items():
+            if name in given and not (isinstance(given[name], str) and given[name] in words):
+                raise SpecError(
+                    f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}"
+                )
+        trend = given.get("trend")
+        if trend is not None and not (isinstance(trend, str) and trend in TRENDS):
+            raise SpecError(f"{what}: trend={trend!r} is not available; {nearest(trend, [*TRENDS, 'None'])}")
+        checked = dict(given)
+        if given.get("band") is not None:
+            checked["band"] = _band(what, given["band"])
+        if given.get("harmonics") is not None:
+            if checked.get("band") is not None:
+                raise SpecError(
+                    f"{what}: band={given['band']!r} and harmonics={given['harmonics']!r} say the same thing "
+                    "twice; give one of them, or neither for the default rule"
+                )
+            checked["harmonics"] = _integer(what, "harmonics", given["harmonics"], 1)
+        if "maxiter" in given:
+            checked["maxiter"] = _integer(what, "maxiter", given["maxiter"], 1)
+        if "tol" in given:
+            checked["tol"] = _number(what, "tol", given["tol"])
+            if not 0 < checked["tol"] < 1:
+                raise SpecError(f"{what}: tol={given['tol']!r} must lie between 0 and 1; the default is 1e-9")
+        if "extended" in given and not isinstance(given["extended"], bool | np.bool_):
+            raise SpecError(
+                f"{what}: extended={given['extended']!r} must be True (indices from -n/2, no information "
+                "lost) or False (the report's 0..M)"
+            )
+        if "extended" in given:
+            checked["extended"] = bool(given["extended"])
+        return cls(**checked)
+
+    def settled(self) -> Options:
+        """The same with trend="auto" settled: "constant", as trimmed records of linear models need."""
+        if self.trend != "auto":
+            return self
+        return self.replace(trend="constant")
+
+    def replace(self, **changes: Any) -> Options:
+        """The same with some options changed (unchecked)."""
+        return Options(**{**asdict(self), **changes})
+
+    def given(self) -> dict[str, Any]:
+        """Options that differ from the defaults, by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+
+    def core(self) -> dict[str, Any]:
+        """Keywords of the compiled core (all but the choice of the reported covariance)."""
+        words = asdict(self.settled())
+        del words["cov_type"]
+        return words
+
+
+def _band(what: str, band: Any) -> tuple[float, float]:
+    edges = band if isinstance(band, tuple | list | np.ndarray) else (0.0, band)
+    if len(edges) != 2:
+        raise SpecError(f"{what}: band={band!r} must be the upper edge or (lower, upper), in rad/s")
+    low, high = (_number(what, "band", edge) for edge in edges)
+    if not 0 <= low < high:
+        raise SpecError(
+            f"{what}: band={band!r} must satisfy 0 <= lower < upper (rad/s; an edge in Hz times 2 pi)"
+        )
+    return low, high
+
+
+def _number(what: str, name: str, value: Any) -> float:
+    try:
+        if isinstance(value, bool | str):
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError):
+        raise SpecError(f"{what}: {name}={value!r} must be a number") from None
+    if not np.isfinite(number):
+        raise SpecError(f"{what}: {name}={value!r} must be finite")
+    return number
+
+
+def _integer(what: str, name: str, value: Any, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise SpecError(f"{what}: {name}={value!r} must be a whole number from {least} on")
+    return int(value)

@@ -1,0 +1,450 @@
+"""The result of a fit: parameters with their uncertainty, the model, and what follows from them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import derived as derivations
+from . import explain, prediction, validation
+from .errors import DataError, FitError, SpecError
+from .lti import LTI, ss, tf
+from .options import Options
+from .prediction import InitialState
+from .records import Record
+from .structures import TransferFunction
+from .tables import Findings, Table, nearest
+
+__all__ = ["Fit"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """A fitted transfer function.
+
+    Made by `fit`, an `Estimator` or `load`. Methods that take a record use the fit's own when it is left
+    out; where the fit has several, say which by its index (`fit.predict(1)`) or give any Record with the
+    same channels.
+
+    Attributes
+    ----------
+    params : (p,) array
+        Estimates in the order of `param_names`: a1 ... an, then the numerator of each input in descending
+        powers.
+    param_names : tuple of str
+    cov_nonrobust, cov_hc3 : (p, p) arrays
+        Covariance with the classical formula and with HC3, which assumes nothing about the noise colour.
+        `cov_params()` and `bse` follow `cov_type`.
+    cost : float
+        The minimised weighted sum of squares, in units of the output squared where the weighting is that
+        of output noise.
+    sigma : float
+        Noise standard deviation on a sample of the output, sqrt(cost / df_resid).
+    df_resid : int
+        Real equations less unknowns (transient and trend included).
+    status : str
+        "ok", "maxiter", "rank" or "nonfinite".
+    nit : int
+        Iterations.
+    lines : tuple of (int, int)
+        Lowest and highest harmonic used, a record.
+    omega0 : tuple of float
+        Line spacing 2 pi / T in rad/s, a record.
+    intervals, steps : tuples
+        Sampling intervals used and their length in s (None: uneven), a record.
+    high_band_sigma : float
+        Noise level of the output from the unused upper harmonics; nan where not available.
+    band_rule : dict or None
+        Numbers of the default rule that chose the band; None where the band was given.
+    structure : TransferFunction
+        What was fitted.
+    options : Options
+        How it was fitted.
+    records : tuple of Record or None
+        The fit's own records; None after `load`.
+    """
+
+    structure: TransferFunction
+    options: Options
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    units: dict[str, str]
+    intersample: tuple[str, ...]
+    numerators: tuple[int | None, ...]
+    delays: tuple[float, ...]
+    param_names: tuple[str, ...]
+    params: F64
+    cov_nonrobust: F64
+    cov_hc3: F64
+    cost: float
+    sigma: float
+    df_resid: int
+    status: str
+    nit: int
+    lines: tuple[tuple[int, int], ...]
+    omega0: tuple[float, ...]
+    intervals: tuple[int, ...]
+    steps: tuple[float | None, ...]
+    gram: F64
+    high_band_sigma: float
+    band_rule: dict[str, float] | None
+    pieces: tuple[C128, ...]
+    records: tuple[Record, ...] | None = None
+
+    # Estimates and their uncertainty ------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self.param_names:
+            raise SpecError(f"the fit has no parameter {name!r}; {nearest(name, self.param_names)}")
+        return float(self.params[self.param_names.index(name)])
+
+    @property
+    def cov_type(self) -> str:
+        """Which covariance `bse`, `conf_int` and everything derived use."""
+        return self.options.cov_type
+
+    @property
+    def bse(self) -> F64:
+        """Standard errors of the parameters."""
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.diag(self.cov_params()))
+
+    def cov_params(self, cov_type: str | None = None) -> F64:
+        """Covariance matrix of the parameters, "HC3" or "nonrobust" (default: the fit's)."""
+        kind = (
+            self.cov_type if cov_type is None else Options.checked("cov_params", cov_type=cov_type).cov_type
+        )
+        return (self.cov_hc3 if kind == "HC3" else self.cov_nonrobust).copy()
+
+    def conf_int(self, level: float = 0.95) -> F64:
+        """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
+        if not (isinstance(level, float | int) and 0 < level < 1):
+            raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
+        return np.column_stack(self.interval(self.params, self.bse, level))
+
+    def interval(self, values: F64, errors: F64, level: float = 0.95) -> tuple[F64, F64]:
+        """Lower and upper limits of estimates with these standard errors (Student's t)."""
+        from scipy.stats import t as student
+
+        factor = float(student.ppf(0.5 + level / 2, self.df_resid)) if self.df_resid > 0 else float("nan")
+        return values - factor * errors, values + factor * errors
+
+    def estimates(self) -> dict[str, float]:
+        """Estimates by name."""
+        return dict(zip(self.param_names, self.params.tolist(), strict=True))
+
+    def derived(self, **expressions: str | Callable[[Mapping[str, float]], float]) -> Table:
+        """Functions of the parameters with standard errors by the delta method.
+
+        Parameters
+        ----------
+        **expressions : str or callable
+            Name and expression, as ``wn="sqrt(a2)"``: parameter names, numbers, + - * / ** and the
+            functions of signal texts. Or a function of a mapping from parameter name to value (for names
+            that are no identifiers, as ``lambda p: p["b0[de]"] / p["a2"]``).
+
+        Returns
+        -------
+        Table
+            Columns name, value, bse, low and high (95 %).
+        """
+        self._need_numbers("derived")
+        return derivations.derived(self, expressions)
+
+    def damp(self) -> Table:
+        """Poles with natural frequency, damping ratio, time constant and standard errors.
+
+        One row a complex pair (upper member) and one a real pole. omega in rad/s, time constants in s;
+        standard errors by the delta method, dp/da_j = -p^(n-j)/A'(p). A repeated pole has no finite ones.
+        """
+        self._need_numbers("damp")
+        return derivations.damp(self)
+
+    # How it went --------------------------------------------------------------------------------
+
+    @property
+    def success(self) -> bool:
+        """Whether the estimate can be used (status "ok")."""
+        return self.status == "ok"
+
+    @property
+    def message(self) -> str:
+        """The status in words, with the cure."""
+        return explain.message(self)
+
+    @property
+    def cond(self) -> float:
+        """Condition number of the whitened, column-scaled regressors (transient projected out)."""
+        if not np.all(np.isfinite(self.gram)):
+            return float("inf")
+        eigenvalues = np.linalg.eigvalsh(self.gram)
+        return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else float("inf")
+
+    @property
+    def chi2(self) -> float:
+        """Cost in units of the noise variance seen in the unused high band: about `df_resid` if all is well.
+
+        nan where that level is not available, or where the method does not weight by the noise.
+        """
+        comparable = self.options.noise == "output" and self.options.method in ("awls", "ml")
+        if not comparable or not self.high_band_sigma > 0:
+            return float("nan")
+        return self.cost / self.high_band_sigma**2
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion N log(cost/N) + p log N over the N real equations.
+
+        Comparable between fits of the same records over the same band only.
+        """
+        rows = self.df_resid + self.params.size
+        with np.errstate(divide="ignore"):
+            return float(rows * np.log(self.cost / rows) + self.params.size * np.log(rows))
+
+    @property
+    def trend(self) -> str | None:
+        """Trend fitted beside the model: None, "constant" or "linear"."""
+        return self.options.settled().trend
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency used, rad/s (over all records)."""
+        pairs = [(lo * w, hi * w) for (lo, hi), w in zip(self.lines, self.omega0, strict=True)]
+        return min(p[0] for p in pairs), max(p[1] for p in pairs)
+
+    @property
+    def harmonics(self) -> int:
+        """M, the highest modulating index: the highest line less the order n (largest over the records)."""
+        return max(hi for _, hi in self.lines) - self.order
+
+    @property
+    def order(self) -> int:
+        """Number of poles n."""
+        return int(self.structure.poles)
+
+    @property
+    def residuals(self) -> C128:
+        """Whitened residuals over the lines m: variance one in Re and in Im.
+
+        Several records follow one another; `lines` says how many lines each has.
+        """
+        return np.concatenate(self.pieces) if self.pieces else np.zeros(0, complex)
+
+    def check(self) -> Findings:
+        """What is wrong or doubtful about the fit, in sentences with numbers."""
+        return explain.check(self)
+
+    def summary(self) -> explain.Summary:
+        """All of the fit on one page; prints, and shows as HTML in a notebook."""
+        return explain.Summary(self)
+
+    # The model ----------------------------------------------------------------------------------
+
+    @property
+    def model(self) -> LTI:
+        """The fitted transfer function as an LTI system."""
+        self._need_numbers("model")
+        den, nums = self.polynomials()
+        if nums:
+            return tf([nums], den, delay=self.delays)
+        n = self.order  # free motion: the companion form without inputs
+        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
+        return ss(companion, np.zeros((n, 0)), np.eye(n)[:1])
+
+    def polynomials(self, params: F64 | None = None) -> tuple[F64, list[F64]]:
+        """Denominator (monic) and one numerator an input, descending powers; no path: [0]."""
+        theta = self.params if params is None else params
+        n = self.order
+        numerators, start = [], n
+        for degree in self.numerators:
+            stop = start + (0 if degree is None else degree + 1)
+            numerators.append(theta[start:stop] if degree is not None else np.zeros(1))
+            start = stop
+        return np.concatenate([[1.0], theta[:n]]), numerators
+
+    def frequency_response(self, omega: ArrayLike) -> tuple[C128, C128]:
+        """Frequency response and its gradient with respect to the parameters.
+
+        Parameters
+        ----------
+        omega : (f,) array_like
+            rad/s.
+
+        Returns
+        -------
+        response : (input, f) complex array
+        gradient : (p, input, f) complex array
+            With cov = fit.cov_params(), the standard error of a real function of the response follows by
+            the delta method.
+        """
+        self._need_numbers("frequency_response")
+        return derivations.frequency_response(self, np.asarray(omega, float))
+
+    # Against records ----------------------------------------------------------------------------
+
+    def predict(
+        self, rec: Record | int | None = None, *, initial_state: str | ArrayLike | InitialState | None = None
+    ) -> Record:
+        """Simulate a record from its inputs (never one step ahead).
+
+        Initial state and trend are fitted to the record's output by linear least squares on the free
+        response. Inputs with a delay are held at their first value before the record, so the first
+        ceil(delay/dt) samples rest on a guess; the fit itself did not use them.
+
+        Parameters
+        ----------
+        rec : Record or int, optional
+            Any record with the fit's channels; an index means one of the fit's own.
+        initial_state : "zero", array or InitialState, optional
+            Instead of a fitted one: y, y', ... of the free response at the first sample. The trend is
+            fitted all the same.
+
+        Returns
+        -------
+        Record
+            The same inputs and times, the simulated output.
+        """
+        record = self._record(rec, "predict")
+        simulated, _ = prediction.simulate_fit(self, record, initial_state)
+        return record._like(y=simulated)
+
+    def errors(self, rec: Record | int | None = None) -> F64:
+        """Measured less simulated output in time, (output, time)."""
+        record = self._record(rec, "errors")
+        return record.y - prediction.simulate_fit(self, record, None)[0]
+
+    def initial_state(self, rec: Record | int | None = None, method: str = "lstsq") -> InitialState:
+        """Initial state (y, y', ... of the free response at the first sample) by least squares.
+
+        Parameters
+        ----------
+        rec : Record or int, optional
+        method : "lstsq"
+            Least squares on the sampled free response, the trend fitted beside.
+
+        Returns
+        -------
+        InitialState
+            `.state`, `.cov`, `.bse`, `.trend`; usable as an array.
+        """
+        if method != "lstsq":
+            raise SpecError(
+                f"initial_state: method={method!r} is not available; {nearest(method, ['lstsq'])}"
+            )
+        record = self._record(rec, "initial_state")
+        return prediction.simulate_fit(self, record, None)[1]
+
+    def score(self, rec: Record | int | None = None) -> Table:
+        """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
+
+        Without `rec`, every record of the fit has its rows. See `modfun.validation` for the formulas.
+        """
+        if rec is None and self.records is not None and len(self.records) > 1:
+            parts = [(i, self.score(i)) for i in range(len(self.records))]
+            columns: dict[str, list[Any]] = {"record": [i for i, part in parts for _ in range(len(part))]}
+            for name in parts[0][1].columns:
+                columns[name] = [value for _, part in parts for value in part[name].tolist()]
+            return Table(columns)
+        record = self._record(rec, "score")
+        simulated, _ = prediction.simulate_fit(self, record, None)
+        pairs = list(zip(record.y, simulated, strict=True))
+        return Table(
+            {
+                "output": list(record.outputs),
+                "signal_to_error": [validation.signal_to_error(*pair) for pair in pairs],
+                "fit_percent": [validation.fit_percent(*pair) for pair in pairs],
+                "r2": [validation.r2(*pair) for pair in pairs],
+                "theil": [validation.theil(*pair) for pair in pairs],
+            }
+        )
+
+    def _record(self, rec: Record | int | None, what: str) -> Record:
+        self._need_numbers(what)
+        own = self.records
+        if isinstance(rec, Record):
+            if rec.outputs != self.outputs or rec.inputs != self.inputs:
+                raise DataError(
+                    f"{what}: the record has outputs {list(rec.outputs)} and inputs "
+                    f"{list(rec.inputs)}, the fit "
+                    f"{list(self.outputs)} and {list(self.inputs)}; name or select the record's channels so"
+                )
+            return rec
+        if rec is not None and (isinstance(rec, bool) or not isinstance(rec, int | np.integer)):
+            raise SpecError(
+                f"{what}: expected a Record or the index of one of the fit's own, got {type(rec).__name__}"
+            )
+        if own is None:
+            raise FitError(
+                f"{what}: this fit was loaded without its samples; give the record, fit.{what}(rec)"
+            )
+        if rec is None:
+            if len(own) > 1:
+                raise SpecError(f"{what}: the fit has {len(own)} records; say which, as fit.{what}(0)")
+            return own[0]
+        if not -len(own) <= rec < len(own):
+            raise SpecError(f"{what}: the fit has {len(own)} record(s), there is no record {rec}")
+        return own[int(rec)]
+
+    def _need_numbers(self, what: str) -> None:
+        if not np.all(np.isfinite(self.params)):
+            raise FitError(
+                f"{what}: the fit has no finite parameters (status {self.status!r}). {self.message}"
+            )
+
+    # Plots --------------------------------------------------------------------------------------
+
+    def plot_response(self, rec: Record | int | None = None, *, ax: Any = None) -> Any:
+        """Measured and simulated output with the error below; see `modfun.plot.response`."""
+        from . import plot
+
+        return plot.response(self, rec, ax=ax)
+
+    def plot_bode(self, *, band: tuple[float, float] | None = None, hz: bool = False, ax: Any = None) -> Any:
+        """Bode plot with a 95 % band; see `modfun.plot.bode`."""
+        from . import plot
+
+        return plot.bode(self, band=band, hz=hz, ax=ax)
+
+    def plot_residuals(self, *, ax: Any = None) -> Any:
+        """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
+        from . import plot
+
+        return plot.residuals(self, ax=ax)
+
+    def plot_poles(self, *, ax: Any = None) -> Any:
+        """Poles with 95 % confidence ellipses; see `modfun.plot.poles`."""
+        from . import plot
+
+        return plot.poles(self, ax=ax)
+
+    # Keeping it ---------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the samples, as plain Python values; numbers are kept exactly."""
+        from .storage import fit_to_dict
+
+        return fit_to_dict(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write the fit (without the samples) as JSON; `modfun.load` reads it."""
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        Path(path).write_text(text + "\n", encoding="utf-8")
+
+    def without_samples(self) -> Fit:
+        """The same fit without the records it came from."""
+        return replace(self, records=None)
+
+    def __repr__(self) -> str:
+        return explain.one_line(self)
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
