@@ -18,12 +18,12 @@ const LEAST: usize = 4;
 /// [`Error::Data`] where the record is too short for at least four such lines.
 pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
     let intervals = samples.len().saturating_sub(1);
-    let q = order + 2;
+    let q = order.saturating_add(2);
     let (low, top) = (intervals.div_ceil(4), intervals / 2);
-    if top + 1 < low + q + LEAST {
+    if (top + 1).saturating_sub(low + LEAST) < q {
         return Err(Error::Data(format!(
             "the noise level at order {order} needs at least {} samples, the record has {}; take a longer record or give the noise",
-            4 * (q + LEAST) - 3,
+            q.saturating_add(LEAST).saturating_mul(4) - 3,
             samples.len()
         )));
     }

@@ -574,7 +574,7 @@ fn unit_variance(weights: &[f64], span: f64) -> f64 {
 }
 
 fn check_harmonics(intervals: usize, harmonics: usize) -> Result<(), Error> {
-    if 2 * harmonics > intervals {
+    if harmonics > intervals / 2 {
         return Err(Error::Spec(format!(
             "harmonic {harmonics} lies above half the sampling rate: a window of {intervals} intervals has harmonics up to {}; lower the band or sample faster",
             intervals / 2

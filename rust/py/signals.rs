@@ -48,9 +48,8 @@ fn coefficients<'py>(
         ))));
     }
     let work = || -> Result<Vec<Complex64>, Error> {
-        let mut out = Vec::with_capacity(channels * (harmonics + 1));
-        let (mut re, mut im) = (vec![0.0; harmonics + 1], vec![0.0; harmonics + 1]);
-        for (channel, record) in values.chunks_exact(length.max(1)).enumerate() {
+        let mut out = Vec::new();
+        for channel in 0..channels {
             let kind = Kind::from_name(&kinds[channel])?;
             let plan = match t {
                 None => CoefficientPlan::new(window(length, lead)?, harmonics, kind, delays[channel], lead)?,
@@ -59,7 +58,8 @@ fn coefficients<'py>(
                     CoefficientPlan::uneven(t, harmonics, kind)?
                 }
             };
-            plan.run(record, &mut re, &mut im)?;
+            let (mut re, mut im) = (vec![0.0; harmonics + 1], vec![0.0; harmonics + 1]);
+            plan.run(&values[channel * length..][..length], &mut re, &mut im)?;
             out.extend(re.iter().zip(&im).map(|(re, im)| Complex64::new(*re, *im)));
         }
         Ok(out)
@@ -83,6 +83,12 @@ fn quadrature_weights<'py>(
             names.join(", ")
         ))));
     };
+    if intervals > 1 << 30 {
+        let text = format!(
+            "the weights of {intervals} intervals were asked for; there are at most 2³⁰, shorten the record"
+        );
+        return Err(to_python(Error::Spec(text)));
+    }
     let weights = match t {
         None => rule.weights(intervals),
         Some(t) => {
@@ -110,9 +116,8 @@ fn noise_level<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let length = samples.shape()[1];
     let values = finite(&samples, "samples", length)?;
-    let levels: Result<Vec<f64>, Error> = values
-        .chunks_exact(length.max(1))
-        .map(|record| modfun::noise_level::noise_level(record, order))
+    let levels: Result<Vec<f64>, Error> = (0..samples.shape()[0])
+        .map(|channel| modfun::noise_level::noise_level(&values[channel * length..][..length], order))
         .collect();
     Ok(vector(py, levels.map_err(to_python)?))
 }
@@ -215,11 +220,11 @@ fn finite<'a, D: Dimension>(
 
 /// Intervals of the window that starts `lead` samples late.
 fn window(length: usize, lead: usize) -> Result<usize, Error> {
-    match length.checked_sub(lead + 1) {
+    match length.checked_sub(lead.saturating_add(1)) {
         Some(intervals) if intervals > 0 => Ok(intervals),
         _ => Err(Error::Data(format!(
             "a window that starts {lead} samples late needs at least {} samples, the record has {length}; take a longer record or a shorter delay",
-            lead + 2
+            lead.saturating_add(2)
         ))),
     }
 }
