@@ -1,8 +1,10 @@
 //! The extension module `modfun._core`: converts, calls the core, converts back.
 
 mod arrays;
+mod enter;
 mod errors;
 mod fit;
+mod random;
 mod signals;
 
 use pyo3::prelude::*;
@@ -13,5 +15,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(fit::fit, module)?)?;
     signals::register(module)?;
+    module.add_function(wrap_pyfunction!(random::normals, module)?)?;
+    module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;
+    module.add_function(wrap_pyfunction!(enter::_panic_for_tests, module)?)?;
+    module.add_function(wrap_pyfunction!(enter::_wait_for_tests, module)?)?;
     Ok(())
 }
