@@ -1,0 +1,489 @@
+"""Established estimators to compare with, on SciPy: continuous output error, discrete prediction error, ARX.
+
+Each is made from a structure and called with a record; it returns its parameters by name and raises
+`FitError` where it finds none, so that a Monte Carlo study can count the failures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import floor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError, FitError, SpecError
+from .propagate import Inputs
+from .records import Record
+from .sensitivities import Sensitivities, time_unit
+from .simulation import regressors
+from .structures import TransferFunction
+
+__all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
+
+
+def output_error(
+    model: TransferFunction,
+    *,
+    initial_state: str = "free",
+    trend: str | None = None,
+    start: Mapping[str, float] | None = None,
+    maxiter: int = 100,
+) -> OutputError:
+    """Continuous-time output error: least squares between measured and exactly simulated output.
+
+    Levenberg–Marquardt (SciPy's MINPACK) with exact derivatives, from the report's one-shot estimate,
+    eq. (19), unstable poles mirrored, or from a given point. Under white noise it is maximum likelihood.
+
+    Parameters
+    ----------
+    model : TransferFunction
+        What is fitted.
+    initial_state : {"free", "zero"}
+        Whether the initial state is estimated, too.
+    trend : {None, "constant", "linear"}
+        Offset, or offset and slope, of the output, estimated, too.
+    start : mapping of str to float, optional
+        Parameters to start from, all of them (a Fit's ``dict(zip(fit.param_names, fit.params))``).
+    maxiter : int
+        Most evaluations of the output.
+
+    Returns
+    -------
+    OutputError
+        Call it with a record.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    >>> estimate = output_error(mf.TransferFunction(poles=2, zeros=0))
+    >>> {name: round(value, 3) for name, value in estimate(rec).items()}
+    {'a1': 3.0, 'a2': 8.0, 'b0': 5.0}
+    """
+    _check(model, "output_error", initial_state, ("free", "zero"), trend, maxiter)
+    return OutputError(model, initial_state, trend, None if start is None else dict(start), maxiter)
+
+
+def pem(
+    model: TransferFunction,
+    *,
+    initial_state: str = "estimated",
+    trend: str | None = None,
+    maxiter: int = 100,
+) -> PredictionError:
+    """Discrete-time output-error model of the same order, converted to continuous time.
+
+    y_k = Σ B(q)/F(q) u_k + e_k with n coefficients in F and in each B (one more where the structure feeds
+    through), fitted by Levenberg–Marquardt (SciPy's MINPACK) from ARX least squares and ten steps of
+    Steiglitz and McBride, then converted as a sampled system with held input. The conversion gives a
+    numerator of degree n − 1 whatever the structure; its coefficients of the structure's degree and below
+    are kept, among them the gain at rest. Delays are rounded to whole samples.
+
+    Parameters
+    ----------
+    model : TransferFunction
+        What is fitted.
+    initial_state : {"estimated", "zero"}
+        Whether the n initial conditions are estimated, too.
+    trend : {None, "constant", "linear"}
+        Offset, or offset and slope, of the output, estimated, too.
+    maxiter : int
+        Most evaluations of the output.
+
+    Returns
+    -------
+    PredictionError
+        Call it with a record.
+    """
+    _check(model, "pem", initial_state, ("estimated", "zero"), trend, maxiter)
+    return PredictionError(model, initial_state, trend, maxiter)
+
+
+def arx(model: TransferFunction) -> ARX:
+    """Discrete-time ARX least squares, converted to continuous time as `pem` does it.
+
+    Cheap, and biased under output noise, the more so the faster the sampling.
+
+    Parameters
+    ----------
+    model : TransferFunction
+        What is fitted.
+
+    Returns
+    -------
+    ARX
+        Call it with a record.
+    """
+    _check(model, "arx", "zero", ("zero",), None, 1)
+    return ARX(model)
+
+
+# Continuous time ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """Continuous-time output error; made by `output_error`."""
+
+    model: TransferFunction
+    initial_state: str
+    trend: str | None
+    start: dict[str, float] | None
+    maxiter: int
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return "output error" if self.initial_state == "free" else "output error (from rest)"
+
+    def __call__(self, rec: Record, rng: Any = None) -> dict[str, float]:
+        """Estimate the parameters from a record; raises FitError where that fails."""
+        _check_record(rec, self.model, self.name)
+        inputs = len(rec.inputs)
+        names = self.model.param_names(rec.inputs)
+        degrees = self.model.numerators(inputs)
+        n, count = self.model.poles, len(names)
+        theta = self._start(rec, names)
+        theta[:n] = _mirrored(theta[:n])
+        prepared = _inputs(
+            rec.u.tobytes(), inputs, rec.dt or 0.0, rec.intervals, rec.intersample, self.model.delays(inputs)
+        )
+        engine = Sensitivities(n, degrees, prepared, time_unit(np.concatenate([[1.0], theta[:n]])))
+        y = rec.y[0]
+        extra = _trend(self.trend, y.size)
+        free = n if self.initial_state == "free" else 0
+
+        def output(x: F64) -> tuple[F64, F64]:
+            transient = x[count : count + free] if free else None
+            simulated, columns = engine.run(x[:count], transient)
+            return simulated + x[count + free :] @ extra, np.vstack([columns[: count + free], extra])
+
+        x = np.zeros(count + free + len(extra))
+        x[:count] = theta * engine.scale
+        # What enters linearly, numerators, transient and trend, starts at its best for these poles.
+        x[n:] = _lstsq(output(x)[1][n:].T, y)
+        found = _levenberg_marquardt(output, x, y, self.maxiter, self.name)
+        return dict(zip(names, (found[:count] / engine.scale).tolist(), strict=True))
+
+    def _start(self, rec: Record, names: tuple[str, ...]) -> F64:
+        if self.start is not None:
+            missing = [name for name in names if name not in self.start]
+            if missing:
+                raise SpecError(
+                    f"output_error: start= lacks {', '.join(missing)}; give all of {', '.join(names)}"
+                )
+            return np.array([self.start[name] for name in names], dtype=np.float64)
+        harmonics = max(0, min(3 * len(names), rec.intervals // 4 - self.model.poles))
+        r = regressors(rec, self.model, harmonics=harmonics)
+        size = np.linalg.norm(r.gamma, axis=0)
+        if not np.all(size > 0):
+            raise FitError(f"{self.name}: an input or the output is zero, its parameters cannot be found")
+        return _lstsq(r.gamma, r.target)
+
+
+@lru_cache(maxsize=16)
+def _inputs(
+    data: bytes, inputs: int, dt: float, intervals: int, kinds: tuple[str, ...], delays: tuple[float, ...]
+) -> Inputs:
+    """The inputs evaluated for simulation; replicates of a study share theirs."""
+    u = np.frombuffer(data, dtype=np.float64).reshape(inputs, intervals + 1)
+    return Inputs(list(u), dt, intervals, kinds, delays)
+
+
+# Discrete time -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PredictionError:
+    """Discrete-time output-error model, converted to continuous time; made by `pem`."""
+
+    model: TransferFunction
+    initial_state: str
+    trend: str | None
+    maxiter: int
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return "pem" if self.initial_state == "estimated" else "pem (from rest)"
+
+    def __call__(self, rec: Record, rng: Any = None) -> dict[str, float]:
+        """Estimate the parameters from a record; raises FitError where that fails."""
+        _check_record(rec, self.model, self.name)
+        transient = self.initial_state == "estimated"
+        fit = _Discrete(rec, self.model, transient, self.trend)
+        y = rec.y[0]
+        # In loud noise the steps end at a spurious fast pole more often with the transient than without.
+        starts = [fit.search(y)]
+        if transient:
+            rest = _Discrete(rec, self.model, False, self.trend)
+            starts.append(rest.search(y))
+        x = min((fit.completed(f, y) for f in starts), key=lambda point: fit.cost(point, y))
+        found = _levenberg_marquardt(fit.output, x, y, self.maxiter, self.name)
+        return fit.continuous(found, self.name)
+
+
+@dataclass(frozen=True)
+class ARX:
+    """Discrete-time ARX least squares, converted to continuous time; made by `arx`."""
+
+    model: TransferFunction
+    name: str = field(default="arx", init=False)
+
+    def __call__(self, rec: Record, rng: Any = None) -> dict[str, float]:
+        """Estimate the parameters from a record; raises FitError where that fails."""
+        _check_record(rec, self.model, self.name)
+        fit = _Discrete(rec, self.model, False, None)
+        return fit.continuous(fit.start(rec.y[0]), self.name)
+
+
+class _Discrete:
+    """y = (Σ B u + T δ)/F + trend with parameters f1 … fn, then the B, then T, then the trend."""
+
+    def __init__(self, rec: Record, model: TransferFunction, transient: bool, trend: str | None) -> None:
+        inputs = len(rec.inputs)
+        assert rec.dt is not None
+        self.n, self.dt, self.size = model.poles, rec.dt, rec.intervals + 1
+        self.names = model.param_names(rec.inputs)
+        self.degrees = model.numerators(inputs)
+        # Every regressor is a signal filtered by 1/F and shifted: (which signal, by how many samples).
+        signals: list[F64] = []
+        self.shifts: list[tuple[int, int]] = []
+        for k, degree in enumerate(self.degrees):
+            if degree is None:
+                continue
+            late = floor(model.delays(inputs)[k] / rec.dt + 0.5)
+            u = np.concatenate([np.full(min(late, self.size), rec.u[k, 0]), rec.u[k]])[: self.size]
+            first = 0 if degree == self.n else 1
+            self.shifts += [(len(signals), shift) for shift in range(first, self.n + 1)]
+            signals.append(u)
+        if transient:
+            impulse = np.zeros(self.size)
+            impulse[0] = 1.0
+            self.shifts += [(len(signals), shift) for shift in range(self.n)]
+            signals.append(impulse)
+        self.signals = np.array(signals)
+        self.extra = _trend(trend, self.size)
+
+    def start(self, y: F64) -> F64:
+        """ARX least squares on the samples that have a past."""
+        n = self.n
+        columns = [-_shifted(y, i) for i in range(1, n + 1)]
+        columns += [_shifted(self.signals[k], shift) for k, shift in self.shifts]
+        return _lstsq(np.array([*columns, *self.extra]).T[n:], y[n:])
+
+    def steiglitz_mcbride(self, f: F64, y: F64) -> F64:
+        """Least squares with all signals filtered by the last 1/F."""
+        from scipy.signal import lfilter
+
+        den = np.concatenate([[1.0], _stable(f)])
+        filtered = lfilter([1.0], den, np.vstack([y, self.signals, self.extra]))
+        columns = [-_shifted(filtered[0], i) for i in range(1, self.n + 1)]
+        columns += [_shifted(filtered[1 + k], shift) for k, shift in self.shifts]
+        return _lstsq(np.array([*columns, *filtered[1 + len(self.signals) :]]).T, filtered[0])
+
+    def search(self, y: F64) -> F64:
+        """f1 … fn after ten steps of Steiglitz and McBride from ARX, the roots of F inside the circle."""
+        f = self.start(y)[: self.n]
+        for _ in range(10):
+            f = self.steiglitz_mcbride(f, y)[: self.n]
+        return _stable(f)
+
+    def completed(self, f: F64, y: F64) -> F64:
+        """All parameters, those that enter linearly at their best for these f1 … fn."""
+        x = np.zeros(self.n + len(self.shifts) + len(self.extra))
+        x[: self.n] = f
+        x[self.n :] = _lstsq(self.output(x)[1][self.n :].T, y)
+        return x
+
+    def cost(self, x: F64, y: F64) -> float:
+        """Sum of squared output errors; inf where it overflows."""
+        value = float(np.sum((self.output(x)[0] - y) ** 2))
+        return value if np.isfinite(value) else float("inf")
+
+    def output(self, x: F64) -> tuple[F64, F64]:
+        """Output and its derivatives, (parameter, time)."""
+        from scipy.signal import lfilter
+
+        n, stop = self.n, self.n + len(self.shifts)
+        den = np.concatenate([[1.0], x[:n]])
+        filtered = lfilter([1.0], den, self.signals)
+        columns = np.array([_shifted(filtered[k], shift) for k, shift in self.shifts])
+        y = x[n:stop] @ columns
+        again = lfilter([1.0], den, y)
+        first = np.array([-_shifted(again, i) for i in range(1, n + 1)])
+        return y + x[stop:] @ self.extra, np.vstack([first, columns, self.extra])
+
+    def continuous(self, x: F64, what: str) -> dict[str, float]:
+        """Parameters in continuous time, the input taken as held between samples."""
+        n = self.n
+        z, vectors = np.linalg.eig(_companion(x[:n]))
+        scale = np.max(np.abs(z)) if n else 1.0
+        for root in z:
+            if abs(root.imag) <= 1e-12 * scale and root.real <= 0:
+                raise FitError(
+                    f"{what}: the discrete-time model has a pole at z = {root.real:.3g}, which no continuous-"
+                    "time pole gives; sample faster, or lower poles="
+                )
+        if np.linalg.cond(vectors) > 1e10:
+            raise FitError(
+                f"{what}: the discrete-time model has (nearly) equal poles and cannot be converted; "
+                "lower poles="
+            )
+        s = np.log(z.astype(np.complex128)) / self.dt
+        held = np.where(
+            np.abs(s) > 0, (z - 1) / np.where(s == 0, 1, s), self.dt
+        )  # ∫ exp(s t) dt over a sample
+        den = np.poly(s)
+        values = den.real[1:].tolist()
+        at = n
+        for degree in self.degrees:
+            if degree is None:
+                continue
+            first = 0 if degree == n else 1
+            b = np.concatenate([np.zeros(first), x[at : at + n + 1 - first]])
+            at += n + 1 - first
+            # B/F = b_0 + Σ r/(z − z_i); each mode keeps its gain at rest when it is no longer held.
+            rest = (b - b[0] * np.concatenate([[1.0], x[:n]]))[1:]
+            num = (b[0] * den).astype(np.complex128)
+            for i in range(n):
+                others = np.delete(z, i)
+                residue = np.polyval(rest, z[i]) / np.prod(z[i] - others)
+                num[1:] += residue / held[i] * np.poly(np.delete(s, i))
+            values += num.real[n - degree :].tolist()
+        if not np.all(np.isfinite(values)):
+            raise FitError(f"{what}: the converted model is not finite; lower poles=")
+        return dict(zip(self.names, values, strict=True))
+
+
+# Common to all -----------------------------------------------------------------------------------
+
+
+def _levenberg_marquardt(output: Any, x: F64, y: F64, maxiter: int, what: str) -> F64:
+    """SciPy's least squares with the output and its derivatives from one call."""
+    from scipy.optimize import least_squares
+
+    last: list[Any] = [None, None]
+
+    def evaluate(point: F64) -> tuple[F64, F64]:
+        if last[0] is None or not np.array_equal(last[0], point):
+            with np.errstate(all="ignore"):
+                simulated, columns = output(point)
+                bounded = np.nan_to_num(simulated - y, nan=HUGE, posinf=HUGE, neginf=-HUGE)
+                slopes = np.nan_to_num(columns.T, nan=0.0, posinf=HUGE, neginf=-HUGE)
+            last[:] = point.copy(), (np.clip(bounded, -HUGE, HUGE), np.clip(slopes, -HUGE, HUGE))
+        pair: tuple[F64, F64] = last[1]
+        return pair
+
+    if not np.all(np.isfinite(x)):
+        raise FitError(f"{what}: no finite start; the record does not tell the parameters apart")
+    try:
+        found = least_squares(
+            lambda p: evaluate(p)[0],
+            x,
+            jac=lambda p: evaluate(p)[1],
+            method="lm",
+            x_scale="jac",
+            ftol=1e-10,
+            xtol=1e-8,
+            max_nfev=maxiter,
+        )
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise FitError(f"{what}: the least-squares search failed ({error})") from error
+    if found.status <= 0:
+        raise FitError(
+            f"{what}: not converged after {found.nfev} evaluations; raise maxiter= or give a start"
+        )
+    if not np.all(np.isfinite(found.x)) or found.cost >= HUGE:
+        raise FitError(f"{what}: the search ran away from every finite answer; give a start or lower poles=")
+    result: F64 = found.x
+    return result
+
+
+def _lstsq(columns: F64, target: F64) -> F64:
+    """Least squares with columns of unit norm; what cannot be found is 0."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    solution: F64 = np.linalg.lstsq(columns / size, target, rcond=1e-13)[0] / size
+    return solution
+
+
+def _mirrored(a: F64) -> F64:
+    """Denominator a1 … an with its poles in the left half plane: a start must not explode."""
+    roots = np.roots(np.concatenate([[1.0], a]))
+    if np.all(roots.real < 0):
+        return a
+    real = -np.maximum(np.abs(roots.real), 1e-3 * np.abs(roots))
+    return np.real(np.poly(real + 1j * roots.imag))[1:]
+
+
+def _stable(f: F64) -> F64:
+    """f1 … fn with the roots of F inside the unit circle."""
+    roots = np.roots(np.concatenate([[1.0], f]))
+    size = np.abs(roots)
+    if np.all(size < 1):
+        return f
+    inside = np.where(size >= 1, roots / np.maximum(size, 1e-300) ** 2, roots)
+    return np.real(np.poly(np.where(np.abs(inside) > 0.999, 0.999 * inside, inside)))[1:]
+
+
+def _companion(f: F64) -> F64:
+    matrix = np.eye(f.size, k=-1)
+    matrix[0] = -f
+    return matrix
+
+
+def _shifted(v: F64, by: int) -> F64:
+    """v delayed by some samples, zero before."""
+    if by == 0:
+        return v
+    out = np.zeros_like(v)
+    out[by:] = v[:-by]
+    return out
+
+
+def _trend(trend: str | None, size: int) -> F64:
+    rows = {None: 0, "constant": 1, "linear": 2}[trend]
+    return np.array([np.ones(size), np.linspace(-1.0, 1.0, size)])[:rows]
+
+
+def _check(
+    model: TransferFunction, what: str, state: str, states: tuple[str, ...], trend: str | None, maxiter: int
+) -> None:
+    if not isinstance(model, TransferFunction):
+        raise SpecError(
+            f"{what}: the model is a {type(model).__name__}; give a structure, "
+            "TransferFunction(poles=, zeros=)"
+        )
+    if state not in states:
+        raise SpecError(
+            f"{what}: initial_state={state!r} is unknown; choose {' or '.join(map(repr, states))}"
+        )
+    if trend not in (None, "constant", "linear"):
+        raise SpecError(f"{what}: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
+    if not isinstance(maxiter, int) or maxiter < 1:
+        raise SpecError(f"{what}: maxiter={maxiter!r} must be a whole number of at least 1")
+
+
+def _check_record(rec: Record, model: TransferFunction, what: str) -> None:
+    if not isinstance(rec, Record):
+        raise SpecError(f"{what}: got a {type(rec).__name__}; it takes one Record")
+    if len(rec.outputs) != 1:
+        raise SpecError(
+            f"{what}: the record has {len(rec.outputs)} outputs; rec.select(outputs=[...]) takes one"
+        )
+    if not rec.inputs:
+        raise SpecError(f"{what}: the record has no input")
+    if rec.dt is None:
+        raise DataError(f"{what}: the record is sampled unevenly; resample it")
+    unknowns = 2 * model.poles + sum(0 if d is None else d + 1 for d in model.numerators(len(rec.inputs)))
+    if rec.intervals < 2 * unknowns:
+        raise DataError(f"{what}: {rec.intervals} intervals for {unknowns} unknowns; give a longer record")
