@@ -3,7 +3,7 @@
 Units are seconds and rad/s, arrays are (channel, time).
 """
 
-from . import plot, signals
+from . import plot, rivals, signals
 from ._core import __version__
 from .bounds import crlb
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
@@ -40,6 +40,7 @@ __all__ = [
     "load",
     "plot",
     "regressors",
+    "rivals",
     "signals",
     "simulate",
     "ss",

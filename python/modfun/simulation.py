@@ -293,6 +293,11 @@ class Regressors:
     _order: int
     _unit: float
 
+    def differenced(self, lines: C128) -> F64:
+        """Rows of further terms, given on the lines 0 … M + n: (term, line) becomes (row, term)."""
+        re, im = self._differences
+        return np.concatenate([re @ lines.real.T, im @ lines.imag.T])
+
     def covariance(self, theta: ArrayLike) -> F64:
         """Covariance of the rows under white output noise of variance 1 at the samples.
 
