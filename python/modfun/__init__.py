@@ -8,6 +8,7 @@ from ._core import __version__
 from .bounds import crlb
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
+from .io import columns, read
 from .lti import LTI, ss, tf
 from .records import Batch, Record
 from .response import FrequencyResponse
@@ -34,11 +35,13 @@ __all__ = [
     "TransferFunction",
     "__version__",
     "coefficients",
+    "columns",
     "crlb",
     "fit",
     "fit_many",
     "load",
     "plot",
+    "read",
     "regressors",
     "rivals",
     "signals",

@@ -35,8 +35,8 @@ def check_record(record: Record) -> Findings:
         if name in record.outputs:
             sentences += _trend(record, name)
     sentences += _alike(record)
-    size = f"{len(record.outputs)} outputs, {len(record.inputs)} inputs, {len(record.t)} samples"
-    return Findings(f"Record of {size}", sentences)
+    size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
+    return Findings(f"Record, {size}", sentences)
 
 
 def _clock(record: Record) -> Iterator[str]:
@@ -48,7 +48,8 @@ def _clock(record: Record) -> Iterator[str]:
     if gaps.size:
         worst = int(np.argmax(steps))
         yield (
-            f"Time has {gaps.size} gaps, the longest of {steps[worst]:.4g} s at t = {record.t[worst]:g} s "
+            f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
+            f"{record.t[worst]:g} s "
             "where "
             f"{usual:.4g} s is usual; split the record there if the signals move in the gaps."
         )
@@ -179,11 +180,12 @@ def _outliers(record: Record, name: str) -> Iterator[str]:
     bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     usual = 1.4826 * float(np.median(bend)) + 1e-9 * float(np.ptp(values))
     beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
-    found = np.flatnonzero((bend > 10 * usual) & (bend > 1.5 * beside)) + 1
+    limit = max(10 * usual, 0.5 * float(values.std()))
+    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside)) + 1
     if 0 < found.size <= 0.02 * len(values) + 1:
         first = found[0]
         yield (
-            f"{_kind(record, name)} {name!r} has {found.size} outlying samples, the first at t = "
+            f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
             f"{record.t[first]:g} s "
             f"({values[first]:.4g} between {values[first - 1]:.4g} and {values[first + 1]:.4g})."
         )
@@ -224,3 +226,7 @@ def _alike(record: Record) -> Iterator[str]:
 
 def _kind(record: Record, name: str) -> str:
     return "Output" if name in record.outputs else "Input"
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

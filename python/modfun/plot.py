@@ -315,7 +315,8 @@ def _label(axes: Sequence[Any], names: Sequence[str], units: dict[str, str], xla
         axes[0].legend()
     else:
         for name, here in zip(names, axes, strict=True):
-            here.set_ylabel(f"{name} ({units[name]})" if name in units else name)
+            unit = units.get(name, "")
+            here.set_ylabel(f"{name} ({unit})" if unit and unit not in name else name)
     for here in axes:
         here.grid(True, alpha=0.3)
     axes[-1].set_xlabel(xlabel)

@@ -53,7 +53,8 @@ class Record:
     fs : float, optional
         Sampling rate in hertz.
     t : array_like, shape (time,), optional
-        Times in seconds, increasing. Uneven steps are allowed; steps even to 1e-6 count as even.
+        Times in seconds, increasing. Uneven steps are allowed; times on an even grid but for 1e-6 of a
+        step, or for their rounded decimals, count as even.
     axis : {-1, 0, 1}, default -1
         Axis of time in 2-D `y` and `u`: last, or 0 for arrays (time, channel).
     outputs, inputs : str or sequence of str, optional

@@ -181,7 +181,25 @@ def times_of(
             f"{times[bad + 1]:.10g}; "
             "sort the samples, drop repeated ones, or give dt= if the clock is at fault"
         )
-    step = float(times[-1] - times[0]) / (count - 1)
-    grid = times[0] + step * np.arange(count)
-    slack = EVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(times).max())
-    return (grid, step) if np.abs(times - grid).max() <= slack else (times, None)
+    mean = even_step(times)
+    return (times, None) if mean is None else (times[0] + mean * np.arange(count), mean)
+
+
+def even_step(times: F64) -> float | None:
+    """Return the mean step of increasing times where they are even, else None.
+
+    Even means to 1e-6 of a step, or to the decimals the times were written with: 0.017, 0.033, 0.050 are
+    sixtieths. Rounding coarser than a tenth of a step says nothing, so there it does not count.
+    """
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    stray = float(np.abs(times - times[0] - step * np.arange(len(times))).max())
+    largest = float(np.abs(times).max())
+    slack = EVEN * step + 4 * float(np.finfo(np.float64).eps) * largest
+    if stray > slack:  # the largest times show it: of 9 significant digits, small times have more decimals
+        late = times[np.abs(times) >= 10.0 ** math.floor(math.log10(largest))]
+        for decimals in range(10):
+            unit = 10.0**-decimals
+            if unit <= 0.1 * step and np.abs(late - late.round(decimals)).max() <= 1e-15 * largest:
+                slack = 1.01 * unit
+                break
+    return step if stray <= slack else None

@@ -1,0 +1,136 @@
+"""Text files of numbers: delimiter, header and rows, with line numbers for what is wrong in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError
+
+__all__ = ["Delimited", "number", "read_delimited"]
+
+F64 = NDArray[np.float64]
+
+MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
+
+
+def number(text: str) -> float | None:
+    """Return the number a text stands for, nan for the usual marks of a missing value, else None."""
+    stripped = text.strip()
+    if stripped.lower() in MISSING:
+        return math.nan
+    try:
+        return float(stripped)
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True)
+class Delimited:
+    """The rows of a text file, not yet numbers."""
+
+    file: str
+    names: tuple[str, ...]
+    delimiter: str
+    rows: list[str]
+    line_numbers: list[int]
+
+    def load(self, names: Sequence[str]) -> dict[str, F64]:
+        """Return the numbers of some columns, nan where one is missing.
+
+        Raises
+        ------
+        DataError
+            If a field holds text; the message names line, column and text.
+        """
+        places = [self.names.index(name) for name in names]
+        try:  # NumPy's parser is fast but says little about what stopped it
+            table = np.loadtxt(
+                self.rows, delimiter=self.delimiter, usecols=places, comments=None, quotechar='"', ndmin=2
+            )
+        except ValueError:
+            table = np.array([self._numbers(k, places) for k in range(len(self.rows))])
+        return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
+
+    def _numbers(self, row: int, places: Sequence[int]) -> list[float]:
+        fields = _fields(self.rows[row], self.delimiter)
+        values = []
+        for place in places:
+            value = number(fields[place])
+            if value is None:
+                text, line = fields[place].strip(), self.line_numbers[row]
+                comma = "," in text and number(text.replace(",", ".")) is not None
+                cure = "correct it, or put # before the line to skip it"
+                if comma:
+                    cure = "decimal commas are not read, write decimal points"
+                raise DataError(
+                    f"{self.file}, line {line}: column {self.names[place]!r} holds {text!r} where a number "
+                    "is "
+                    f"needed; {cure}"
+                )
+            values.append(value)
+        return values
+
+
+def read_delimited(path: Path) -> Delimited:
+    """Read a text file with columns separated by comma, semicolon or tab.
+
+    Empty lines and lines that begin with # or % are skipped. The first line names the columns, unless
+    it is all numbers: then they are ``column1``, ``column2``, ... A line of units below the header
+    (no number in it) is skipped.
+
+    Raises
+    ------
+    DataError
+        If the file is empty or its rows differ in their number of fields.
+    """
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # older loggers write the degree sign so
+    kept = [
+        (k, line)
+        for k, line in enumerate(text.splitlines(), start=1)
+        if line and not line.isspace() and line.lstrip()[0] not in "#%"
+    ]
+    if not kept:
+        raise DataError(f"{path.name} holds no data; it needs a line of column names and rows of numbers")
+    first = kept[0][1]
+    delimiter = max(",;\t", key=lambda mark: len(_fields(first, mark)))
+    names = tuple(field.strip() for field in _fields(first, delimiter))
+    if all(number(name) is not None for name in names):
+        names = tuple(f"column{k}" for k in range(1, len(names) + 1))
+    else:
+        kept = kept[1:]
+        if kept and all(number(field) is None for field in _fields(kept[0][1], delimiter)):
+            kept = kept[1:]
+    if not kept:
+        raise DataError(f"{path.name} has column names ({', '.join(names)}) but no rows of numbers")
+    rows = [line for _, line in kept]
+    lines = [k for k, _ in kept]
+    for k, count in enumerate(_counts(rows, delimiter)):
+        if count != len(names):
+            raise DataError(
+                f"{path.name}, line {lines[k]}: {count} fields where the header has {len(names)}; "
+                "correct the line, or put # before it to skip it"
+            )
+    return Delimited(path.name, names, delimiter, rows, lines)
+
+
+def _counts(rows: list[str], delimiter: str) -> Iterator[int]:
+    """Yield the number of fields of each row; counting marks is enough where nothing is quoted."""
+    return (len(_fields(row, delimiter)) if '"' in row else row.count(delimiter) + 1 for row in rows)
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    if '"' not in line:
+        return line.split(delimiter)
+    import csv
+
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
