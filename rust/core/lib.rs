@@ -10,6 +10,7 @@ pub mod math;
 pub mod model;
 pub mod modulation;
 pub mod noise_level;
+pub mod monte_carlo;
 pub mod quadrature;
 pub mod rng;
 pub mod simd;

@@ -1,0 +1,3 @@
+//! Monte Carlo studies: many replicates of one experiment, summarised.
+
+pub mod summary;
