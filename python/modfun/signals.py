@@ -56,8 +56,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.GtE: np.greater_equal,
 }
 _ALLOWED = (
-    f"{', '.join(_CONSTANTS)}, numbers, + - * / ** % < <= > >=, parentheses and "
-    f"{', '.join(_FUNCTIONS)}"
+    f"{', '.join(_CONSTANTS)}, numbers, + - * / ** % < <= > >=, parentheses and {', '.join(_FUNCTIONS)}"
 )
 
 
