@@ -105,8 +105,8 @@ def fewest_samples(fit: Fit) -> float:
 def lags(fit: Fit) -> tuple[Lag, ...]:
     """Score test of a further delay of each input, or of a gain where an input has no path.
 
-    To first order a further delay d adds -d s B(s)U to the residual lines; that column, cleared of all
-    the fitted ones, is regressed on them, with a standard error that assumes no level of the lines.
+    To first order a further delay d adds -d s B(s)U to the residual lines; they are regressed on that
+    column, cleared of all the fitted ones.
     Needs the samples, evenly spaced, and the weighting of output noise.
     """
     from scipy.stats import t as student
@@ -136,12 +136,13 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
         size = float(z @ z)
         if not size > 1e-12 * float(wanted[:, k] @ wanted[:, k]):
             continue
-        spread = float(np.sqrt(np.sum((z * residual) ** 2)))
+        # Student's t of the column if it joined the fitted ones: the residuals sum up to df.
+        part = float(z @ residual) ** 2 / size
+        rest = max(float(residual @ residual) - part, 0.0) / (fit.df_resid - 1)
+        bse = float(np.sqrt(rest / size))
         amount = float(z @ residual) / size
-        p_value = (
-            2 * float(student.sf(abs(float(z @ residual)) / spread, fit.df_resid - 1)) if spread > 0 else 1.0
-        )
-        found.append(Lag(channel, amount, spread / size, p_value, fit.numerators[k] is not None))
+        p_value = 2 * float(student.sf(abs(amount) / bse, fit.df_resid - 1)) if bse > 0 else 0.0
+        found.append(Lag(channel, amount, bse, p_value, fit.numerators[k] is not None))
     return tuple(found)
 
 

@@ -228,6 +228,13 @@ def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Opti
     first = records[0]
     inputs = len(first.inputs)
     numerators, delays = channels(structure, first)
+    for k, (name, degree) in enumerate(zip(first.inputs, numerators, strict=True)):
+        if degree is not None and all(np.ptp(rec.u[k]) == 0 for rec in records):
+            raise DataError(
+                f"fit: input {name!r} stands at {first.u[k][0]:g} throughout, so nothing can be "
+                "learnt from it: leave "
+                "it out with rec.select(inputs=[...]), or take a record in which it moves"
+            )
     if any(delays):
         for rec in records:
             if rec.dt is None:
