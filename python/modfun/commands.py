@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -154,8 +155,7 @@ def _report(
     json_to: Json = None,
 ) -> None:
     """The Monte Carlo study of NASA report NAG-1-1065: Figs. 1(c) and 2, as table and figures."""
-    from . import reproduction
-
+    reproduction = import_module("modfun.reproduction")
     answer = reproduction.report(out, runs=runs, quick=quick, progress="auto")
     if json_to is not None:
         _json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)

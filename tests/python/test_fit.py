@@ -363,7 +363,11 @@ BAD = {
     "noise of later": (lambda: mf.fit(REC, TF20, noise="coloured"), mf.SpecError, "output, equation"),
     "noise as object": (lambda: mf.fit(REC, TF20, noise=np.ones(3)), mf.SpecError, "output, equation"),
     "output_weights": (lambda: mf.fit(REC, TF20, output_weights=[1]), mf.SpecError, "one output"),
-    "band and harmonics": (lambda: mf.fit(REC, TF20, band=8.0, harmonics=6), mf.SpecError, "give one of them"),
+    "band and harmonics": (
+        lambda: mf.fit(REC, TF20, band=8.0, harmonics=6),
+        mf.SpecError,
+        "give one of them",
+    ),
     "band upside down": (lambda: mf.fit(REC, TF20, band=(8.0, 1.0)), mf.SpecError, "lower < upper"),
     "negative band": (lambda: mf.fit(REC, TF20, band=-8.0), mf.SpecError, "lower < upper"),
     "band as text": (lambda: mf.fit(REC, TF20, band="8"), mf.SpecError, "must be a number"),
