@@ -34,7 +34,7 @@ def check_record(record: Record) -> Findings:
             sentences += [*_clipped(record, name), *_stale(record, name), *_outliers(record, name)]
         if name in record.outputs:
             sentences += _trend(record, name)
-    sentences += _alike(record)
+    sentences += [*_noise(record), *_alike(record)]
     size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
     return Findings(f"Record, {size}", sentences)
 
@@ -209,6 +209,17 @@ def _trend(record: Record, name: str) -> Iterator[str]:
             "trend='constant' "
             "(the default of linear models)."
         )
+
+
+def _noise(record: Record) -> Iterator[str]:
+    if record.dt is None or record.intervals < 40:  # fewer lines than that say little about a level
+        return
+    for row in record.noise_level():
+        if row["channel"] in record.outputs and row["percent"] > 30:
+            yield (
+                f"Output {row['channel']!r} is noisy: standard deviation {row['noise_sd']:.3g} in the upper "
+                f"harmonics, {row['percent']:.0f} % of its rms; expect wide intervals, look at spectrum()."
+            )
 
 
 def _alike(record: Record) -> Iterator[str]:

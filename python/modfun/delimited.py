@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,38 +94,35 @@ def read_delimited(path: Path) -> Delimited:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # older loggers write the degree sign so
-    kept = [
-        (k, line)
-        for k, line in enumerate(text.splitlines(), start=1)
-        if line and not line.isspace() and line.lstrip()[0] not in "#%"
-    ]
+    lines = text.splitlines()
+    kept = [k for k, line in enumerate(lines) if line and line[0] not in "#%" and _holds_data(line)]
     if not kept:
         raise DataError(f"{path.name} holds no data; it needs a line of column names and rows of numbers")
-    first = kept[0][1]
+    first = lines[kept[0]]
     delimiter = max(",;\t", key=lambda mark: len(_fields(first, mark)))
     names = tuple(field.strip() for field in _fields(first, delimiter))
     if all(number(name) is not None for name in names):
         names = tuple(f"column{k}" for k in range(1, len(names) + 1))
     else:
         kept = kept[1:]
-        if kept and all(number(field) is None for field in _fields(kept[0][1], delimiter)):
+        if kept and all(number(field) is None for field in _fields(lines[kept[0]], delimiter)):
             kept = kept[1:]
     if not kept:
         raise DataError(f"{path.name} has column names ({', '.join(names)}) but no rows of numbers")
-    rows = [line for _, line in kept]
-    lines = [k for k, _ in kept]
-    for k, count in enumerate(_counts(rows, delimiter)):
-        if count != len(names):
+    rows = [lines[k] for k in kept]
+    marks = len(names) - 1
+    for k, row in enumerate(rows):  # counting marks is enough where nothing is quoted, and fast
+        if row.count(delimiter) != marks and (count := len(_fields(row, delimiter))) != len(names):
             raise DataError(
-                f"{path.name}, line {lines[k]}: {count} fields where the header has {len(names)}; "
+                f"{path.name}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
             )
-    return Delimited(path.name, names, delimiter, rows, lines)
+    return Delimited(path.name, names, delimiter, rows, [k + 1 for k in kept])
 
 
-def _counts(rows: list[str], delimiter: str) -> Iterator[int]:
-    """Yield the number of fields of each row; counting marks is enough where nothing is quoted."""
-    return (len(_fields(row, delimiter)) if '"' in row else row.count(delimiter) + 1 for row in rows)
+def _holds_data(line: str) -> bool:
+    """Tell whether a line is more than blanks and comment."""
+    return line[0] not in " \t" or (not line.isspace() and line.lstrip()[0] not in "#%")
 
 
 def _fields(line: str, delimiter: str) -> list[str]:

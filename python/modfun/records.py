@@ -405,7 +405,7 @@ class Record:
         --------
         >>> import numpy as np
         >>> rec = Record(y=np.arange(9.0), dt=0.1, outputs="q")
-        >>> rec.assign(q=lambda r: np.deg2rad(r["q"]))["q"][-1] == np.deg2rad(8.0)
+        >>> bool(rec.assign(q=lambda r: np.deg2rad(r["q"]))["q"][-1] == np.deg2rad(8.0))
         True
         """
         y, u, keep = self.y.copy(), self.u.copy(), dict(self._keep)

@@ -283,6 +283,22 @@ def test_spectrum_of_an_uneven_record():
     assert spec.omega[19] == pytest.approx(4 * np.pi)
 
 
+# Noise level -------------------------------------------------------------------------------------
+
+
+def test_noise_level_finds_the_noise_of_each_channel():
+    noise = np.random.default_rng(4).standard_normal((2, 2001))
+    t = 0.01 * np.arange(2001)
+    y = np.array([3 * np.sin(t), 5 + t]) + np.array([[0.3], [0.02]]) * noise
+    table = Record(y=y, u=np.cos(2 * t), dt=0.01, units={"y1": "deg"}).noise_level()
+    assert table["channel"].tolist() == ["y1", "y2", "u"]
+    assert table["unit"].tolist() == ["deg", "", ""]
+    assert table["noise_sd"][:2] == pytest.approx([0.3, 0.02], rel=0.1)
+    assert table["noise_sd"][2] < 1e-3
+    assert table["rms"] == pytest.approx([*y.std(axis=1), np.cos(2 * t).std()])
+    assert table["percent"] == pytest.approx(100 * table["noise_sd"] / table["rms"])
+
+
 # Check: what it says -----------------------------------------------------------------------------
 
 Y, U = signals()
@@ -331,6 +347,12 @@ def test_check_stale_samples():
 def test_check_constant_channels():
     assert said("no excitation", y=Y, u=np.zeros(N + 1))
     assert said("says nothing", y=[Y, 0 * Y], u=U)
+
+
+def test_check_noisy_outputs():
+    noise = np.random.default_rng(0).standard_normal(N + 1)
+    assert said("Output 'y' is noisy: standard deviation 0.5", y=np.sin(2 * T) + 0.5 * noise, u=U)
+    assert not said("noisy", y=np.sin(2 * T) + 0.1 * noise, u=U)
 
 
 def test_check_inputs_that_move_together():
