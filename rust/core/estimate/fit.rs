@@ -201,7 +201,7 @@ impl Window {
     }
 
     /// Lines for a band given by the caller.
-    fn given(&self, o: &FitOptions) -> Result<Option<(usize, usize)>, Error> {
+    pub(crate) fn given(&self, o: &FitOptions) -> Result<Option<(usize, usize)>, Error> {
         let top = self.intervals / 2;
         let n = o.structure.order;
         match o.band {
@@ -366,7 +366,7 @@ impl Job<'_> {
         let outcome = estimate(self.isa, d, w, LIVE, start, &options);
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
         match usable {
-            true => (w.cost(0), Some(w.theta(d, 0))),
+            true => (w.cost(0), Some(w.theta(d, 0).collect())),
             false => (f64::INFINITY, None),
         }
     }
@@ -470,7 +470,7 @@ impl Job<'_> {
         self.isa.run(Residuals { design: &d, space: &mut w, out: &mut residuals });
         let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
         Ok(Fit {
-            theta: w.theta(&d, 0),
+            theta: w.theta(&d, 0).collect(),
             cov_nonrobust: w.cov_nonrobust(&d, 0),
             cov_hc3: w.cov_hc3(&d, 0),
             gram,

@@ -1,8 +1,9 @@
 //! Estimators of θ for eight replicates at once; a single fit is the same kernel with one live lane.
 
 mod awls;
+pub(crate) mod batch;
 mod design;
-mod fit;
+pub(crate) mod fit;
 mod ls;
 mod ml;
 mod pass;
@@ -12,6 +13,7 @@ mod uncertainty;
 mod wls;
 mod workspace;
 
+pub use batch::{Batch, Many, fit_many};
 pub use design::Design;
 pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time, fit};
 pub use workspace::Workspace;
@@ -184,8 +186,24 @@ impl Workspace {
     }
 
     /// θ of one lane in the user's units.
-    pub fn theta(&self, d: &Design, lane: usize) -> Vec<f64> {
-        self.theta.iter().zip(&d.scale).map(|(t, s)| t.0[lane] * s).collect()
+    pub fn theta<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        self.theta.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
+    }
+
+    /// Standard errors of one lane from the diagonal of a covariance.
+    fn bse<'a>(cov: &'a [Wide], d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        let p = d.parameters();
+        d.scale.iter().enumerate().map(move |(k, s)| cov[k * (p + 1)].0[lane].sqrt() * s)
+    }
+
+    /// HC3 standard errors of one lane.
+    pub fn bse_hc3<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        Self::bse(&self.cov_hc3, d, lane)
+    }
+
+    /// Classical standard errors of one lane.
+    pub fn bse_nonrobust<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        Self::bse(&self.cov_nonrobust, d, lane)
     }
 
     /// Whitened squared residuals of one lane, summed.
