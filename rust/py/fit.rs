@@ -1,16 +1,19 @@
 //! `fit` and `fit_many`: arrays and words in, a dictionary of arrays out.
 
 use modfun::Error;
-use modfun::estimate::{Band, Fit, FitOptions, Options, RecordView, Time, fit as core_fit};
+use modfun::estimate::{
+    Band, Batch, Fit, FitOptions, Options, RecordView, Time, fit as core_fit, fit_many as core_fit_many,
+};
 use modfun::quadrature::Hold;
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::structure::{Method, Noise, Structure, Trend};
-use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{matrix, slice, vector};
+use crate::enter::enter;
 use crate::errors::to_python;
 
 /// One of a closed list of words.
@@ -195,5 +198,66 @@ fn dictionary<'py>(py: Python<'py>, f: &Fit) -> PyResult<Bound<'py, PyDict>> {
             out.set_item("band_rule", account)?;
         }
     }
+    Ok(out)
+}
+
+/// Fits one structure to every record of a batch.
+#[pyfunction]
+#[pyo3(signature = (y, u, dt, *, uncertainty, threads, progress=None, **options))]
+#[allow(clippy::too_many_arguments)]
+pub fn fit_many<'py>(
+    py: Python<'py>,
+    y: PyReadonlyArray3<'py, f64>,
+    u: PyReadonlyArray3<'py, f64>,
+    dt: f64,
+    uncertainty: bool,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+    options: Option<Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
+    let o = given.options(uncertainty).map_err(to_python)?;
+    let shape = y.as_array().dim();
+    let inputs = u.as_array().dim();
+    let wrong = |what: String| Err(to_python(Error::Data(format!("fitting a batch: {what}"))));
+    if shape.1 != 1 {
+        return wrong(format!("{} outputs at once; select one", shape.1));
+    }
+    if inputs.1 != o.structure.numerators.len() {
+        return wrong(format!(
+            "the structure has {} inputs but the batch has {}",
+            o.structure.numerators.len(),
+            inputs.1
+        ));
+    }
+    if inputs.1 > 0 && inputs.2 != shape.2 {
+        return wrong(format!("outputs have {} samples, inputs {}", shape.2, inputs.2));
+    }
+    if inputs.0 != 1 && inputs.0 != shape.0 {
+        return wrong(format!(
+            "{} replicates of y but {} of u; give one set for all or as many as y",
+            shape.0, inputs.0
+        ));
+    }
+    let (y, u) = (slice(&y, "y")?.to_vec(), slice(&u, "u")?.to_vec());
+    let thread_count = modfun::threads::count(threads).map_err(to_python)?;
+    let shared = inputs.0 == 1;
+    let (many, design) = enter(py, progress, |report| {
+        let batch = Batch { y: &y, u: &u, shared, samples: shape.2, dt };
+        core_fit_many(&batch, &o, Isa::detect(), thread_count, report)
+    })?;
+    let rows = many.status.len();
+    let out = PyDict::new(py);
+    let df_resid = design.degrees_of_freedom();
+    out.set_item("theta", matrix(py, many.theta, rows)?)?;
+    out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
+    out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
+    out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
+    out.set_item("cost", vector(py, many.cost))?;
+    out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
+    out.set_item("df_resid", df_resid)?;
+    let lines = design.lines();
+    out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
+    out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     Ok(out)
 }

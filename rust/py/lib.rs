@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(fit::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(fit::fit_many, module)?)?;
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;
