@@ -411,7 +411,8 @@ mod tests {
         let studies: Vec<Moments> = (0..2000)
             .map(|k| Moments::of(&errors(k, 200, 0.4, 1.3)))
             .collect();
-        let figures: [(fn(&Moments) -> f64, fn(&Moments) -> f64); 3] = [
+        type Figure = fn(&Moments) -> f64;
+        let figures: [(Figure, Figure); 3] = [
             (Moments::bias, Moments::bias_se),
             (Moments::sd, Moments::sd_se),
             (Moments::rmse, Moments::rmse_se),
