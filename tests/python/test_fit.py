@@ -4,10 +4,9 @@ import json
 import pickle
 import warnings
 
+import modfun as mf
 import numpy as np
 import pytest
-
-import modfun as mf
 
 TF20 = mf.TransferFunction(poles=2, zeros=0)
 

@@ -1,0 +1,178 @@
+"""The command: what it prints where, and its exit codes."""
+
+import json
+import subprocess
+import sys
+
+import modfun as mf
+import numpy as np
+import pytest
+
+pytest.importorskip("typer")
+from modfun.cli import main
+
+
+@pytest.fixture
+def table(tmp_path):
+    t = np.linspace(0.0, 10.0, 257)
+    u = np.sin(t**2 / 5)
+    y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=[1, 0.5])
+    y += 2 + 0.02 * np.random.default_rng(0).standard_normal(t.size)
+    path = tmp_path / "run.csv"
+    np.savetxt(path, np.column_stack([t, y, u]), delimiter=",", header="t_s,q,de", comments="", fmt="%.17g")
+    return path
+
+
+FIT = ["--output", "q", "--input", "de", "--poles", "2", "--zeros", "0"]
+
+
+def test_fit_prints_the_summary_and_nothing_else(table, capsys):
+    assert main(["fit", str(table), *FIT]) == 0
+    out, err = capsys.readouterr()
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    assert str(fit.summary()) in out
+    assert "signal_to_error" in out
+    assert err == ""
+
+
+def test_json_goes_to_standard_output_or_to_a_file_that_loads(table, tmp_path, capsys):
+    assert main(["fit", str(table), *FIT, "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    path = tmp_path / "fit.json"
+    assert main(["fit", str(table), *FIT, "--json", str(path)]) == 0
+    assert "wrote" in capsys.readouterr().err
+    fit = mf.load(path)
+    assert fit.params.tolist() == printed["params"]
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    assert fit.params.tolist() == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
+
+
+def test_options_reach_the_fit(table, capsys):
+    words = [
+        "--band",
+        "0.5:8",
+        "--method",
+        "awls",
+        "--trend",
+        "linear",
+        "--delay",
+        "0.05",
+        "--intersample",
+        "foh",
+    ]
+    assert (
+        main(
+            ["fit", str(table), *FIT, *words, "--rule", "trapezoid", "--cov-type", "nonrobust", "--json", "-"]
+        )
+        == 0
+    )
+    found = json.loads(capsys.readouterr().out)
+    options = found["options"]
+    assert options["band"] == [0.5, 8.0]
+    assert (options["method"], options["trend"], options["rule"]) == ("awls", "linear", "trapezoid")
+    assert options["cov_type"] == "nonrobust"
+    assert found["delays"] == [0.05]
+    assert found["intersample"] == ["foh"]
+    assert main(["fit", str(table), *FIT, "--trend", "none", "--harmonics", "6", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["options"]["trend"] is None
+
+
+def test_several_files_are_one_problem(table, capsys):
+    assert main(["fit", str(table), str(table), *FIT, "--json", "-"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["lines"]) == 2
+
+
+def test_a_picture_is_drawn(table, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "fit.png"
+    assert main(["fit", str(table), *FIT, "--plot", str(path)]) == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert main(["fit", str(table), *FIT, "--plot", str(tmp_path / "fit.xyz")]) == 2
+    assert ".png" in capsys.readouterr().err
+
+
+def test_warnings_go_to_standard_error(table, capsys):
+    assert main(["fit", str(table), *FIT, "--harmonics", "40"]) == 0
+    out, err = capsys.readouterr()
+    assert "modfun: warning: fit: The highest harmonic used" in err
+    assert "modfun: warning" not in out
+
+
+def test_a_failed_fit_is_exit_code_1(tmp_path, capsys):
+    t = np.linspace(0, 10, 201)
+    path = tmp_path / "twins.csv"
+    columns = np.column_stack([t, np.sin(t), np.sin(t**2 / 5), 2 * np.sin(t**2 / 5)])
+    np.savetxt(path, columns, delimiter=",", header="t_s,q,de,da", comments="", fmt="%.17g")
+    words = ["--output", "q", "--input", "de", "--input", "da", "--zeros", "0", "--band", "6"]
+    assert main(["fit", str(path), *words]) == 1
+    out, err = capsys.readouterr()
+    assert "cannot tell the parameters apart" in out
+    assert "cannot tell the parameters apart" in err
+
+
+def test_check_shows_columns_and_findings(table, capsys):
+    assert main(["check", str(table), "--output", "q", "--input", "de", "--json", "-"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["columns"]["column"] == ["t_s", "q", "de"]
+    assert any("offset" in text for text in found["findings"])
+    assert main(["check", str(table)]) == 0
+    assert "de" in capsys.readouterr().out
+
+
+BAD = {
+    "no such file": (["fit", "nowhere.csv", *FIT], "nowhere.csv"),
+    "no output": (["fit", "TABLE", "--input", "de"], "--output"),
+    "two outputs": (["fit", "TABLE", "--output", "q", "--output", "de"], "exactly one"),
+    "unknown column": (["fit", "TABLE", "--output", "qq", "--input", "de"], "'q'"),
+    "unknown method": (["fit", "TABLE", *FIT, "--method", "mll"], "'ml'"),
+    "band of words": (["fit", "TABLE", *FIT, "--band", "low:high"], "0.5:8"),
+    "band of three": (["fit", "TABLE", *FIT, "--band", "1:2:3"], "0.5:8"),
+    "band upside down": (["fit", "TABLE", *FIT, "--band", "8:1"], "lower < upper"),
+    "zeros in words": (["fit", "TABLE", "--output", "q", "--input", "de", "--zeros", "two"], "whole number"),
+    "more zeros than poles": (["fit", "TABLE", "--output", "q", "--input", "de", "--zeros", "5"], "poles"),
+    "negative delay": (["fit", "TABLE", *FIT, "--delay", "-1"], "at least 0"),
+    "unknown option": (["fit", "TABLE", *FIT, "--bnd", "8"], "--band"),
+    "unknown command": (["fitt"], "fit"),
+    "text where a number goes": (["fit", "TABLE", *FIT, "--poles", "two"], "--poles"),
+    "json into no folder": (["fit", "TABLE", *FIT, "--json", "/nowhere/fit.json"], "/nowhere/fit.json"),
+    "check of nothing": (["check"], "FILE"),
+    "intersample": (["fit", "TABLE", *FIT, "--intersample", "hold"], "smooth"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_use_is_exit_code_2_with_one_sentence(case, table, capsys):
+    words, cure = BAD[case]
+    assert main([str(table) if word == "TABLE" else word for word in words]) == 2
+    err = capsys.readouterr().err
+    assert cure in err
+    assert "Traceback" not in err
+
+
+def test_version_and_help(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == f"modfun {mf.__version__}"
+    assert main(["fit", "--help"]) == 0
+    assert "--intersample" in capsys.readouterr().out
+
+
+def test_as_a_module(table):
+    run = subprocess.run(
+        [sys.executable, "-m", "modfun", "fit", str(table), *FIT, "--json", "-"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(run.stdout)["status"] == "ok"
+    bad = subprocess.run(
+        [sys.executable, "-m", "modfun", "fit", "nowhere.csv", *FIT], capture_output=True, text=True
+    )
+    assert bad.returncode == 2
+    assert bad.stderr.startswith("modfun: ")
+
+
+def test_without_typer_one_sentence_names_the_extra(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "typer", None)
+    assert main(["--version"]) == 2
+    assert 'pip install "modfun[cli]"' in capsys.readouterr().err
