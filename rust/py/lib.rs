@@ -6,6 +6,7 @@ mod errors;
 mod fit;
 mod random;
 mod signals;
+mod study;
 
 use pyo3::prelude::*;
 
@@ -15,6 +16,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(fit::fit, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_many, module)?)?;
+    module.add_function(wrap_pyfunction!(study::monte_carlo, module)?)?;
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;

@@ -1,0 +1,178 @@
+//! A study laid out: noise-free coefficients once, one design an estimator, nothing left to do but draw and fit.
+
+use crate::error::Error;
+use crate::estimate::batch::Shared;
+use crate::estimate::{FitOptions, RecordView, Time};
+use crate::simd::Isa;
+use crate::spectrum::CoefficientPlan;
+
+/// How noise is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Draw {
+    /// A normal a sample.
+    Samples,
+    /// The Fourier coefficients themselves, with the exact covariance that the rule gives them.
+    Coefficients,
+}
+
+/// What all cells with the same noise-free record share.
+#[derive(Debug, Clone)]
+pub struct Group {
+    /// Noise group: the part of the random address that leaves out noise level and method.
+    pub group: u32,
+    /// Step in seconds.
+    pub dt: f64,
+    /// Noise-free output.
+    pub y: Vec<f64>,
+    /// Inputs.
+    pub u: Vec<Vec<f64>>,
+    /// Response to one standard deviation of each random initial state.
+    pub free: Vec<Vec<f64>>,
+    /// Noise standard deviations, one a level.
+    pub sigma: Vec<f64>,
+    /// Estimators with the true parameters, NaN where unknown.
+    pub estimators: Vec<(FitOptions, Vec<f64>)>,
+}
+
+/// One estimator of one group: its problem and where its coefficients come from.
+pub(crate) struct Task {
+    pub shared: Shared,
+    pub options: FitOptions,
+    pub truth: Vec<f64>,
+    /// Parameters of the estimators before it.
+    pub offset: usize,
+    /// Which of the group's output plans it uses.
+    pub source: usize,
+    /// Noise-free input coefficients on lines 0..=last.
+    pub inputs: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+/// Output coefficients of one rule and window: noise-free, of each free response, and of noise.
+pub(crate) struct Source {
+    pub plan: CoefficientPlan,
+    pub y: (Vec<f64>, Vec<f64>),
+    pub free: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Lower triangle, row major, of the root of the covariance of (Re V(0), Re V(1), Im V(1), …).
+    pub root: Vec<f64>,
+}
+
+/// A group ready to run.
+pub(crate) struct GroupPlan {
+    pub group: u32,
+    pub samples: usize,
+    pub sigma: Vec<f64>,
+    pub states: usize,
+    pub sources: Vec<Source>,
+    pub tasks: Vec<Task>,
+}
+
+impl GroupPlan {
+    /// Parameters of all estimators together.
+    pub fn parameters(&self) -> usize {
+        self.tasks.iter().map(|t| t.truth.len()).sum()
+    }
+
+    pub fn new(g: &Group, draw: Draw, isa: Isa) -> Result<GroupPlan, Error> {
+        let record = RecordView {
+            y: &g.y,
+            u: g.u.iter().map(Vec::as_slice).collect(),
+            time: Time::Even(g.dt),
+        };
+        let mut sources: Vec<Source> = Vec::new();
+        let mut tasks = Vec::with_capacity(g.estimators.len());
+        // The widest estimator of each rule and window decides how far its source reaches.
+        let mut shared = Vec::with_capacity(g.estimators.len());
+        for (o, truth) in &g.estimators {
+            if truth.len() != o.structure.parameters() {
+                return Err(Error::Spec(format!(
+                    "planning a study: {} true values for {} parameters",
+                    truth.len(),
+                    o.structure.parameters()
+                )));
+            }
+            shared.push(Shared::new(&record, o, isa)?);
+        }
+        let alike = |a: &CoefficientPlan, b: &CoefficientPlan| {
+            a.kind() == b.kind() && a.intervals() == b.intervals()
+        };
+        for s in &shared {
+            let plan = &s.plans[0];
+            match sources.iter_mut().find(|have| alike(&have.plan, plan)) {
+                Some(have) if have.plan.harmonics() >= plan.harmonics() => {}
+                Some(have) => have.plan = plan.clone(),
+                None => sources.push(Source {
+                    plan: plan.clone(),
+                    y: (Vec::new(), Vec::new()),
+                    free: Vec::new(),
+                    root: Vec::new(),
+                }),
+            }
+        }
+        for source in &mut sources {
+            source.y = coefficients(&source.plan, &g.y)?;
+            source.free =
+                g.free.iter().map(|f| coefficients(&source.plan, f)).collect::<Result<_, _>>()?;
+            if draw == Draw::Coefficients {
+                source.root = covariance_root(&source.plan)?;
+            }
+        }
+        for (shared, (o, truth)) in shared.into_iter().zip(&g.estimators) {
+            let source = sources.iter().position(|s| alike(&s.plan, &shared.plans[0])).unwrap_or(0);
+            let inputs = shared.plans[1..]
+                .iter()
+                .zip(&g.u)
+                .map(|(plan, u)| coefficients(plan, u))
+                .collect::<Result<_, _>>()?;
+            let offset = tasks.iter().map(|t: &Task| t.truth.len()).sum();
+            tasks.push(Task { shared, options: o.clone(), truth: truth.clone(), offset, source, inputs });
+        }
+        Ok(GroupPlan {
+            group: g.group,
+            samples: g.y.len(),
+            sigma: g.sigma.clone(),
+            states: g.free.len(),
+            sources,
+            tasks,
+        })
+    }
+}
+
+fn coefficients(plan: &CoefficientPlan, samples: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let lines = plan.harmonics() + 1;
+    let (mut re, mut im) = (vec![0.0; lines], vec![0.0; lines]);
+    plan.run(samples, &mut re, &mut im)?;
+    Ok((re, im))
+}
+
+/// Root of the covariance of a rule's coefficients under white noise of variance one.
+///
+/// Coefficients of unit samples give it exactly: cov = Σ_k v_k v_kᵀ with v_k those of sample k.
+fn covariance_root(plan: &CoefficientPlan) -> Result<Vec<f64>, Error> {
+    let size = 2 * plan.harmonics() + 1;
+    let mut cov = vec![0.0; size * size];
+    let mut unit = vec![0.0; plan.samples()];
+    for k in 0..unit.len() {
+        unit[k] = 1.0;
+        let (re, im) = coefficients(plan, &unit)?;
+        unit[k] = 0.0;
+        let v: Vec<f64> =
+            (0..size).map(|i| if i % 2 == 1 || i == 0 { re[i.div_ceil(2)] } else { im[i / 2] }).collect();
+        for i in 0..size {
+            for j in 0..=i {
+                cov[i * size + j] = v[i].mul_add(v[j], cov[i * size + j]);
+            }
+        }
+    }
+    // Cholesky, in place.
+    for j in 0..size {
+        let own = (0..j).fold(cov[j * size + j], |s, k| (-cov[j * size + k]).mul_add(cov[j * size + k], s));
+        let pivot = own.max(0.0).sqrt();
+        cov[j * size + j] = pivot;
+        for i in j + 1..size {
+            let dot =
+                (0..j).fold(cov[i * size + j], |s, k| (-cov[i * size + k]).mul_add(cov[j * size + k], s));
+            cov[i * size + j] = if pivot > 0.0 { dot / pivot } else { 0.0 };
+        }
+    }
+    Ok(cov)
+}
