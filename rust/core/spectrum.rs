@@ -11,9 +11,9 @@ use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
 use crate::Error;
+use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::quadrature::{Hold, Rule, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
-use crate::math::{root_of_unity, sin_cos_turns_1};
 use folded::{FoldedSums, Source};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
@@ -484,12 +484,20 @@ impl Source for InLanes<'_> {
     fn get<L: Lanes>(&self, k: usize) -> L {
         L::load(&self.0[k])
     }
+    #[inline(always)]
+    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
+        self.0.get(from..from + count)
+    }
 }
 
 impl Source for InAll<'_> {
     #[inline(always)]
     fn get<L: Lanes>(&self, k: usize) -> L {
         L::splat(self.0[k])
+    }
+    #[inline(always)]
+    fn run(&self, _: usize, _: usize) -> Option<&[Wide]> {
+        None
     }
 }
 
@@ -500,6 +508,10 @@ impl<S: Source> Source for Window<'_, S> {
             None => self.record.get::<L>(self.first + k),
             Some(taps) => taps.at::<L, S>(self.record, self.first + k),
         }
+    }
+    #[inline(always)]
+    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
+        if self.taps.is_some() { None } else { self.record.run(self.first + from, count) }
     }
 }
 
@@ -528,8 +540,11 @@ impl<S: Source> Kernel for FoldedKernel<'_, S> {
         if plan.holds.is_empty() {
             return;
         }
-        let end = |k: usize| self.source.get::<L>(first + n + k) - self.source.get::<L>(first + k);
-        let both = [end(0), if first < plan.lead { end(1) } else { L::splat(0.0) }];
+        let source = self.source;
+        let mut both = [source.get::<L>(first + n) - source.get::<L>(first), L::splat(0.0)];
+        if first < plan.lead {
+            both[1] = source.get::<L>(first + n + 1) - source.get::<L>(first + 1);
+        }
         for ((factor, re), im) in plan.holds.iter().zip(self.re).zip(self.im) {
             let (x, y) = (L::load(re), L::load(im));
             let mut real = x * L::splat(factor.sum.0) - y * L::splat(factor.sum.1);

@@ -7,8 +7,8 @@
 //! turned by its own root of unity, so that memory stays at `BLOCK` · 2(M+1) doubles and a root of
 //! unity a block and harmonic.
 
-use crate::simd::{Lanes, Wide};
 use crate::math::root_of_unity;
+use crate::simd::{Lanes, Wide};
 
 /// Entries folded and summed at a time: four of these arrays lie in the first-level cache.
 pub(super) const BLOCK: usize = 128;
@@ -21,12 +21,16 @@ const MOST: usize = 5;
 pub(super) trait Source: Copy {
     /// Sample `k` of all lanes.
     fn get<L: Lanes>(&self, k: usize) -> L;
+    /// Samples `from`, … where they lie side by side in memory.
+    fn run(&self, from: usize, count: usize) -> Option<&[Wide]>;
 }
 
 /// The sums of one window length, set of weights and number of harmonics.
 #[derive(Debug, Clone)]
 pub(super) struct FoldedSums {
     intervals: usize,
+    /// 1/N.
+    scale: f64,
     harmonics: usize,
     weights: Vec<f64>,
     /// Samples at each end whose weights are not 1.
@@ -64,6 +68,7 @@ impl FoldedSums {
         let turned = length > DIRECT;
         let mut sums = FoldedSums {
             intervals,
+            scale: 1.0 / intervals as f64,
             harmonics,
             weights,
             edge,
@@ -129,30 +134,28 @@ impl FoldedSums {
         scratch: &mut [Wide],
     ) {
         let (re, im) = (&mut re[..=self.harmonics], &mut im[..=self.harmonics]);
-        for m in 0..=self.harmonics {
-            L::splat(0.0).store(&mut re[m]);
-            L::splat(0.0).store(&mut im[m]);
+        L::splat(0.0).store(&mut im[0]);
+        if self.length > BLOCK {
+            for x in re.iter_mut().chain(&mut im[1..]) {
+                L::splat(0.0).store(x);
+            }
         }
-        let width = BLOCK.min(self.length);
+        let entries = scratch.as_chunks_mut::<4>().0;
         for (block, start) in (0..self.length).step_by(BLOCK).enumerate() {
-            let count = width.min(self.length - start);
-            self.fold::<L, S>(source, start, count, scratch);
+            let count = BLOCK.min(self.length - start);
+            let entries = &mut entries[..count];
+            self.fold::<L, S>(source, start, entries);
             for pass in &self.passes {
-                let data = &scratch[pass.array * width..][..count];
                 let skip = if self.turns.is_empty() { start } else { 0 };
                 let table = &self.table[pass.table + skip * pass.count..];
                 match pass.count {
-                    1 => self.sum::<L, 1>(pass, block, data, table, re, im),
-                    2 => self.sum::<L, 2>(pass, block, data, table, re, im),
-                    3 => self.sum::<L, 3>(pass, block, data, table, re, im),
-                    4 => self.sum::<L, 4>(pass, block, data, table, re, im),
-                    _ => self.sum::<L, MOST>(pass, block, data, table, re, im),
+                    1 => self.sum::<L, 1>(pass, block, entries, table, re, im),
+                    2 => self.sum::<L, 2>(pass, block, entries, table, re, im),
+                    3 => self.sum::<L, 3>(pass, block, entries, table, re, im),
+                    4 => self.sum::<L, 4>(pass, block, entries, table, re, im),
+                    _ => self.sum::<L, MOST>(pass, block, entries, table, re, im),
                 }
             }
-        }
-        let by = L::splat(1.0 / self.intervals as f64);
-        for x in re.iter_mut().chain(im) {
-            (L::load(x) * by).store(x);
         }
     }
 
@@ -162,20 +165,27 @@ impl FoldedSums {
         &self,
         pass: &Pass,
         block: usize,
-        data: &[Wide],
+        entries: &[[Wide; 4]],
         table: &[f64],
         re: &mut [Wide],
         im: &mut [Wide],
     ) {
         let mut sums = [L::splat(0.0); G];
-        for (x, row) in data.iter().zip(table.as_chunks::<G>().0) {
-            let x = L::load(x);
+        for (x, row) in entries.iter().zip(table.as_chunks::<G>().0) {
+            let x = L::load(&x[pass.array & 3]);
             for g in 0..G {
                 sums[g] = x.mul_add(L::splat(row[g]), sums[g]);
             }
         }
+        let scale = self.scale;
         for (g, sum) in sums.into_iter().enumerate() {
             let m = pass.first + g * pass.step;
+            if self.length <= BLOCK {
+                // One block: each coefficient part has one pass.
+                let (to, by) = if pass.sine { (&mut im[m], -scale) } else { (&mut re[m], scale) };
+                (sum * L::splat(by)).store(to);
+                continue;
+            }
             let (cos, sin) = match self.turns.get(block * (self.harmonics + 1) + m) {
                 Some(turn) => *turn,
                 None => (1.0, 0.0),
@@ -187,7 +197,53 @@ impl FoldedSums {
                 (true, false) => (&mut im[m], -sin),
                 (true, true) => (&mut im[m], -cos),
             };
-            sum.mul_add(L::splat(by), L::load(to)).store(to);
+            sum.mul_add(L::splat(by * scale), L::load(to)).store(to);
+        }
+    }
+
+    /// Folds the entries from `start` on.
+    #[inline(always)]
+    fn fold<L: Lanes, S: Source>(&self, source: S, start: usize, entries: &mut [[Wide; 4]]) {
+        let (n, half, end) = (self.intervals, self.intervals / 2, start + entries.len());
+        let twice = n.is_multiple_of(2);
+        // Entries whose samples all have weight 1 and mirror images of their own.
+        let last =
+            if twice { (half + 1).saturating_sub(self.edge).min(half.div_ceil(2)) } else { self.length };
+        let low = self.edge.max(1).clamp(start, end);
+        let high = last.clamp(low, end);
+        for k in (start..low).chain(high..end) {
+            store_all(self.entry::<L, S>(source, k), &mut entries[k - start]);
+        }
+        let some = high - low;
+        let entries = &mut entries[low - start..high - start];
+        let outer = (source.run(low, some), source.run(n + 1 - high, some));
+        let inner = (source.run((half + 1).saturating_sub(high), some), source.run(half + low, some));
+        match (outer, inner) {
+            // What takes the time: plain slices, no index to check.
+            ((Some(a), Some(b)), (Some(c), Some(d))) if twice => {
+                let samples = a.iter().zip(b.iter().rev()).zip(c.iter().rev().zip(d));
+                for (((a, b), (c, d)), to) in samples.zip(entries) {
+                    store_all(fold_four(L::load(a), L::load(b), L::load(c), L::load(d)), to);
+                }
+            }
+            ((Some(a), Some(b)), _) if !twice => {
+                for ((a, b), to) in a.iter().zip(b.iter().rev()).zip(entries) {
+                    let (a, b) = (L::load(a), L::load(b));
+                    (a + b).store(&mut to[0]);
+                    (a - b).store(&mut to[2]);
+                }
+            }
+            _ => {
+                for (k, to) in (low..high).zip(entries) {
+                    let (a, b) = (source.get::<L>(k), source.get::<L>(n - k));
+                    if twice {
+                        store_all(fold_four(a, b, source.get::<L>(half - k), source.get::<L>(half + k)), to);
+                    } else {
+                        (a + b).store(&mut to[0]);
+                        (a - b).store(&mut to[2]);
+                    }
+                }
+            }
         }
     }
 
@@ -197,52 +253,39 @@ impl FoldedSums {
         source.get::<L>(k) * L::splat(self.weights[k])
     }
 
-    /// Folds `count` entries from `start` on into the four arrays of the scratch.
+    /// One folded entry near the ends or in the middle: sums for even, odd m, differences for even, odd m.
     #[inline(always)]
-    fn fold<L: Lanes, S: Source>(&self, source: S, start: usize, count: usize, scratch: &mut [Wide]) {
-        let width = BLOCK.min(self.length);
-        let (sums, differences) = scratch.split_at_mut(2 * width);
-        let (even, odd) = sums.split_at_mut(width);
-        let (even_d, odd_d) = differences.split_at_mut(width);
-        let (n, half) = (self.intervals, self.intervals / 2);
-        let zero = L::splat(0.0);
-        let twice = n.is_multiple_of(2);
-        for i in 0..count {
-            let k = start + i;
-            let near = k < self.edge || (twice && half - k < self.edge);
-            let (a, b) = if near {
-                (self.weighted::<L, S>(source, k), self.weighted::<L, S>(source, n - k))
-            } else {
-                (source.get::<L>(k), source.get::<L>(n - k))
-            };
-            let (p, d) = (a + b, if k == 0 { zero } else { a - b });
-            if !twice {
-                p.store(&mut even[i]);
-                d.store(&mut even_d[i]);
-                continue;
-            }
-            let (q, e) = if 2 * k == half {
-                // This entry is its own mirror image: cos vanishes for odd m, sin for even m.
-                p.store(&mut even[i]);
-                zero.store(&mut odd[i]);
-                zero.store(&mut even_d[i]);
-                d.store(&mut odd_d[i]);
-                continue;
-            } else if k == 0 {
-                let middle = if near { self.weighted::<L, S>(source, half) } else { source.get::<L>(half) };
-                (middle, zero)
-            } else if near {
-                let (c, d) =
-                    (self.weighted::<L, S>(source, half - k), self.weighted::<L, S>(source, half + k));
-                (c + d, c - d)
-            } else {
-                let (c, d) = (source.get::<L>(half - k), source.get::<L>(half + k));
-                (c + d, c - d)
-            };
-            (p + q).store(&mut even[i]);
-            (p - q).store(&mut odd[i]);
-            (d - e).store(&mut even_d[i]);
-            (d + e).store(&mut odd_d[i]);
+    fn entry<L: Lanes, S: Source>(&self, source: S, k: usize) -> [L; 4] {
+        let (n, half, zero) = (self.intervals, self.intervals / 2, L::splat(0.0));
+        let (a, b) = (self.weighted::<L, S>(source, k), self.weighted::<L, S>(source, n - k));
+        let (p, d) = (a + b, if k == 0 { zero } else { a - b });
+        if n % 2 == 1 {
+            [p, zero, d, zero]
+        } else if 2 * k == half {
+            // Its own mirror image: cos vanishes for odd m, sin for even m.
+            [p, zero, zero, d]
+        } else if k == 0 {
+            let middle = self.weighted::<L, S>(source, half);
+            [p + middle, p - middle, zero, zero]
+        } else {
+            let (c, d) = (self.weighted::<L, S>(source, half - k), self.weighted::<L, S>(source, half + k));
+            fold_four(a, b, c, d)
         }
     }
+}
+
+/// Writes one entry.
+#[inline(always)]
+fn store_all<L: Lanes>(from: [L; 4], to: &mut [Wide; 4]) {
+    for (from, to) in from.into_iter().zip(to) {
+        from.store(to);
+    }
+}
+
+/// Samples k, N−k, N/2−k, N/2+k: sums for even, odd m, differences for even, odd m.
+#[inline(always)]
+fn fold_four<L: Lanes>(a: L, b: L, c: L, d: L) -> [L; 4] {
+    let (p, q) = (a + b, c + d);
+    let (e, f) = (a - b, c - d);
+    [p + q, p - q, e - f, e + f]
 }
