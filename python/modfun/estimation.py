@@ -228,6 +228,12 @@ def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Opti
     first = records[0]
     inputs = len(first.inputs)
     numerators, delays = channels(structure, first)
+    if all(np.ptp(rec.y) == 0 for rec in records):
+        raise DataError(
+            f"fit: output {first.outputs[0]!r} stands at {first.y[0][0]:g} throughout, so nothing "
+            "can be learnt from it: "
+            "take a record in which it moves"
+        )
     for k, (name, degree) in enumerate(zip(first.inputs, numerators, strict=True)):
         if degree is not None and all(np.ptp(rec.u[k]) == 0 for rec in records):
             raise DataError(

@@ -398,6 +398,11 @@ BAD = {
         mf.DataError,
         "'u' stands at 1 throughout",
     ),
+    "an output that stands still": (
+        lambda: mf.fit(mf.Record(y=np.zeros(257), u=REC.u, dt=REC.dt), TF20),
+        mf.DataError,
+        "'y' stands at 0 throughout",
+    ),
     "delay as long as the record": (
         lambda: mf.fit(REC, mf.TransferFunction(poles=2, delay=9.9)),
         mf.DataError,

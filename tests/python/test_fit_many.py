@@ -1,0 +1,113 @@
+"""Many fits at once: the same numbers as one at a time."""
+
+import modfun as mf
+import numpy as np
+import pytest
+
+TF20 = mf.TransferFunction(poles=2, zeros=0)
+
+
+@pytest.fixture(scope="module")
+def batch():
+    t = np.linspace(0, 10, 257)
+    clean = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256)
+    noise = 0.1 * clean.std() * np.random.default_rng(0).standard_normal((50, 257))
+    return mf.Batch(y=clean + noise, u=np.sin(t**2 / 5), dt=10 / 256)
+
+
+@pytest.mark.parametrize("method", ["ls", "wls", "awls", "ml"])
+def test_a_batch_equals_single_fits(batch, method):
+    many = mf.fit_many(batch, TF20, method=method)
+    harmonics = round(many.band[1] * 10 / (2 * np.pi)) - 2
+    for k in (0, 17, 49):
+        one = mf.fit(batch[k], TF20, method=method, harmonics=harmonics)
+        np.testing.assert_allclose(many.params[k], one.params, rtol=1e-12)
+        np.testing.assert_allclose(many.bse[k], one.bse, rtol=1e-12)
+        assert many.cost[k] == pytest.approx(one.cost, rel=1e-12)
+        assert many.status[k] == one.status
+    assert many.df_resid == one.df_resid
+    assert many.success.all()
+    assert len(many) == 50
+
+
+def test_errors_and_scatter_agree(batch):
+    table = mf.fit_many(batch, TF20, trend=None).table()
+    assert table["parameter"].tolist() == ["a1", "a2", "b0"]
+    np.testing.assert_allclose(table["mean"], [3, 8, 5], rtol=0.02)
+    assert np.all(table["sd"] / table["mean_bse"] < 1.4)
+    assert np.all(table["sd"] / table["mean_bse"] > 0.6)
+
+
+def test_the_band_is_chosen_once_on_the_first_record(batch):
+    many = mf.fit_many(batch, TF20)
+    assert many.band == mf.fit(batch[0], TF20).band
+    assert mf.fit_many(batch, TF20, band=(1.0, 8.0)).band[1] <= 8.0
+
+
+def test_threads_do_not_change_the_numbers(batch, monkeypatch):
+    alone = mf.fit_many(batch, TF20, threads=1)
+    np.testing.assert_array_equal(alone.params, mf.fit_many(batch, TF20, threads=2).params)
+    monkeypatch.setenv("MODFUN_NUM_THREADS", "2")
+    np.testing.assert_array_equal(alone.params, mf.fit_many(batch, TF20).params)
+    monkeypatch.setenv("MODFUN_NUM_THREADS", "many")
+    with pytest.raises(mf.SpecError, match="MODFUN_NUM_THREADS='many'"):
+        mf.fit_many(batch, TF20)
+
+
+def test_lists_alike_and_unlike(batch):
+    records = [batch[k] for k in range(3)]
+    np.testing.assert_array_equal(
+        mf.fit_many(records, TF20).params,
+        mf.fit_many(mf.Batch(y=batch.y[:3], u=batch.u, dt=batch.dt), TF20).params,
+    )
+    unlike = mf.fit_many([batch[0], batch[1].window(0, 8)], TF20)
+    again = mf.fit(batch[1].window(0, 8), TF20, band=unlike.band)
+    np.testing.assert_array_equal(unlike.params[1], again.params)
+
+
+def test_a_bad_replicate_leaves_the_others_alone(batch):
+    y = batch.y.copy()
+    y[3, 0, 5] = np.nan
+    many = mf.fit_many(mf.Batch(y=y, u=batch.u, dt=batch.dt), TF20)
+    assert many.failures == {"nonfinite": 1}
+    good = np.arange(50) != 3
+    assert np.array_equal(many.success, good)
+    np.testing.assert_array_equal(many.params[good], mf.fit_many(batch, TF20).params[good])
+    assert "49 ok, 1 nonfinite" in repr(many)
+    assert many.table().title == "49 of 50 fits succeeded"
+    assert "<table" in many._repr_html_()
+
+
+def test_names_and_cov_type(batch):
+    many = mf.fit_many(batch, TF20, cov_type="nonrobust")
+    np.testing.assert_array_equal(many["a2"], many.params[:, 1])
+    assert not np.array_equal(many.bse, mf.fit_many(batch, TF20).bse)
+    with pytest.raises(mf.SpecError, match="a1, a2, b0"):
+        many["a3"]
+
+
+def test_progress_is_shown_on_request_only(batch, capsys):
+    mf.fit_many(batch, TF20)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "cure"),
+    [
+        (lambda b: mf.fit_many(b, TF20, bnad=8.0), mf.SpecError, "'band'"),
+        (lambda b: mf.fit_many(b, "tf"), mf.SpecError, "TransferFunction"),
+        (lambda b: mf.fit_many([], TF20), mf.DataError, "at least one"),
+        (lambda b: mf.fit_many(b.y, TF20), mf.SpecError, "make a Record"),
+        (lambda b: mf.fit_many(b, TF20, threads=1.5), mf.SpecError, "whole number"),
+        (lambda b: mf.fit_many(b, mf.TransferFunction(poles=2, zeros=[0, 0])), mf.SpecError, "one an input"),
+        (lambda b: mf.fit_many(b, TF20, harmonics=500), mf.ModfunError, "harmonic"),
+        (
+            lambda b: mf.fit_many(mf.Batch(y=np.full((2, 257), np.nan), u=b.u, dt=b.dt), TF20),
+            mf.DataError,
+            "not finite",
+        ),
+    ],
+)
+def test_bad_input_is_refused_with_the_cure(batch, call, error, cure):
+    with pytest.raises(error, match=cure):
+        call(batch)
