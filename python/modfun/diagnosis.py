@@ -66,13 +66,13 @@ class Diagnosis:
 
 def diagnose(fit: Fit) -> Diagnosis:
     """All tests of a fit with finite parameters."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.divide(fit.sigma, fit.high_band_sigma))
     colour, colour_ratio = colour_of_lines(fit.pieces)
     return Diagnosis(
-        chi2_p=float(chi2.sf(fit.chi2, fit.df_resid)) if np.isfinite(fit.chi2) else float("nan"),
+        chi2_p=float(chdtrc(fit.df_resid, fit.chi2)) if np.isfinite(fit.chi2) else float("nan"),
         level_ratio=ratio if np.isfinite(fit.chi2) else float("nan"),
         correlation=correlation_of_lines(fit.pieces)[0],
         colour=colour,
@@ -109,7 +109,7 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
     column, cleared of all the fitted ones.
     Needs the samples, evenly spaced, and the weighting of output noise.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtr
 
     weighted = fit.options.noise == "output" and fit.options.method in ("awls", "ml")
     if fit.records is None or not weighted or not fit.inputs or not fit.sigma > 0:
@@ -141,7 +141,7 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
         rest = max(float(residual @ residual) - part, 0.0) / (fit.df_resid - 1)
         bse = float(np.sqrt(rest / size))
         amount = float(z @ residual) / size
-        p_value = 2 * float(student.sf(abs(amount) / bse, fit.df_resid - 1)) if bse > 0 else 0.0
+        p_value = 2 * float(stdtr(fit.df_resid - 1, -abs(amount) / bse)) if bse > 0 else 0.0
         found.append(Lag(channel, amount, bse, p_value, fit.numerators[k] is not None))
     return tuple(found)
 

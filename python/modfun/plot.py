@@ -238,7 +238,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     -------
     Axes
     """
-    from scipy.stats import f as fisher
+    from scipy.special import fdtri
 
     from .derived import poles as poles_of
 
@@ -267,7 +267,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
             if not np.all(np.isfinite(spread)):
                 continue
             size, axes = np.linalg.eigh(spread)
-            radius = np.sqrt(2 * fisher.ppf(0.95, 2, max(fit.df_resid, 1)) * np.maximum(size, 0.0))
+            radius = np.sqrt(2 * fdtri(2, max(fit.df_resid, 1), 0.95) * np.maximum(size, 0.0))
             edge = axes @ (radius[:, None] * np.array([turn.real, turn.imag]))
             here.fill(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", alpha=0.2, linewidth=0)
             here.plot(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", linewidth=0.8)

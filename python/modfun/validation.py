@@ -222,7 +222,7 @@ def correlation_of_lines(residuals: Sequence[C128], lags: int | None = None) -> 
     autocorrelation : (lags,) array
         Real part of the autocorrelation at lags 1, 2, ….
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     count = sum(e.size for e in residuals)
     shortest = min(e.size for e in residuals)
@@ -236,7 +236,7 @@ def correlation_of_lines(residuals: Sequence[C128], lags: int | None = None) -> 
     r /= power
     # Re of a product of independent circular lines has variance 1/2 in units of their power.
     q = 2 * count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
-    return Whiteness(q, float(chi2.sf(q, lags)), count), r
+    return Whiteness(q, float(chdtrc(lags, q)), count), r
 
 
 def colour_of_lines(residuals: Sequence[C128]) -> tuple[Whiteness, float]:
@@ -252,7 +252,7 @@ def colour_of_lines(residuals: Sequence[C128]) -> tuple[Whiteness, float]:
     ratio : float
         RMS of the lines in the lower half of the band over that in the upper half.
     """
-    from scipy.stats import kstwobign
+    from scipy.special import kolmogorov
 
     power = [np.abs(e) ** 2 for e in residuals]
     longest = max(power, key=len)
@@ -267,4 +267,4 @@ def colour_of_lines(residuals: Sequence[C128]) -> tuple[Whiteness, float]:
     half = count // 2
     with np.errstate(divide="ignore"):
         ratio = float(np.sqrt(np.divide(pooled[:half].mean(), pooled[half:].mean())))
-    return Whiteness(distance, float(kstwobign.sf(distance * np.sqrt(count - 1))), count), ratio
+    return Whiteness(distance, float(kolmogorov(distance * np.sqrt(count - 1))), count), ratio
