@@ -204,6 +204,7 @@ def residuals(fit: Fit, ax: Any = None) -> Any:
         upper.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
     reach = max(3.0, 1.1 * float(np.max(np.abs([fit.residuals.real, fit.residuals.imag]), initial=0.0)))
     upper.set_ylim(-reach, reach)
+    upper.xaxis.get_major_locator().set_params(integer=True)
     upper.set_xlabel("harmonic m")
     upper.set_ylabel("whitened residual")
     upper.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
@@ -259,7 +260,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
             if pole.imag == 0:
                 low, high = fit.interval(np.array(pole.real), np.sqrt(gradient.real @ cov @ gradient.real))
                 here.plot(
-                    [low, high], [0, 0], color=f"C{k % 10}", linewidth=3, alpha=0.35, solid_capstyle="butt"
+                    [low, high], [0, 0], color=f"C{k % 10}", linewidth=6, alpha=0.3, solid_capstyle="butt"
                 )
                 continue
             both = np.array([gradient.real, gradient.imag])
@@ -274,6 +275,9 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     here.axhline(0.0, color="0.3", linewidth=0.6)
     here.axvline(0.0, color="0.3", linewidth=0.9)
     here.margins(0.12)
+    here.autoscale_view()
+    tall = 0.25 * max(map(abs, here.get_xlim()))  # real poles alone would stand on an axis without height
+    here.set_ylim(min(here.get_ylim()[0], -tall), max(here.get_ylim()[1], tall))
     here.set_xlabel("real part (rad/s)")
     here.set_ylabel("imaginary part (rad/s)")
     here.grid(True, alpha=0.3)
