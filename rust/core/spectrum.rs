@@ -4,6 +4,7 @@
 //! [`FOLDED_HARMONICS`] harmonics, a real FFT above, direct sums for uneven samples.
 
 mod folded;
+mod source;
 
 use std::sync::Arc;
 
@@ -14,12 +15,11 @@ use crate::Error;
 use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::quadrature::{Hold, Rule, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
-use folded::{FoldedSums, Source};
+use folded::FoldedSums;
+use source::{InAll, InLanes, Source, Taps, Window};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
 pub const FOLDED_HARMONICS: usize = 64;
-/// Samples through which a rule's signal is interpolated at a fractional delay.
-const TAPS: usize = 6;
 
 /// How the samples of a channel stand for a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -422,96 +422,6 @@ impl HoldFactor {
             sum: (c0.0 + both.0, c0.1 + both.1),
             ends: [(by * both.0, by * both.1), (by * second.0, by * second.1)],
         }
-    }
-}
-
-/// Local interpolation at t_k − d·dt through six samples (Lagrange), d a fraction of a sample.
-#[derive(Debug, Clone)]
-struct Taps {
-    /// Where the last stencil starts.
-    last: usize,
-    /// Coefficients by the place of the interval inside the stencil: 2 but near the ends.
-    rows: Vec<[f64; TAPS]>,
-}
-
-impl Taps {
-    fn new(samples: usize, ahead: f64) -> Result<Taps, Error> {
-        if samples < TAPS {
-            return Err(Error::Data(format!(
-                "a delay that is no whole number of samples is interpolated through {TAPS} samples, the record has {samples}; round the delay or declare the signal \"zoh\" or \"foh\""
-            )));
-        }
-        let row = |place: usize| {
-            let x = place as f64 + ahead;
-            std::array::from_fn(|i| {
-                let others = (0..TAPS).filter(|&j| j != i);
-                others.map(|j| (x - j as f64) / (i as f64 - j as f64)).product()
-            })
-        };
-        Ok(Taps { last: samples - TAPS, rows: (0..TAPS).map(row).collect() })
-    }
-
-    /// The value a fraction after sample `k` of the record.
-    #[inline(always)]
-    fn at<L: Lanes, S: Source>(&self, source: S, k: usize) -> L {
-        let start = k.saturating_sub(TAPS / 2 - 1).min(self.last);
-        let mut sum = L::splat(0.0);
-        for (i, by) in self.rows[k - start].iter().enumerate() {
-            sum = source.get::<L>(start + i).mul_add(L::splat(*by), sum);
-        }
-        sum
-    }
-}
-
-/// Eight records side by side.
-#[derive(Clone, Copy)]
-struct InLanes<'a>(&'a [Wide]);
-
-/// One record in all lanes.
-#[derive(Clone, Copy)]
-struct InAll<'a>(&'a [f64]);
-
-/// The window inside a record, interpolated where the delay has a fraction.
-#[derive(Clone, Copy)]
-struct Window<'a, S> {
-    record: S,
-    first: usize,
-    taps: Option<&'a Taps>,
-}
-
-impl Source for InLanes<'_> {
-    #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        L::load(&self.0[k])
-    }
-    #[inline(always)]
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
-        self.0.get(from..from + count)
-    }
-}
-
-impl Source for InAll<'_> {
-    #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        L::splat(self.0[k])
-    }
-    #[inline(always)]
-    fn run(&self, _: usize, _: usize) -> Option<&[Wide]> {
-        None
-    }
-}
-
-impl<S: Source> Source for Window<'_, S> {
-    #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        match self.taps {
-            None => self.record.get::<L>(self.first + k),
-            Some(taps) => taps.at::<L, S>(self.record, self.first + k),
-        }
-    }
-    #[inline(always)]
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
-        if self.taps.is_some() { None } else { self.record.run(self.first + from, count) }
     }
 }
 

@@ -10,20 +10,14 @@
 use crate::math::root_of_unity;
 use crate::simd::{Lanes, Wide};
 
+use super::source::Source;
+
 /// Entries folded and summed at a time: four of these arrays lie in the first-level cache.
 pub(super) const BLOCK: usize = 128;
 /// Folded entries up to which the table covers the whole record.
 const DIRECT: usize = 2048;
 /// Accumulators that, with the sample and the table entry, fill the 16 registers of AVX2.
 const MOST: usize = 5;
-
-/// Where the samples of a window come from: its number 0 is the window's first.
-pub(super) trait Source: Copy {
-    /// Sample `k` of all lanes.
-    fn get<L: Lanes>(&self, k: usize) -> L;
-    /// Samples `from`, … where they lie side by side in memory.
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]>;
-}
 
 /// The sums of one window length, set of weights and number of harmonics.
 #[derive(Debug, Clone)]
