@@ -2,7 +2,7 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Band, Batch, Fit, FitOptions, Options, RecordView, Time, fit as core_fit, fit_many as core_fit_many,
+    Band, Batch, Fit, FitOptions, Options, RecordView, Time, Wanted, fit as core_fit, fit_many as core_fit_many,
 };
 use modfun::quadrature::Hold;
 use modfun::simd::Isa;
@@ -57,7 +57,7 @@ pub struct Given {
 
 impl Given {
     /// In the core's words.
-    pub fn options(&self, covariance: bool) -> Result<FitOptions, Error> {
+    pub fn options(&self, wanted: Wanted) -> Result<FitOptions, Error> {
         let hold = |name: &String| -> Result<Option<Hold>, Error> {
             match (name.as_str(), Kind::from_name(name)) {
                 ("smooth", _) => Ok(None),
@@ -104,7 +104,7 @@ impl Given {
             },
             extended: self.extended,
             band,
-            options: Options { tol: self.tol, maxiter: self.maxiter, covariance },
+            options: Options { tol: self.tol, maxiter: self.maxiter, wanted },
         })
     }
 }
@@ -127,7 +127,7 @@ pub fn fit<'py>(
     options: Option<Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
-    let o = given.options(true).map_err(to_python)?;
+    let o = given.options(Wanted::Covariance).map_err(to_python)?;
     if y.len() != u.len() || y.len() != time.len() {
         return Err(to_python(Error::Data(format!(
             "fitting: {} outputs, {} inputs and {} time axes; one of each a record",
@@ -216,7 +216,7 @@ pub fn fit_many<'py>(
     options: Option<Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
-    let o = given.options(uncertainty).map_err(to_python)?;
+    let o = given.options(if uncertainty { Wanted::Covariance } else { Wanted::Cost }).map_err(to_python)?;
     let shape = y.as_array().dim();
     let inputs = u.as_array().dim();
     let wrong = |what: String| Err(to_python(Error::Data(format!("fitting a batch: {what}"))));

@@ -1,6 +1,6 @@
 //! `monte_carlo`: a study laid out by Python, run by the core.
 
-use modfun::estimate::FitOptions;
+use modfun::estimate::{FitOptions, Wanted};
 use modfun::monte_carlo::{Cell, Draw, Group, Intervals, Plan, Run};
 use modfun::simd::Isa;
 use modfun::{Error, Status};
@@ -33,7 +33,7 @@ struct GivenGroup<'py> {
 }
 
 impl GivenGroup<'_> {
-    fn group(&self, estimators: &[Given], covariance: bool) -> PyResult<Group> {
+    fn group(&self, estimators: &[Given]) -> PyResult<Group> {
         let samples = self.y.as_array().len();
         let rows = |array: &PyReadonlyArray2<'_, f64>, name: &str| -> PyResult<Vec<Vec<f64>>> {
             let values = slice(array, name)?;
@@ -55,7 +55,7 @@ impl GivenGroup<'_> {
         let estimators: Vec<(FitOptions, Vec<f64>)> = estimators
             .iter()
             .zip(&self.truth)
-            .map(|(e, truth)| Ok((e.options(covariance).map_err(to_python)?, slice(truth, "truth")?.to_vec())))
+            .map(|(e, truth)| Ok((e.options(Wanted::Theta).map_err(to_python)?, slice(truth, "truth")?.to_vec())))
             .collect::<PyResult<_>>()?;
         Ok(Group {
             group: self.group,
@@ -111,7 +111,7 @@ pub fn monte_carlo<'py>(
     let laid_out: Vec<Group> = groups
         .iter()
         .zip(&estimators)
-        .map(|(g, e)| g.extract::<GivenGroup<'_>>()?.group(e, covariance))
+        .map(|(g, e)| g.extract::<GivenGroup<'_>>()?.group(e))
         .collect::<PyResult<_>>()?;
     let thread_count = modfun::threads::count(threads).map_err(to_python)?;
     let plan = Plan::new(&laid_out, draw, Isa::detect()).map_err(to_python)?;

@@ -1,7 +1,7 @@
 //! Many fits of one structure at once: eight records a block, blocks over threads, the same bits as one by one.
 
 use super::fit::{Band, FitOptions, RecordView, Time, Window, coefficient_plans, fit};
-use super::{Design, Outcome, Start, Workspace, estimate};
+use super::{Design, Outcome, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
 use crate::simd::{Isa, LANES, Wide};
@@ -164,7 +164,7 @@ pub fn fit_many(
             let live = std::array::from_fn(|lane| lane < count);
             let outcome = estimate(isa, d, &mut w.space, live, Start::Wls, &o.options);
             for lane in 0..count {
-                out.push(d, &w.space, lane, &outcome, o.options.covariance);
+                out.push(d, &w.space, lane, &outcome, o.options.wanted == Wanted::Covariance);
             }
         }
         Ok(out)

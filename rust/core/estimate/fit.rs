@@ -1,7 +1,7 @@
 //! One fit from samples to covariance: window, coefficients, default band, estimate.
 
 use super::uncertainty::{Information, Residuals};
-use super::{Design, Options, Start, Workspace, estimate};
+use super::{Design, Options, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
@@ -362,7 +362,7 @@ impl Job<'_> {
 
     /// Runs without covariance: cost, θ, and whether it may be used.
     fn trial(&self, d: &Design, w: &mut Workspace, start: Start<'_>) -> (f64, Option<Vec<f64>>) {
-        let options = Options { covariance: false, ..self.o.options };
+        let options = Options { wanted: Wanted::Cost, ..self.o.options };
         let outcome = estimate(self.isa, d, w, LIVE, start, &options);
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
         match usable {
@@ -459,7 +459,7 @@ impl Job<'_> {
         band_rule: Option<BandRule>,
     ) -> Result<Fit, Error> {
         let (d, mut w) = self.prepare(ranges)?;
-        let options = Options { covariance: true, ..self.o.options };
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options);
         let p = d.parameters();
         let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();

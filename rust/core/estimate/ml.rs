@@ -8,7 +8,7 @@ use super::design::Design;
 use super::pass::{Factors, Step, Weights};
 use super::workspace::Workspace;
 use super::{Lane, Options, take_step};
-use crate::simd::Isa;
+use crate::simd::{Isa, LANES};
 
 /// Steps that may raise the cost before steps are halved: the first ones do so on the way to the answer.
 const FREE_STEPS: u32 = 2;
@@ -18,29 +18,31 @@ const ROUNDING: f64 = 1.0 + 1e-10;
 const HALVINGS: u32 = 12;
 
 /// Steps until no parameter moves; a lane that has settled keeps its bits.
-pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane], o: &Options) {
-    let mut best = [f64::INFINITY; crate::simd::LANES];
-    let mut halvings = [0; crate::simd::LANES];
+pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane; LANES], o: &Options) {
+    let mut best = [f64::INFINITY; LANES];
+    let mut halvings = [0; LANES];
     for _ in 0..o.maxiter {
         if lanes.iter().all(|l| l.done) {
             return;
         }
         isa.run(Step { design: d, space: w, weights: Weights::Adapted, factors: Factors::Instrument });
         take_step(d, w, lanes, Weights::Adapted, Factors::Instrument);
+        let mut taken = [false; LANES];
         for (k, lane) in lanes.iter_mut().enumerate().filter(|(_, l)| !l.done) {
             let cost = w.cost.0[k];
-            let rises = !(cost <= best[k] * ROUNDING);
-            if lane.nit > FREE_STEPS && rises && halvings[k] < HALVINGS {
-                halvings[k] += 1;
-                w.halve(k);
-            } else {
+            let rises = cost.is_nan() || cost > best[k] * ROUNDING;
+            taken[k] = lane.nit <= FREE_STEPS || !rises || halvings[k] >= HALVINGS;
+            if taken[k] {
                 halvings[k] = 0;
                 best[k] = cost;
-                lane.done = w.moved(k) <= o.tol;
-                w.keep(k);
-                w.accept(k);
+                lane.done = w.moved.0[k] <= o.tol * o.tol;
+            } else {
+                halvings[k] += 1;
+                w.halve(k);
             }
             lane.nit += 1;
         }
+        w.keep(&taken);
+        w.accept(&taken);
     }
 }

@@ -33,8 +33,19 @@ pub struct Options {
     pub tol: f64,
     /// Most iterations after the start.
     pub maxiter: usize,
-    /// Whether covariances are wanted.
-    pub covariance: bool,
+    /// What is wanted besides θ.
+    pub wanted: Wanted,
+}
+
+/// What is computed once θ is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wanted {
+    /// Nothing more.
+    Theta,
+    /// The cost, and the transient that belongs to θ.
+    Cost,
+    /// Covariances as well.
+    Covariance,
 }
 
 /// How one lane's estimation went.
@@ -76,9 +87,7 @@ pub fn estimate(
     isa.run(Prepare { design: d, space: w });
     if d.method == Method::Ls {
         isa.run(ls::LsStep { design: d, space: w });
-        for k in 0..LANES {
-            w.accept(k);
-        }
+        w.accept(&[true; LANES]);
     } else {
         match start {
             Start::Wls => wls::solve(isa, d, w, &mut lanes),
@@ -95,7 +104,7 @@ pub fn estimate(
             _ => lanes.iter_mut().for_each(|l| l.done = true),
         }
     }
-    uncertainty::finish(isa, d, w, live, o.covariance);
+    uncertainty::finish(isa, d, w, live, o.wanted);
     if d.method == Method::Ls {
         lanes.iter_mut().for_each(|l| l.done = true);
     }
@@ -123,17 +132,18 @@ fn status(w: &Workspace, k: usize, lane: &Lane) -> Status {
 pub(crate) fn take_step(
     d: &Design,
     w: &mut Workspace,
-    lanes: &mut [Lane],
+    lanes: &mut [Lane; LANES],
     weights: Weights,
     factors: Factors,
 ) {
     for (k, lane) in lanes.iter_mut().enumerate() {
-        let trusted = w.worst.0[k] > PIVOT && w.next.iter().all(|x| x.0[k].is_finite());
-        if lane.done || trusted {
+        // A step that is not finite shows as a move that is not.
+        if lane.done || (w.worst.0[k] > PIVOT && w.moved.0[k].is_finite()) {
             continue;
         }
         let at = qr_step::Place { lane: k, weights, factors };
         let full = w.qr.solve(d, &mut w.records, &w.theta, &mut w.next, at);
+        w.measure_move(k);
         lane.dependent = !full;
         if !full && factors == Factors::Data && weights == Weights::Flat {
             // Dependent columns in the start: nothing to iterate from.
@@ -142,10 +152,37 @@ pub(crate) fn take_step(
     }
 }
 
+/// Copies the lanes `of` and leaves the others.
+fn copy_lanes(to: &mut [Wide], from: &[Wide], of: &[bool; LANES]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        for lane in 0..LANES {
+            to.0[lane] = if of[lane] { from.0[lane] } else { to.0[lane] };
+        }
+    }
+}
+
 impl Workspace {
-    /// Largest change of a parameter of one lane, as its effect relative to the leading term's.
-    pub(crate) fn moved(&self, k: usize) -> f64 {
-        let size = self.target_size.0[k];
+    /// Makes the next iterate the current one in the lanes `of`.
+    pub(crate) fn accept(&mut self, of: &[bool; LANES]) {
+        copy_lanes(&mut self.theta, &self.next, of);
+        for r in &mut self.records {
+            copy_lanes(&mut r.transient, &r.next_transient, of);
+        }
+    }
+
+    /// Remembers the current iterate as the best so far in the lanes `of`.
+    pub(crate) fn keep(&mut self, of: &[bool; LANES]) {
+        let (theta, mut rest) = self.accepted.split_at_mut(self.theta.len());
+        copy_lanes(theta, &self.theta, of);
+        for r in &self.records {
+            let (own, others) = rest.split_at_mut(r.transient.len());
+            copy_lanes(own, &r.transient, of);
+            rest = others;
+        }
+    }
+
+    /// The change of one lane after its step was replaced, as the kernel measures it.
+    fn measure_move(&mut self, k: usize) {
         let each = self.theta.iter().zip(&self.next).zip(&self.column_size);
         let square = each.fold(0.0, |most: f64, ((from, to), column)| {
             let step = to.0[k] - from.0[k];
@@ -153,27 +190,7 @@ impl Workspace {
             // NaN must not read as settled.
             if effect > most || effect.is_nan() { effect } else { most }
         });
-        if square.is_nan() { f64::INFINITY } else { (square / size).sqrt() }
-    }
-
-    /// Makes the next iterate of one lane the current one.
-    pub(crate) fn accept(&mut self, k: usize) {
-        for (to, from) in self.theta.iter_mut().zip(&self.next) {
-            to.0[k] = from.0[k];
-        }
-        for r in &mut self.records {
-            for (to, from) in r.transient.iter_mut().zip(&r.next_transient) {
-                to.0[k] = from.0[k];
-            }
-        }
-    }
-
-    /// Remembers the current iterate of one lane as the best so far.
-    pub(crate) fn keep(&mut self, k: usize) {
-        let current = self.theta.iter().chain(self.records.iter().flat_map(|r| &r.transient));
-        for (to, from) in self.accepted.iter_mut().zip(current) {
-            to.0[k] = from.0[k];
-        }
+        self.moved.0[k] = square / self.target_size.0[k];
     }
 
     /// Moves the current iterate of one lane half way back to the best so far.

@@ -8,6 +8,7 @@ use super::design::Design;
 use super::ls::column_value;
 use super::pass::{Factors, Weights, add_parameter_block, lines, record_system, tiles};
 use super::qr_step::Place;
+use super::Wanted;
 use super::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::modulation::Signal;
@@ -23,8 +24,12 @@ pub(crate) fn finish(
     d: &Design,
     w: &mut Workspace,
     live: [bool; LANES],
-    covariance: bool,
+    wanted: Wanted,
 ) {
+    if wanted == Wanted::Theta {
+        return;
+    }
+    let covariance = wanted == Wanted::Covariance;
     isa.run(Transients { design: d, space: w });
     isa.run(Information { design: d, space: w, covariance });
     if !covariance {
@@ -33,8 +38,9 @@ pub(crate) fn finish(
     if d.method != Method::Ls {
         let flat = d.keeps_flat_weights();
         let weights = if flat { Weights::Flat } else { d.final_weights() };
-        for lane in 0..LANES {
-            if live[lane] && !(w.worst.0[lane] > super::PIVOT) {
+        for lane in (0..LANES).filter(|k| live[*k]) {
+            let trusted = w.worst.0[lane] > super::PIVOT;
+            if !trusted {
                 let at = Place { lane, weights, factors: d.final_factors() };
                 w.qr.inverse(d, &w.records, &w.theta, &mut w.inverse, at);
             }

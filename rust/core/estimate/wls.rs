@@ -4,13 +4,11 @@ use super::design::Design;
 use super::pass::{Factors, Step, Weights};
 use super::workspace::Workspace;
 use super::{Lane, take_step};
-use crate::simd::Isa;
+use crate::simd::{Isa, LANES};
 
 /// Lines with S = 1.
-pub(crate) fn solve(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane]) {
+pub(crate) fn solve(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane; LANES]) {
     isa.run(Step { design: d, space: w, weights: Weights::Flat, factors: Factors::Data });
     take_step(d, w, lanes, Weights::Flat, Factors::Data);
-    for lane in 0..lanes.len() {
-        w.accept(lane);
-    }
+    w.accept(&[true; LANES]);
 }

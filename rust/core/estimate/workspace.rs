@@ -55,6 +55,8 @@ pub struct Workspace {
     pub(crate) target_size: Wide,
     pub(crate) column_size: Vec<Wide>,
     pub(crate) worst: Wide,
+    /// Largest squared change of a parameter in the last step, as its effect relative to the target's.
+    pub(crate) moved: Wide,
     pub(crate) inverse: Vec<Wide>,
     pub(crate) square: Vec<Wide>,
     /// Normal matrix of the differenced rows.
@@ -119,6 +121,7 @@ impl Workspace {
             target_size: Wide::ZERO,
             column_size: wide(extra),
             worst: Wide::ZERO,
+            moved: Wide::ZERO,
             inverse: wide(extra * extra),
             square: wide((extra * extra).max(d.transient * d.transient)),
             ls_normal: wide(extra * extra),

@@ -4,10 +4,10 @@ use super::plan::{Draw, Group, GroupPlan, Source, Task};
 use super::summary::{Histogram, Moments, Outcomes, ParameterSummary};
 use crate::error::{Error, Status};
 use crate::estimate::batch::{CHUNK, load};
-use crate::estimate::{Design, Outcome, Start, Workspace, estimate};
+use crate::estimate::{Design, Options, Outcome, Start, Wanted, Workspace, estimate};
 use crate::modulation::Lines;
 use crate::rng::{self, Purpose};
-use crate::simd::{Isa, LANES, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::spectrum::Scratch;
 use crate::threads::{self, Control};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -185,9 +185,13 @@ impl Plan {
                 let (d, space) = (&task.shared.design, &mut w.spaces[k]);
                 let lines = d.lines()[0];
                 let source = &g.sources[task.source];
-                noisy(source, &w.noise[task.source], &w.initial, *sigma, lines, space);
-                let options = crate::estimate::Options {
-                    covariance: run.intervals != Intervals::None,
+                let (noise, initial) = (&w.noise[task.source], &w.initial[..]);
+                self.isa.run(Noisy { source, noise, initial, sigma: *sigma, lines, space });
+                let options = Options {
+                    wanted: match run.intervals {
+                        Intervals::None => Wanted::Theta,
+                        _ => Wanted::Covariance,
+                    },
                     ..task.options.options
                 };
                 let outcome = estimate(self.isa, d, space, live, Start::Wls, &options);
@@ -275,40 +279,52 @@ impl Worker {
 }
 
 /// Y = Y₀ + Σ z F + σE on the used lines.
-fn noisy(
-    source: &Source,
-    noise: &(Vec<Wide>, Vec<Wide>),
-    initial: &[Wide],
+struct Noisy<'a> {
+    source: &'a Source,
+    noise: &'a (Vec<Wide>, Vec<Wide>),
+    initial: &'a [Wide],
     sigma: f64,
     lines: Lines,
-    space: &mut Workspace,
-) {
-    let (to_re, to_im) = space.signal_mut(0, 0);
-    let parts = [
-        (to_re, &source.y.0, &noise.0, 0_usize),
-        (to_im, &source.y.1, &noise.1, 1),
-    ];
-    for (to, clean, noise, part) in parts {
-        for (i, m) in (lines.first..=lines.last).enumerate() {
-            for lane in 0..LANES {
-                let mut value = clean[m];
-                for (z, free) in initial.iter().zip(&source.free) {
-                    let f = if part == 0 { free.0[m] } else { free.1[m] };
-                    value = z.0[lane].mul_add(f, value);
-                }
-                to[i].0[lane] = sigma.mul_add(noise[m].0[lane], value);
-            }
+    space: &'a mut Workspace,
+}
+
+impl Kernel for Noisy<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Noisy { source, noise, initial, sigma, lines, space } = self;
+        let (to_re, to_im) = space.signal_mut(0, 0);
+        let used = lines.first..=lines.last;
+        add_noise::<L>(to_re, &source.y.0[used.clone()], &noise.0[used.clone()], sigma);
+        add_noise::<L>(to_im, &source.y.1[used.clone()], &noise.1[used.clone()], sigma);
+        for (z, free) in initial.iter().zip(&source.free) {
+            add_free::<L>(to_re, &free.0[used.clone()], z);
+            add_free::<L>(to_im, &free.1[used.clone()], z);
         }
+    }
+}
+
+#[inline(always)]
+fn add_noise<L: Lanes>(to: &mut [Wide], clean: &[f64], noise: &[Wide], sigma: f64) {
+    for ((to, clean), noise) in to.iter_mut().zip(clean).zip(noise) {
+        L::splat(sigma).mul_add(L::load(noise), L::splat(*clean)).store(to);
+    }
+}
+
+#[inline(always)]
+fn add_free<L: Lanes>(to: &mut [Wide], free: &[f64], z: &Wide) {
+    for (to, free) in to.iter_mut().zip(free) {
+        L::splat(*free).mul_add(L::load(z), L::load(to)).store(to);
     }
 }
 
 /// Coefficients with the rule's own covariance from independent normals.
 fn colour(isa: Isa, source: &Source, normals: &[Wide], re: &mut [Wide], im: &mut [Wide]) {
     struct Colour<'a>(&'a Source, &'a [Wide], &'a mut [Wide], &'a mut [Wide]);
-    impl crate::simd::Kernel for Colour<'_> {
+    impl Kernel for Colour<'_> {
         type Output = ();
         #[inline(always)]
-        fn run<L: crate::simd::Lanes>(self) {
+        fn run<L: Lanes>(self) {
             let size = 2 * self.0.plan.harmonics() + 1;
             for i in 0..size {
                 let mut sum = L::splat(0.0);
