@@ -1,31 +1,58 @@
-# What README and .ci/run call. Everything lives in .venv and target; nothing else is touched.
+# What README and .ci/run call. Everything is installed into .venv and built into target.
 
 PYTHON ?= python3
-VENV := .venv
-BIN := $(VENV)/bin
+BIN := .venv/bin
 FIGURES ?= figures
+RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint bench format wheel clean
+.PHONY: demo test test-rust test-python lint format bench clean
 
-# Installed once per change of pyproject.toml.
-$(VENV)/installed: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
+## Builds, installs into .venv and reproduces the report's figures.
+demo: .venv/demo
+	$(BIN)/modfun reproduce report --out $(FIGURES)
+
+## Every test, Rust and Python.
+test: test-rust test-python
+
+test-rust:
+	cargo test --release -p modfun
+
+test-python: .venv/dev
+	$(BIN)/python -m pytest -q -n 2
+
+## Formatting, clippy, ruff, types.
+lint: .venv/dev
+	cargo fmt --all -- --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: .venv/dev
+	cargo fmt --all
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+## Criterion benches, and the comparison with NumPy's generator.
+bench: .venv/dev
+	cargo bench
+	$(BIN)/python benches/compare/noise_ratio.py
+
+clean:
+	rm -rf .venv target python/modfun/_core*.so
+
+.venv/created:
+	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	touch $@
+
+# What a user gets from `pip install "modfun[cli,plot]"`.
+.venv/demo: .venv/created pyproject.toml Cargo.toml Cargo.lock $(RUST) $(shell find python -name '*.py')
+	$(BIN)/python -m pip install --quiet ".[cli,plot]"
+	touch $@
+
+# The package in place, with the tools for tests and lint.
+.venv/dev: .venv/created pyproject.toml Cargo.toml Cargo.lock $(RUST)
 	$(BIN)/python -m pip install --quiet "maturin>=1.9,<2"
-	touch $@
-
-# Tools for tests and lint, the project's own extra `dev`.
-$(VENV)/dev: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet $$($(BIN)/python tools/requirements.py cli plot pandas control dev)
-	touch $@
-
-$(VENV)/demo: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet $$($(BIN)/python tools/requirements.py cli plot)
-	touch $@
-
-SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml README.md
-
-# The extension, optimised, in place.
-$(VENV)/built: $(VENV)/installed $(SOURCES)
-	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --quiet --skip-install
+	$(BIN)/maturin develop --quiet --release --extras dev
 	touch $@

@@ -11,20 +11,27 @@ fn lanes(c: &mut Criterion) {
     let mut group = c.benchmark_group("sums of eight records");
     group.throughput(Throughput::Elements(LANES as u64));
     for (intervals, harmonics) in [(256, 8), (256, 31), (255, 8), (1024, 22)] {
-        for isa in Isa::available().into_iter().filter(|isa| matches!(isa, Isa::Avx512 | Isa::Avx2)) {
+        for isa in Isa::available().into_iter().filter(|isa| matches!(isa, Isa::Avx512 | Isa::Avx2))
+        {
             for rule in [Rule::Trapezoid, Rule::Gregory, Rule::Parabolic] {
-                let Ok(plan) = CoefficientPlan::new(intervals, harmonics, Kind::Rule(rule), 0.0, 0) else {
+                let Ok(plan) = CoefficientPlan::new(intervals, harmonics, Kind::Rule(rule), 0.0, 0)
+                else {
                     continue;
                 };
                 let samples: Vec<_> = (0..=intervals)
                     .map(|k| Wide(std::array::from_fn(|i| ((k * (i + 3)) % 17) as f64)))
                     .collect();
-                let (mut re, mut im) = (vec![Wide::ZERO; harmonics + 1], vec![Wide::ZERO; harmonics + 1]);
+                let (mut re, mut im) =
+                    (vec![Wide::ZERO; harmonics + 1], vec![Wide::ZERO; harmonics + 1]);
                 let mut scratch = plan.scratch();
-                let name =
-                    BenchmarkId::new(format!("{isa:?} {}", rule.name()), format!("{intervals}x{harmonics}"));
+                let name = BenchmarkId::new(
+                    format!("{isa:?} {}", rule.name()),
+                    format!("{intervals}x{harmonics}"),
+                );
                 group.bench_function(name, |b| {
-                    b.iter(|| plan.run_lanes(isa, black_box(&samples), &mut re, &mut im, &mut scratch));
+                    b.iter(|| {
+                        plan.run_lanes(isa, black_box(&samples), &mut re, &mut im, &mut scratch)
+                    });
                 });
             }
         }
@@ -35,15 +42,21 @@ fn lanes(c: &mut Criterion) {
 /// One record: folded sums up to 64 harmonics, the FFT above.
 fn single(c: &mut Criterion) {
     let mut group = c.benchmark_group("one record");
-    for (intervals, harmonics) in [(256, 8), (256, 64), (256, 65), (1009, 65), (1 << 18, 33), (1 << 18, 65)] {
-        let Ok(plan) = CoefficientPlan::new(intervals, harmonics, Kind::Rule(Rule::Gregory), 0.0, 0) else {
+    for (intervals, harmonics) in
+        [(256, 8), (256, 64), (256, 65), (1009, 65), (1 << 18, 33), (1 << 18, 65)]
+    {
+        let Ok(plan) =
+            CoefficientPlan::new(intervals, harmonics, Kind::Rule(Rule::Gregory), 0.0, 0)
+        else {
             continue;
         };
         let samples: Vec<_> = (0..=intervals).map(|k| (k % 17) as f64).collect();
         let (mut re, mut im) = (vec![0.0; harmonics + 1], vec![0.0; harmonics + 1]);
         let mut scratch = plan.scratch();
         group.bench_function(format!("{intervals}x{harmonics}"), |b| {
-            b.iter(|| plan.run_in(Isa::detect(), black_box(&samples), &mut re, &mut im, &mut scratch));
+            b.iter(|| {
+                plan.run_in(Isa::detect(), black_box(&samples), &mut re, &mut im, &mut scratch)
+            });
         });
     }
     group.finish();

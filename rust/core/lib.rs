@@ -9,14 +9,14 @@ pub mod linalg;
 pub mod math;
 pub mod model;
 pub mod modulation;
-pub mod noise_level;
 pub mod monte_carlo;
+pub mod noise_level;
 pub mod quadrature;
 pub mod rng;
 pub mod simd;
 pub mod simulate;
 pub mod spectrum;
-pub mod threads;
 pub mod structure;
+pub mod threads;
 
 pub use error::{Error, Status};

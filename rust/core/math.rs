@@ -84,11 +84,8 @@ pub fn sin_cos_turns<L: Lanes>(turns: L) -> (L, L) {
     let rounder = L::splat(ROUNDER);
     let part = turns - ((turns + rounder) - rounder);
     // From 2⁵² on every double is an integer. The product keeps NaN and infinity visible.
-    let part = turns.abs().select_lt(
-        L::splat(4_503_599_627_370_496.0),
-        part,
-        turns * L::splat(0.0),
-    );
+    let part =
+        turns.abs().select_lt(L::splat(4_503_599_627_370_496.0), part, turns * L::splat(0.0));
     let shown = part.mul_add(L::splat(4.0), rounder);
     let quarter = shown.to_bits();
     let rest = (shown - rounder).mul_add(L::splat(-0.25), part);
@@ -96,10 +93,7 @@ pub fn sin_cos_turns<L: Lanes>(turns: L) -> (L, L) {
     let (sin, cos) = swap(sin, cos, quarter);
     // Quarters 2, 3 turn the sine's sign; 1, 2 the cosine's.
     let next = quarter.add(L::Bits::splat(1));
-    (
-        flip_sign(sin, quarter.shl::<62>()),
-        flip_sign(cos, next.shl::<62>()),
-    )
+    (flip_sign(sin, quarter.shl::<62>()), flip_sign(cos, next.shl::<62>()))
 }
 
 /// The natural logarithm of a normal positive `x`, to 4e-16 relative, also near 1.
@@ -190,10 +184,7 @@ pub fn root_of_unity(k: u64, n: u64) -> (f64, f64) {
 }
 
 fn horner(coefficients: &[f64], x: f64) -> f64 {
-    coefficients
-        .iter()
-        .rev()
-        .fold(0.0, |sum, c| x.mul_add(sum, *c))
+    coefficients.iter().rev().fold(0.0, |sum, c| x.mul_add(sum, *c))
 }
 
 #[cfg(test)]
@@ -224,9 +215,8 @@ mod tests {
     #[test]
     fn lanes_and_scalar_twins_have_the_same_bits_on_every_instruction_set() {
         let value = |k: usize| (k as f64 * 0.618_034 - 40.0) * [1e-9, 1e-3, 1.0, 77.0, 1e15][k % 5];
-        let x: Vec<Wide> = (0..40)
-            .map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i))))
-            .collect();
+        let x: Vec<Wide> =
+            (0..40).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i)))).collect();
         for isa in Isa::available() {
             let lanes = if isa == Isa::One { 1 } else { LANES };
             let mut out = Vec::new();
@@ -253,14 +243,7 @@ mod tests {
                 assert!((ln_1(x) - want).abs() <= 5e-16 * want.abs(), "{x}");
             }
         }
-        for x in [
-            f64::MIN_POSITIVE,
-            f64::MAX,
-            2f64.powi(-52),
-            0.5,
-            0.707_106_781_186_547_5,
-            1.5,
-        ] {
+        for x in [f64::MIN_POSITIVE, f64::MAX, 2f64.powi(-52), 0.5, 0.707_106_781_186_547_5, 1.5] {
             assert!((ln_1(x) / x.ln() - 1.0).abs() <= 5e-16, "{x}");
         }
     }
@@ -317,10 +300,8 @@ mod tests {
                 let theta = hi * TWO_PI;
                 let low = hi.mul_add(TWO_PI, -theta) + hi * 4.0 * HALF_PI_LOW + lo * TWO_PI;
                 let (c, s) = root_of_unity(k, n);
-                let (want_c, want_s) = (
-                    theta.cos() - low * theta.sin(),
-                    theta.sin() + low * theta.cos(),
-                );
+                let (want_c, want_s) =
+                    (theta.cos() - low * theta.sin(), theta.sin() + low * theta.cos());
                 // Half an ulp or more of this is the reference.
                 assert!((s - want_s).abs() <= 3.4e-16 * want_s.abs(), "{k}/{n}");
                 assert!((c - want_c).abs() <= 3.4e-16 * want_c.abs(), "{k}/{n}");

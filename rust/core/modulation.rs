@@ -128,7 +128,7 @@ pub fn rows(order: usize, first: usize, last: usize, extended: bool) -> Rows {
     Rows {
         first: if mirrored { -half } else { first as isize },
         last: last as isize - order as isize,
-        first_is_real: mirrored && order % 2 == 0,
+        first_is_real: mirrored && order.is_multiple_of(2),
     }
 }
 

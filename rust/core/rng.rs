@@ -73,24 +73,15 @@ fn philox<B: LaneBits>(mut counter: [B; 4], key: [u32; 2]) -> [B; 4] {
     let low = B::splat(0xffff_ffff);
     let mut round_key = key;
     for _ in 0..10 {
-        let (p, q) = (
-            multiplier[0].mul32(counter[0]),
-            multiplier[1].mul32(counter[2]),
-        );
-        let k = [
-            B::splat(u64::from(round_key[0])),
-            B::splat(u64::from(round_key[1])),
-        ];
+        let (p, q) = (multiplier[0].mul32(counter[0]), multiplier[1].mul32(counter[2]));
+        let k = [B::splat(u64::from(round_key[0])), B::splat(u64::from(round_key[1]))];
         counter = [
             q.shr::<32>().xor(counter[1]).xor(k[0]),
             q.and(low),
             p.shr::<32>().xor(counter[3]).xor(k[1]),
             p.and(low),
         ];
-        round_key = [
-            round_key[0].wrapping_add(WEYL[0]),
-            round_key[1].wrapping_add(WEYL[1]),
-        ];
+        round_key = [round_key[0].wrapping_add(WEYL[0]), round_key[1].wrapping_add(WEYL[1])];
     }
     counter
 }
@@ -110,12 +101,7 @@ impl<B: LaneBits> Xoshiro<B> {
         let [a, b, c, d] = self.0;
         let result = rotate_left::<B, 23, 41>(a.add(d)).add(a);
         let (c, d) = (c.xor(a), d.xor(b));
-        self.0 = [
-            a.xor(d),
-            b.xor(c),
-            c.xor(b.shl::<17>()),
-            rotate_left::<B, 45, 19>(d),
-        ];
+        self.0 = [a.xor(d), b.xor(c), c.xor(b.shl::<17>()), rotate_left::<B, 45, 19>(d)];
         result
     }
 }
@@ -139,10 +125,7 @@ impl<L: Lanes> NormalStream<L> {
         let place = ((address.purpose as u32) << 28) | ((address.channel & 0x07ff_ffff) << 1);
         // No closures here: one that is not inlined loses the instruction set.
         let a = philox([low, high, group, L::Bits::splat(u64::from(place))], key);
-        let b = philox(
-            [low, high, group, L::Bits::splat(u64::from(place | 1))],
-            key,
-        );
+        let b = philox([low, high, group, L::Bits::splat(u64::from(place | 1))], key);
         // Never all zero: the cipher maps one address in 2²⁵⁶ there.
         NormalStream(Xoshiro([
             a[0].or(a[1].shl::<32>()),
@@ -241,13 +224,7 @@ pub fn fill(
     group: u32,
     out: &mut [Wide],
 ) {
-    let address = Address {
-        seed,
-        purpose,
-        channel,
-        replicate: first_replicate,
-        group,
-    };
+    let address = Address { seed, purpose, channel, replicate: first_replicate, group };
     isa.run(Fill { address, out });
 }
 

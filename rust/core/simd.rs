@@ -380,9 +380,7 @@ mod x86 {
         }
         #[inline(always)]
         fn mul_add(self, b: Self, c: Self) -> Self {
-            unsafe {
-                Avx2(_mm256_fmadd_pd(self.0, b.0, c.0), _mm256_fmadd_pd(self.1, b.1, c.1))
-            }
+            unsafe { Avx2(_mm256_fmadd_pd(self.0, b.0, c.0), _mm256_fmadd_pd(self.1, b.1, c.1)) }
         }
         #[inline(always)]
         fn sqrt(self) -> Self {
@@ -591,8 +589,10 @@ mod tests {
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let value = |k: usize| ((k * 2_654_435_761) % 2001) as f64 / 37.0 - 27.0;
-        let a: Vec<Wide> = (0..5).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i)))).collect();
-        let b: Vec<Wide> = (0..5).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i + 71)))).collect();
+        let a: Vec<Wide> =
+            (0..5).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i)))).collect();
+        let b: Vec<Wide> =
+            (0..5).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i + 71)))).collect();
         let run = |isa: Isa| {
             let mut out = Vec::new();
             isa.run(EveryOperation { a: &a, b: &b, out: &mut out });

@@ -55,7 +55,10 @@ pub fn simulate(
     for k in 0..=intervals {
         for (i, y) in y.chunks_exact_mut(intervals + 1).enumerate() {
             y[k] = dot(&system.c[i * n..][..n], x.iter().copied())
-                + dot(&system.d[i * inputs..][..inputs], samples.chunks_exact(intervals + 1).map(|u| u[k]));
+                + dot(
+                    &system.d[i * inputs..][..inputs],
+                    samples.chunks_exact(intervals + 1).map(|u| u[k]),
+                );
         }
         if k == intervals {
             break;
@@ -152,7 +155,8 @@ mod tests {
         let ramp: Vec<f64> = (0..=n).map(time).collect();
         for rate in [0.0_f64, 0.3, 2.0] {
             let a = [-rate];
-            let step = simulate(&first_order(&a), &[0.5], Input::Zoh(&vec![1.0; n + 1]), h, n).unwrap();
+            let step =
+                simulate(&first_order(&a), &[0.5], Input::Zoh(&vec![1.0; n + 1]), h, n).unwrap();
             let slope = simulate(&first_order(&a), &[0.5], Input::Foh(&ramp), h, n).unwrap();
             for k in 0..=n {
                 let t = time(k);
@@ -176,12 +180,16 @@ mod tests {
         let (places, _) = gauss_legendre::<NODES>();
         let time = |k: usize| k as f64 * h;
         let u: Vec<f64> = (0..=n).map(|k| time(k).sin()).collect();
-        let nodes: Vec<f64> = (0..n).flat_map(|k| places.map(|s| (time(k) + s * h).sin())).collect();
+        let nodes: Vec<f64> =
+            (0..n).flat_map(|k| places.map(|s| (time(k) + s * h).sin())).collect();
         let forced = simulate(&OSCILLATOR, &[0.0, 0.0], Input::Smooth(&u, &nodes), h, n).unwrap();
         for k in 0..=n {
             let t = time(k);
             assert!((free[k] - (2.0 * t).cos()).abs() < 1e-11, "{k}");
-            assert!((forced[k] - (4.0 * t.sin() - 2.0 * (2.0 * t).sin()) / 3.0).abs() < 1e-11, "{k}");
+            assert!(
+                (forced[k] - (4.0 * t.sin() - 2.0 * (2.0 * t).sin()) / 3.0).abs() < 1e-11,
+                "{k}"
+            );
         }
     }
 
@@ -204,10 +212,12 @@ mod tests {
 
     #[test]
     fn no_inputs_and_no_states_are_systems_too() {
-        let free = StateSpace { a: &[-1.0], b: &[], c: &[2.0], d: &[], states: 1, inputs: 0, outputs: 1 };
+        let free =
+            StateSpace { a: &[-1.0], b: &[], c: &[2.0], d: &[], states: 1, inputs: 0, outputs: 1 };
         let y = simulate(&free, &[1.0], Input::Zoh(&[]), 1.0, 1).unwrap();
         assert!((y[1] - 2.0 * (-1.0_f64).exp()).abs() < 1e-15);
-        let gain = StateSpace { a: &[], b: &[], c: &[], d: &[3.0], states: 0, inputs: 1, outputs: 1 };
+        let gain =
+            StateSpace { a: &[], b: &[], c: &[], d: &[3.0], states: 0, inputs: 1, outputs: 1 };
         assert_eq!(simulate(&gain, &[], Input::Foh(&[1.0, 2.0]), 1.0, 1).unwrap(), [3.0, 6.0]);
     }
 
@@ -224,7 +234,9 @@ mod tests {
         );
         assert!(matches!(run(&first_order(&[1.0]), &[0.0], 0.0), Err(Error::Spec(_))));
         let wrong = StateSpace { b: &[1.0, 2.0], ..first_order(&[1.0]) };
-        assert!(matches!(run(&wrong, &[0.0], 1.0), Err(Error::Spec(m)) if m.contains("B must be 1 × 1")));
+        assert!(
+            matches!(run(&wrong, &[0.0], 1.0), Err(Error::Spec(m)) if m.contains("B must be 1 × 1"))
+        );
         let short = simulate(&OSCILLATOR, &[0.0, 0.0], Input::Smooth(&[0.0; 2], &[0.0; 5]), 1.0, 1);
         assert!(matches!(short, Err(Error::Data(m)) if m.contains("5 numbers instead of 6")));
     }

@@ -56,7 +56,8 @@ impl Kind {
     /// [`Error::Spec`] with the list of names.
     pub fn from_name(name: &str) -> Result<Kind, Error> {
         Kind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
-            let names: Vec<_> = Kind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+            let names: Vec<_> =
+                Kind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
             Error::Spec(format!(
                 "there is no quadrature rule or hold \"{name}\"; use one of {}",
                 names.join(", ")
@@ -238,7 +239,9 @@ impl CoefficientPlan {
         let (mut wide, mut length, mut work, mut record) = (0, 0, 0, self.samples());
         match &self.sums {
             Sums::Folded(sums) => (wide, record) = (sums.scratch(), 0),
-            Sums::Fft { transform, .. } => (length, work) = (self.intervals, transform.get_scratch_len()),
+            Sums::Fft { transform, .. } => {
+                (length, work) = (self.intervals, transform.get_scratch_len())
+            }
             Sums::Uneven { .. } => {}
         }
         let lines = self.harmonics + 1;
@@ -363,9 +366,9 @@ impl CoefficientPlan {
         let Scratch { real, complex, work, .. } = scratch;
         let (source, taps) = (InAll(samples), self.taps.as_ref());
         isa.run(FillKernel { taps, weights, source, first: self.first, out: real });
-        transform
-            .process_with_scratch(real, complex, work)
-            .map_err(|e| Error::Internal(format!("the FFT of {} samples failed: {e}", self.intervals)))?;
+        transform.process_with_scratch(real, complex, work).map_err(|e| {
+            Error::Internal(format!("the FFT of {} samples failed: {e}", self.intervals))
+        })?;
         let by = 1.0 / self.intervals as f64;
         for m in 0..=self.harmonics {
             (re[m], im[m]) = (by * complex[m].re, by * complex[m].im);
@@ -373,7 +376,9 @@ impl CoefficientPlan {
         im[0] = 0.0;
         for (m, factor) in self.holds.iter().enumerate() {
             let end = |k: usize| {
-                samples.get(self.first + self.intervals + k).map_or(0.0, |u| u - samples[self.first + k])
+                samples
+                    .get(self.first + self.intervals + k)
+                    .map_or(0.0, |u| u - samples[self.first + k])
             };
             let (first, second) = (end(0), end(1));
             let value = times(factor.sum, (re[m], im[m]));
@@ -395,7 +400,8 @@ impl CoefficientPlan {
                     Kind::Hold(_) if k == self.intervals => (0.0, 0.0),
                     Kind::Hold(hold) => {
                         let (a, b) = cell_moments(m as f64 * ((t[k + 1] - t[k]) / span));
-                        let rise = if hold == Hold::Foh { samples[k + 1] - samples[k] } else { 0.0 };
+                        let rise =
+                            if hold == Hold::Foh { samples[k + 1] - samples[k] } else { 0.0 };
                         (samples[k] * a.0 + rise * b.0, samples[k] * a.1 + rise * b.1)
                     }
                 };

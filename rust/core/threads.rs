@@ -36,9 +36,9 @@ pub fn count(asked: Option<usize>) -> Result<usize, Error> {
 
 fn count_from(asked: Option<usize>, environment: Option<&str>) -> Result<usize, Error> {
     match (asked, environment.map(str::trim)) {
-        (Some(0), _) => Err(Error::Spec(
-            "threads=0: give a number of at least 1, or None for all cores".into(),
-        )),
+        (Some(0), _) => {
+            Err(Error::Spec("threads=0: give a number of at least 1, or None for all cores".into()))
+        }
         (Some(n), _) => Ok(n),
         (None, None | Some("")) => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
         (None, Some(text)) => match text.parse() {
@@ -114,10 +114,7 @@ pub fn run<W, T: Send>(
                 None => "setting up".into(),
             };
             let text = format!("a worker panicked in {place}: {}", panic_text(&*payload));
-            panicked
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .get_or_insert(text);
+            panicked.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
         }
         results
     };
@@ -129,10 +126,7 @@ pub fn run<W, T: Send>(
         let mut handles = Vec::new();
         for _ in 0..threads.clamp(1, chunks.max(1)).min(chunks) {
             *running.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-            match std::thread::Builder::new()
-                .name("modfun".into())
-                .spawn_scoped(scope, thread)
-            {
+            match std::thread::Builder::new().name("modfun".into()).spawn_scoped(scope, thread) {
                 Ok(handle) => handles.push(handle),
                 Err(error) => {
                     *running.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
@@ -156,10 +150,7 @@ pub fn run<W, T: Send>(
         let mut due = Instant::now() + SLICE;
         while *left > 0 {
             let wait = due.saturating_duration_since(Instant::now());
-            left = finished
-                .wait_timeout(left, wait)
-                .unwrap_or_else(PoisonError::into_inner)
-                .0;
+            left = finished.wait_timeout(left, wait).unwrap_or_else(PoisonError::into_inner).0;
             if *left > 0 && Instant::now() >= due {
                 // Not under the lock: progress may take its time.
                 drop(left);
@@ -178,28 +169,21 @@ pub fn run<W, T: Send>(
         report(&mut cancelled);
         Ok(())
     })?;
-    if let Some(text) = panicked
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner)
-    {
+    if let Some(text) = panicked.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(Error::Internal(text));
     }
     if cancelled {
         return Err(Error::Cancelled);
     }
     let missing = || Error::Internal("a chunk was lost".into());
-    slots
-        .into_iter()
-        .map(|slot| slot.ok_or_else(missing))
-        .collect()
+    slots.into_iter().map(|slot| slot.ok_or_else(missing)).collect()
 }
 
 /// What a panic said.
 #[must_use]
 pub fn panic_text(payload: &(dyn Any + Send)) -> &str {
     let text = payload.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| payload.downcast_ref::<&str>().copied())
-        .unwrap_or("no text")
+    text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no text")
 }
 
 #[cfg(test)]
@@ -250,10 +234,7 @@ mod tests {
     fn a_worker_that_cannot_be_made_is_an_error() {
         let make = || -> () { panic!("no memory") };
         let error = run(2, 5, &mut go_on, make, |(), _, _| ()).unwrap_err();
-        assert_eq!(
-            error,
-            Error::Internal("a worker panicked in setting up: no memory".into())
-        );
+        assert_eq!(error, Error::Internal("a worker panicked in setting up: no memory".into()));
     }
 
     #[test]
@@ -285,10 +266,7 @@ mod tests {
                 assert_eq!((done, total), (0, 100));
                 Control::Stop
             };
-            assert_eq!(
-                run(threads, 100, &mut progress, || (), work),
-                Err(Error::Cancelled)
-            );
+            assert_eq!(run(threads, 100, &mut progress, || (), work), Err(Error::Cancelled));
             assert_eq!(calls, 1);
             assert_eq!(begun.into_inner(), threads);
             assert!(started.elapsed() < Duration::from_secs(10));

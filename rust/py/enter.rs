@@ -26,9 +26,7 @@ pub fn enter<T: Send>(
         let mut report = |done: usize, total: usize| {
             let heard = Python::attach(|py| {
                 py.check_signals()?;
-                progress
-                    .as_ref()
-                    .map_or(Ok(()), |call| call.call1(py, (done, total)).map(drop))
+                progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, total)).map(drop))
             });
             match heard {
                 Ok(()) => Control::Continue,
@@ -45,10 +43,9 @@ pub fn enter<T: Send>(
     }
     match outcome {
         Ok(result) => result.map_err(to_python),
-        Err(payload) => Err(InternalError::new_err(format!(
-            "panicked: {}",
-            threads::panic_text(&*payload)
-        ))),
+        Err(payload) => {
+            Err(InternalError::new_err(format!("panicked: {}", threads::panic_text(&*payload))))
+        }
     }
 }
 
@@ -68,10 +65,7 @@ pub fn _panic_for_tests(py: Python<'_>, threads: usize) -> PyResult<()> {
             panic!("asked to panic");
         }
     };
-    enter(py, None, |report| {
-        threads::run(threads, 1000, report, || (), work)
-    })
-    .map(drop)
+    enter(py, None, |report| threads::run(threads, 1000, report, || (), work)).map(drop)
 }
 
 /// Workers that end only when told, or after half a minute, so that tests can interrupt them.
@@ -89,8 +83,5 @@ pub fn _wait_for_tests(
             std::hint::spin_loop();
         }
     };
-    enter(py, progress, |report| {
-        threads::run(threads, 1000, report, || (), work)
-    })
-    .map(drop)
+    enter(py, progress, |report| threads::run(threads, 1000, report, || (), work)).map(drop)
 }

@@ -2,7 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Band, Batch, Fit, FitOptions, Options, RecordView, Time, Wanted, fit as core_fit, fit_many as core_fit_many,
+    Band, Batch, Fit, FitOptions, Options, RecordView, Time, Wanted, fit as core_fit,
+    fit_many as core_fit_many,
 };
 use modfun::quadrature::Hold;
 use modfun::simd::Isa;
@@ -216,7 +217,9 @@ pub fn fit_many<'py>(
     options: Option<Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
-    let o = given.options(if uncertainty { Wanted::Covariance } else { Wanted::Cost }).map_err(to_python)?;
+    let o = given
+        .options(if uncertainty { Wanted::Covariance } else { Wanted::Cost })
+        .map_err(to_python)?;
     let shape = y.as_array().dim();
     let inputs = u.as_array().dim();
     let wrong = |what: String| Err(to_python(Error::Data(format!("fitting a batch: {what}"))));

@@ -7,8 +7,8 @@ use modfun::simulate::{Input, NODES};
 use modfun::spectrum::{CoefficientPlan, Kind};
 use numpy::ndarray::Dimension;
 use numpy::{
-    Complex64, PyArray1, PyArray2, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    Complex64, PyArray1, PyArray2, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -52,7 +52,13 @@ fn coefficients<'py>(
         for channel in 0..channels {
             let kind = Kind::from_name(&kinds[channel])?;
             let plan = match t {
-                None => CoefficientPlan::new(window(length, lead)?, harmonics, kind, delays[channel], lead)?,
+                None => CoefficientPlan::new(
+                    window(length, lead)?,
+                    harmonics,
+                    kind,
+                    delays[channel],
+                    lead,
+                )?,
                 Some(t) => {
                     uneven_only(delays[channel], lead)?;
                     CoefficientPlan::uneven(t, harmonics, kind)?
@@ -117,7 +123,9 @@ fn noise_level<'py>(
     let length = samples.shape()[1];
     let values = finite(&samples, "samples", length)?;
     let levels: Result<Vec<f64>, Error> = (0..samples.shape()[0])
-        .map(|channel| modfun::noise_level::noise_level(&values[channel * length..][..length], order))
+        .map(|channel| {
+            modfun::noise_level::noise_level(&values[channel * length..][..length], order)
+        })
         .collect();
     Ok(vector(py, levels.map_err(to_python)?))
 }
@@ -175,17 +183,20 @@ fn simulate<'py>(
     };
     let x0 = slice(&x0, "x0")?;
     if let Some(k) = x0.iter().position(|x| !x.is_finite()) {
-        return Err(to_python(Error::Data(format!("simulating: x0[{k}] is {}; give finite states", x0[k]))));
+        return Err(to_python(Error::Data(format!(
+            "simulating: x0[{k}] is {}; give finite states",
+            x0[k]
+        ))));
     }
     let u = finite(&u, "u", length)?;
-    let between = nodes.as_ref().map(|nodes| finite(nodes, "nodes", (length - 1) * NODES)).transpose()?;
+    let between =
+        nodes.as_ref().map(|nodes| finite(nodes, "nodes", (length - 1) * NODES)).transpose()?;
     let input = match (kind, between) {
         ("zoh", _) => Input::Zoh(u),
         ("foh", _) => Input::Foh(u),
         ("smooth", Some(nodes)) => Input::Smooth(u, nodes),
         ("smooth", None) => {
-            let text =
-                "simulating a smooth input needs its values at the nodes of gauss_legendre(); pass nodes";
+            let text = "simulating a smooth input needs its values at the nodes of gauss_legendre(); pass nodes";
             return Err(to_python(Error::Spec(text.into())));
         }
         _ => {
@@ -195,8 +206,9 @@ fn simulate<'py>(
             return Err(to_python(Error::Spec(text)));
         }
     };
-    let y =
-        py.detach(|| modfun::simulate::simulate(&system, x0, input, dt, length - 1)).map_err(to_python)?;
+    let y = py
+        .detach(|| modfun::simulate::simulate(&system, x0, input, dt, length - 1))
+        .map_err(to_python)?;
     matrix(py, y, outputs)
 }
 

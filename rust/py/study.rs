@@ -55,7 +55,9 @@ impl GivenGroup<'_> {
         let estimators: Vec<(FitOptions, Vec<f64>)> = estimators
             .iter()
             .zip(&self.truth)
-            .map(|(e, truth)| Ok((e.options(Wanted::Theta).map_err(to_python)?, slice(truth, "truth")?.to_vec())))
+            .map(|(e, truth)| {
+                Ok((e.options(Wanted::Theta).map_err(to_python)?, slice(truth, "truth")?.to_vec()))
+            })
             .collect::<PyResult<_>>()?;
         Ok(Group {
             group: self.group,
@@ -93,7 +95,9 @@ pub fn monte_carlo<'py>(
         "samples" => Draw::Samples,
         "coefficients" => Draw::Coefficients,
         other => {
-            return Err(refused(format!("draw=\"{other}\" is not \"samples\" or \"coefficients\"")));
+            return Err(refused(format!(
+                "draw=\"{other}\" is not \"samples\" or \"coefficients\""
+            )));
         }
     };
     let intervals = match cov_type {
@@ -105,7 +109,11 @@ pub fn monte_carlo<'py>(
         }
     };
     if groups.len() != estimators.len() {
-        return Err(refused(format!("{} groups but {} estimator lists", groups.len(), estimators.len())));
+        return Err(refused(format!(
+            "{} groups but {} estimator lists",
+            groups.len(),
+            estimators.len()
+        )));
     }
     let covariance = intervals != Intervals::None;
     let laid_out: Vec<Group> = groups
@@ -117,15 +125,15 @@ pub fn monte_carlo<'py>(
     let plan = Plan::new(&laid_out, draw, Isa::detect()).map_err(to_python)?;
     let quantiles = half_widths(py, &plan, level, covariance)?;
     let run = Run { seed, first, replicates, intervals, samples };
-    let results =
-        enter(py, progress, |report| plan.run(&run, &quantiles, thread_count, report))?;
+    let results = enter(py, progress, |report| plan.run(&run, &quantiles, thread_count, report))?;
     let out = PyList::empty(py);
     for ((cells, designs), group) in results.into_iter().zip(plan.designs()).zip(&laid_out) {
         let levels = PyList::empty(py);
         let mut cells = cells.into_iter();
         for _ in &group.sigma {
             let row = PyList::empty(py);
-            for ((cell, d), (_, truth)) in cells.by_ref().zip(&designs).take(designs.len()).zip(&group.estimators)
+            for ((cell, d), (_, truth)) in
+                cells.by_ref().zip(&designs).take(designs.len()).zip(&group.estimators)
             {
                 let lines = d.lines().first().map(|l| (l.first, l.last));
                 let one = dictionary(py, cell, truth)?;
@@ -147,16 +155,14 @@ fn half_widths(py: Python<'_>, plan: &Plan, level: f64, wanted: bool) -> PyResul
     }
     let quantile = py.import("scipy.special")?.getattr("stdtrit")?;
     let of = |df: usize| quantile.call1((df as f64, 0.5 + level / 2.0))?.extract::<f64>();
-    plan.designs()
-        .iter()
-        .map(|g| g.iter().map(|d| of(d.degrees_of_freedom())).collect())
-        .collect()
+    plan.designs().iter().map(|g| g.iter().map(|d| of(d.degrees_of_freedom())).collect()).collect()
 }
 
 fn dictionary<'py>(py: Python<'py>, cell: Cell, truth: &[f64]) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let all = || cell.parameters.iter();
-    let shifted = |errors: Vec<f64>| vector(py, errors.iter().zip(truth).map(|(e, t)| e + t).collect());
+    let shifted =
+        |errors: Vec<f64>| vector(py, errors.iter().zip(truth).map(|(e, t)| e + t).collect());
     out.set_item("count", cell.parameters.first().map_or(0, |p| p.moments.count))?;
     let outcomes = Status::ALL.iter().map(|s| cell.outcomes.count(*s) as i64).collect();
     out.set_item("status", vector(py, outcomes))?;

@@ -7,7 +7,13 @@ use super::{Lane, Options, take_step};
 use crate::simd::{Isa, LANES};
 
 /// Reweights until no parameter moves; a lane that has settled keeps its bits.
-pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane; LANES], o: &Options) {
+pub(crate) fn iterate(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    lanes: &mut [Lane; LANES],
+    o: &Options,
+) {
     for _ in 0..o.maxiter {
         let active = lanes.map(|l| !l.done);
         if active == [false; LANES] {

@@ -70,8 +70,7 @@ impl Shared {
             omega0: window.omega0,
             unit_variance: plans.first().map_or(1.0, CoefficientPlan::unit_variance),
         };
-        let design =
-            Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &[lines])?;
+        let design = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &[lines])?;
         Ok(Shared { design, plans })
     }
 }
@@ -185,7 +184,14 @@ fn view_y<'a>(batch: &Batch<'a>, r: usize) -> &'a [f64] {
 
 impl Many {
     /// Adds one lane's results.
-    fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome, covariance: bool) {
+    fn push(
+        &mut self,
+        d: &Design,
+        w: &Workspace,
+        lane: usize,
+        outcome: &Outcome,
+        covariance: bool,
+    ) {
         self.theta.extend(w.theta(d, lane));
         if covariance {
             self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));

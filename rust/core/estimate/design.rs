@@ -107,11 +107,8 @@ impl Design {
             )));
         }
         let power_of = |k: usize| (0..k).fold(1.0, |p, _| p * band_edge);
-        let scale = structure
-            .terms()
-            .iter()
-            .map(|(_, power)| power_of(n) / power_of(*power))
-            .collect();
+        let scale =
+            structure.terms().iter().map(|(_, power)| power_of(n) / power_of(*power)).collect();
         Ok(Design {
             structure: structure.clone(),
             method,

@@ -147,7 +147,8 @@ impl FitOptions {
 
     /// Real unknowns of the default rule's guideline: parameters and trend terms.
     fn unknowns(&self) -> usize {
-        self.structure.parameters() + usize::from(self.trend != Trend::None)
+        self.structure.parameters()
+            + usize::from(self.trend != Trend::None)
             + usize::from(self.trend == Trend::Linear)
     }
 
@@ -269,7 +270,12 @@ pub(crate) fn coefficient_plans(
     kinds.iter().enumerate().map(plan).collect()
 }
 
-fn spectra(r: &RecordView<'_>, o: &FitOptions, window: Window, highest: usize) -> Result<Spectra, Error> {
+fn spectra(
+    r: &RecordView<'_>,
+    o: &FitOptions,
+    window: Window,
+    highest: usize,
+) -> Result<Spectra, Error> {
     let plans = coefficient_plans(o, r.time, window, highest)?;
     let mut channels = Vec::with_capacity(plans.len());
     for (plan, samples) in plans.iter().zip(std::iter::once(&r.y).chain(&r.u)) {
@@ -410,11 +416,17 @@ impl Job<'_> {
 
     /// The fewest lines whose standard errors at equal σ stay within the tolerance; standard errors
     /// fall as lines join, so halving finds them.
-    fn narrowest(&self, d: &Design, w: &mut Workspace, wide: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    fn narrowest(
+        &self,
+        d: &Design,
+        w: &mut Workspace,
+        wide: &[(usize, usize)],
+    ) -> Vec<(usize, usize)> {
         let longest = self.all.iter().map(|s| s.window.omega0).fold(f64::INFINITY, f64::min);
-        let edge = wide.iter().zip(self.all).fold(0.0, |e: f64, (r, s)| {
-            e.max(r.1 as f64 * s.window.omega0)
-        });
+        let edge = wide
+            .iter()
+            .zip(self.all)
+            .fold(0.0, |e: f64, (r, s)| e.max(r.1 as f64 * s.window.omega0));
         let up_to = |steps: usize| -> Vec<(usize, usize)> {
             let omega = steps as f64 * longest;
             wide.iter()

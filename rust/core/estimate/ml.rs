@@ -18,14 +18,25 @@ const ROUNDING: f64 = 1.0 + 1e-10;
 const HALVINGS: u32 = 12;
 
 /// Steps until no parameter moves; a lane that has settled keeps its bits.
-pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, lanes: &mut [Lane; LANES], o: &Options) {
+pub(crate) fn iterate(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    lanes: &mut [Lane; LANES],
+    o: &Options,
+) {
     let mut best = [f64::INFINITY; LANES];
     let mut halvings = [0; LANES];
     for _ in 0..o.maxiter {
         if lanes.iter().all(|l| l.done) {
             return;
         }
-        isa.run(Step { design: d, space: w, weights: Weights::Adapted, factors: Factors::Instrument });
+        isa.run(Step {
+            design: d,
+            space: w,
+            weights: Weights::Adapted,
+            factors: Factors::Instrument,
+        });
         take_step(d, w, lanes, Weights::Adapted, Factors::Instrument);
         let mut taken = [false; LANES];
         for (k, lane) in lanes.iter_mut().enumerate().filter(|(_, l)| !l.done) {

@@ -108,10 +108,7 @@ pub fn estimate(
     if d.method == Method::Ls {
         lanes.iter_mut().for_each(|l| l.done = true);
     }
-    Outcome {
-        status: std::array::from_fn(|k| status(w, k, &lanes[k])),
-        nit: lanes.map(|l| l.nit),
-    }
+    Outcome { status: std::array::from_fn(|k| status(w, k, &lanes[k])), nit: lanes.map(|l| l.nit) }
 }
 
 fn status(w: &Workspace, k: usize, lane: &Lane) -> Status {
@@ -155,8 +152,8 @@ pub(crate) fn take_step(
 /// Copies the lanes `of` and leaves the others.
 fn copy_lanes(to: &mut [Wide], from: &[Wide], of: &[bool; LANES]) {
     for (to, from) in to.iter_mut().zip(from) {
-        for lane in 0..LANES {
-            to.0[lane] = if of[lane] { from.0[lane] } else { to.0[lane] };
+        for ((to, from), take) in to.0.iter_mut().zip(&from.0).zip(of) {
+            *to = if *take { *from } else { *to };
         }
     }
 }
@@ -219,7 +216,11 @@ impl Workspace {
     }
 
     /// Classical standard errors of one lane.
-    pub fn bse_nonrobust<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+    pub fn bse_nonrobust<'a>(
+        &'a self,
+        d: &'a Design,
+        lane: usize,
+    ) -> impl Iterator<Item = f64> + 'a {
         Self::bse(&self.cov_nonrobust, d, lane)
     }
 

@@ -145,12 +145,15 @@ pub(crate) fn record_system<L: Lanes>(
     let mut target_size = L::splat(0.0);
     w.sums[..plan.count].fill(Wide::ZERO);
     for range in tiles(w.records[k].limit, d.tile) {
-        let (c, t) = lines::<L>(d, w, k, range.clone(), weights, residual || factors != Factors::Data);
+        let (c, t) =
+            lines::<L>(d, w, k, range.clone(), weights, residual || factors != Factors::Data);
         cost = cost + c;
         target_size = target_size + t;
         let r = &mut w.records[k];
         match factors {
-            Factors::Denoised => data_products::<L>(d, range.clone(), r, Some((&w.hat_re, &w.hat_im))),
+            Factors::Denoised => {
+                data_products::<L>(d, range.clone(), r, Some((&w.hat_re, &w.hat_im)))
+            }
             _ if r.lines > d.tile => data_products::<L>(d, range.clone(), r, None),
             _ => {}
         }
@@ -250,7 +253,8 @@ pub(crate) fn data_products<L: Lanes>(
     hat: Option<(&[Wide], &[Wide])>,
 ) {
     let RecordSpace { re, im, products, lines, .. } = r;
-    let part = |at: usize| (&re[at + range.start..at + range.end], &im[at + range.start..at + range.end]);
+    let part =
+        |at: usize| (&re[at + range.start..at + range.end], &im[at + range.start..at + range.end]);
     let pick = |s: Signal| match (s, hat) {
         (Signal::U(k), _) => part((1 + k) * *lines),
         (_, Some((re, im))) => (&re[..range.len()], &im[..range.len()]),

@@ -54,13 +54,7 @@ impl QrStep {
     }
 
     /// Factors one lane's rows, records stacked. False where the columns are dependent.
-    fn factor(
-        &mut self,
-        d: &Design,
-        records: &[RecordSpace],
-        theta: &[Wide],
-        at: Place,
-    ) -> bool {
+    fn factor(&mut self, d: &Design, records: &[RecordSpace], theta: &[Wide], at: Place) -> bool {
         let (p, nt, size) = (d.parameters(), d.transient, d.size());
         let lane = at.lane;
         for (to, from) in self.theta.iter_mut().zip(theta) {
@@ -78,7 +72,8 @@ impl QrStep {
             }
             self.record.absorb();
             for i in 0..nt {
-                let norm = (0..=i).fold(0.0, |s, q| self.record.r(q, i).mul_add(self.record.r(q, i), s));
+                let norm =
+                    (0..=i).fold(0.0, |s, q| self.record.r(q, i).mul_add(self.record.r(q, i), s));
                 full_rank &= self.record.r(i, i).abs() > RANK * norm.sqrt();
                 for j in 0..=size {
                     let at = (k * nt + i) * (size + 1) + j;
@@ -92,7 +87,8 @@ impl QrStep {
             self.all.absorb();
         }
         for j in 0..p {
-            let norm = (0..=j).fold(0.0, |s, q| self.all.r(q, j).mul_add(self.all.r(q, j), s)).sqrt();
+            let norm =
+                (0..=j).fold(0.0, |s, q| self.all.r(q, j).mul_add(self.all.r(q, j), s)).sqrt();
             full_rank &= self.all.r(j, j).abs() > RANK * norm;
         }
         full_rank
@@ -127,8 +123,8 @@ impl QrStep {
                 for j in 0..p {
                     sum = (-row[nt + j]).mul_add(self.solution[j], sum);
                 }
-                for j in i + 1..nt {
-                    sum = (-row[j]).mul_add(r.next_transient[j].0[lane], sum);
+                for (own, t) in row[..nt].iter().zip(&r.next_transient).skip(i + 1) {
+                    sum = (-own).mul_add(t.0[lane], sum);
                 }
                 r.next_transient[i].0[lane] = sum / row[i];
             }

@@ -131,8 +131,7 @@ fn group<L: Lanes, const N: usize>(
     stride: usize,
     sums: &mut [Wide],
 ) {
-    let w: [&[Wide]; N] =
-        std::array::from_fn(|i| &powers[g.powers[i] * stride..][..product.len()]);
+    let w: [&[Wide]; N] = std::array::from_fn(|i| &powers[g.powers[i] * stride..][..product.len()]);
     let mut acc: [L; N] = std::array::from_fn(|i| L::load(&sums[i]));
     for line in 0..product.len() {
         let v = L::load(&product[line]);

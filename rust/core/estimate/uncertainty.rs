@@ -4,11 +4,11 @@
 //! H (Σ_i z_i z_iᵀ v_i) Hᵀ with H = (Zᵀ Γ)⁻¹: v_i = σ²·(variance of the line) gives the classical one,
 //! v_i = e_i²/(1 − h_i)² gives HC3, which assumes nothing about the colour of the noise.
 
+use super::Wanted;
 use super::design::Design;
 use super::ls::column_value;
 use super::pass::{Factors, Weights, add_parameter_block, lines, record_system, tiles};
 use super::qr_step::Place;
-use super::Wanted;
 use super::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::modulation::Signal;
@@ -19,13 +19,7 @@ use crate::structure::Method;
 const LEVERAGE: f64 = 1e-6;
 
 /// Completes estimates: T, cost, and where asked for the covariances, in units of the band edge.
-pub(crate) fn finish(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    wanted: Wanted,
-) {
+pub(crate) fn finish(isa: Isa, d: &Design, w: &mut Workspace, live: [bool; LANES], wanted: Wanted) {
     if wanted == Wanted::Theta {
         return;
     }
@@ -250,7 +244,9 @@ fn projected_row<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: usize, i:
                 let at = (1 + input) * r.lines + m;
                 (L::load(&r.re[at]), L::load(&r.im[at]))
             }
-            _ if d.final_factors() == Factors::Denoised => (L::load(&w.hat_re[i]), L::load(&w.hat_im[i])),
+            _ if d.final_factors() == Factors::Denoised => {
+                (L::load(&w.hat_re[i]), L::load(&w.hat_im[i]))
+            }
             _ => (L::load(&r.re[m]), L::load(&r.im[m])),
         };
         let (mut re, mut im) = column_value::<L>(column, rd.x[m], re, im);
@@ -364,7 +360,14 @@ fn outer<L: Lanes>(z_re: &[Wide], z_im: &[Wide], f_re: L, f_im: L, size: usize, 
 
 /// The θ block of H·meat·H times `scale`; H and meat symmetric, meat by its upper triangle.
 #[inline(always)]
-fn sandwiched<L: Lanes>(h: &[Wide], meat: &[Wide], size: usize, p: usize, scale: L, out: &mut [Wide]) {
+fn sandwiched<L: Lanes>(
+    h: &[Wide],
+    meat: &[Wide],
+    size: usize,
+    p: usize,
+    scale: L,
+    out: &mut [Wide],
+) {
     let extra = size - p;
     for i in 0..p {
         for j in i..p {

@@ -57,7 +57,13 @@ pub fn substitute<L: Lanes>(m: &[Wide], size: usize, range: Range<usize>, x: &mu
 ///
 /// `work` needs `size` × (`size` + 1); the ratio of pivots goes to `worst` as in [`eliminate`].
 #[inline(always)]
-pub fn invert<L: Lanes>(m: &[Wide], size: usize, out: &mut [Wide], work: &mut [Wide], worst: &mut Wide) {
+pub fn invert<L: Lanes>(
+    m: &[Wide],
+    size: usize,
+    out: &mut [Wide],
+    work: &mut [Wide],
+    worst: &mut Wide,
+) {
     // U = D L^T by elimination, then columns of the inverse by two triangular solves each.
     let width = size + 1;
     for i in 0..size {
@@ -78,7 +84,8 @@ pub fn invert<L: Lanes>(m: &[Wide], size: usize, out: &mut [Wide], work: &mut [W
         for i in k + 1..size {
             let factor = -(L::load(&work[k * width + i]) * inverse);
             for j in i..size {
-                let r = factor.mul_add(L::load(&work[k * width + j]), L::load(&work[i * width + j]));
+                let r =
+                    factor.mul_add(L::load(&work[k * width + j]), L::load(&work[i * width + j]));
                 r.store(&mut work[i * width + j]);
             }
         }
@@ -123,8 +130,7 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> Wide {
             let (n, w) = (self.size, self.size + 1);
-            let square: Vec<Wide> =
-                (0..n * n).map(|k| self.m[(k / n) * w + k % n]).collect();
+            let square: Vec<Wide> = (0..n * n).map(|k| self.m[(k / n) * w + k % n]).collect();
             let diagonal: Vec<Wide> = (0..n).map(|k| self.m[k * w + k]).collect();
             let mut worst = Wide::splat(1.0);
             if self.symmetric {
@@ -163,7 +169,13 @@ mod tests {
             let m = matrix(size, symmetric);
             let mut reference = vec![Wide::ZERO; size];
             let mut none = vec![Wide::ZERO; size * size];
-            Isa::Plain.run(Solve { m: &mut m.clone(), size, symmetric, x: &mut reference, inverse: &mut none });
+            Isa::Plain.run(Solve {
+                m: &mut m.clone(),
+                size,
+                symmetric,
+                x: &mut reference,
+                inverse: &mut none,
+            });
             for isa in Isa::available() {
                 let lanes = if isa == Isa::One { 1 } else { LANES };
                 let mut x = vec![Wide::ZERO; size];
@@ -183,8 +195,9 @@ mod tests {
                         let sum: f64 = (0..size).map(|j| at(i, j) * x[j].0[lane]).sum();
                         assert!((sum - at(i, size)).abs() < 1e-12);
                         if symmetric {
-                            let y: f64 =
-                                (0..size).map(|j| inverse[i * size + j].0[lane] * at(j, size)).sum();
+                            let y: f64 = (0..size)
+                                .map(|j| inverse[i * size + j].0[lane] * at(j, size))
+                                .sum();
                             assert!((y - x[i].0[lane]).abs() < 1e-12);
                         }
                     }

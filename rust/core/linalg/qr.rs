@@ -109,7 +109,8 @@ pub fn solve_square(a: &mut [f64], size: usize, x: &mut [f64], scale: &mut [f64]
     }
     let mut worst = f64::INFINITY;
     for k in 0..size {
-        let best = (k..size).fold(k, |p, i| if a[i * w + k].abs() > a[p * w + k].abs() { i } else { p });
+        let best =
+            (k..size).fold(k, |p, i| if a[i * w + k].abs() > a[p * w + k].abs() { i } else { p });
         for j in 0..w {
             a.swap(k * w + j, best * w + j);
         }

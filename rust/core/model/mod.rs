@@ -30,7 +30,8 @@ impl StateSpace<'_> {
     /// [`Error::Spec`] naming the matrix.
     pub fn check(&self) -> Result<(), Error> {
         let (n, p, q) = (self.states, self.inputs, self.outputs);
-        let all = [("A", self.a, n, n), ("B", self.b, n, p), ("C", self.c, q, n), ("D", self.d, q, p)];
+        let all =
+            [("A", self.a, n, n), ("B", self.b, n, p), ("C", self.c, q, n), ("D", self.d, q, p)];
         for (name, matrix, rows, columns) in all {
             if matrix.len() != rows * columns {
                 return Err(Error::Spec(format!(

@@ -124,7 +124,14 @@ impl GroupPlan {
                 .map(|(plan, u)| coefficients(plan, u))
                 .collect::<Result<_, _>>()?;
             let offset = tasks.iter().map(|t: &Task| t.truth.len()).sum();
-            tasks.push(Task { shared, options: o.clone(), truth: truth.clone(), offset, source, inputs });
+            tasks.push(Task {
+                shared,
+                options: o.clone(),
+                truth: truth.clone(),
+                offset,
+                source,
+                inputs,
+            });
         }
         Ok(GroupPlan {
             group: g.group,
@@ -155,8 +162,9 @@ fn covariance_root(plan: &CoefficientPlan) -> Result<Vec<f64>, Error> {
         unit[k] = 1.0;
         let (re, im) = coefficients(plan, &unit)?;
         unit[k] = 0.0;
-        let v: Vec<f64> =
-            (0..size).map(|i| if i % 2 == 1 || i == 0 { re[i.div_ceil(2)] } else { im[i / 2] }).collect();
+        let v: Vec<f64> = (0..size)
+            .map(|i| if i % 2 == 1 || i == 0 { re[i.div_ceil(2)] } else { im[i / 2] })
+            .collect();
         for i in 0..size {
             for j in 0..=i {
                 cov[i * size + j] = v[i].mul_add(v[j], cov[i * size + j]);
@@ -165,12 +173,13 @@ fn covariance_root(plan: &CoefficientPlan) -> Result<Vec<f64>, Error> {
     }
     // Cholesky, in place.
     for j in 0..size {
-        let own = (0..j).fold(cov[j * size + j], |s, k| (-cov[j * size + k]).mul_add(cov[j * size + k], s));
+        let own = (0..j)
+            .fold(cov[j * size + j], |s, k| (-cov[j * size + k]).mul_add(cov[j * size + k], s));
         let pivot = own.max(0.0).sqrt();
         cov[j * size + j] = pivot;
         for i in j + 1..size {
-            let dot =
-                (0..j).fold(cov[i * size + j], |s, k| (-cov[i * size + k]).mul_add(cov[j * size + k], s));
+            let dot = (0..j)
+                .fold(cov[i * size + j], |s, k| (-cov[i * size + k]).mul_add(cov[j * size + k], s));
             cov[i * size + j] = if pivot > 0.0 { dot / pivot } else { 0.0 };
         }
     }

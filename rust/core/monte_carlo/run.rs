@@ -78,7 +78,8 @@ impl Plan {
     /// # Errors
     /// As a fit of each group's noise-free record.
     pub fn new(groups: &[Group], draw: Draw, isa: Isa) -> Result<Plan, Error> {
-        let groups = groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
+        let groups =
+            groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
         Ok(Plan { groups, draw, isa })
     }
 
@@ -136,7 +137,8 @@ impl Plan {
             let mut errors = worker.errors.iter().zip(counted.iter_mut());
             for (cell, task) in cells.iter_mut().zip(self.cells(group)) {
                 cell.parameters.resize(task.truth.len(), ParameterSummary::default());
-                for (parameter, (errors, histogram)) in cell.parameters.iter_mut().zip(&mut errors) {
+                for (parameter, (errors, histogram)) in cell.parameters.iter_mut().zip(&mut errors)
+                {
                     parameter.moments = Moments::of(errors);
                     errors.iter().for_each(|e| histogram.push(*e));
                 }
@@ -145,7 +147,8 @@ impl Plan {
             *w = Some(worker);
             Ok(cells)
         };
-        let parts = threads::run(thread_count, chunks * self.groups.len(), progress, || None, work)?;
+        let parts =
+            threads::run(thread_count, chunks * self.groups.len(), progress, || None, work)?;
         let mut results: Vec<Vec<Cell>> = vec![Vec::new(); self.groups.len()];
         for (index, part) in parts.into_iter().enumerate() {
             let part: Vec<Cell> = part?;
@@ -198,7 +201,16 @@ impl Plan {
                 let index = level * g.tasks.len() + k;
                 let first_error = level * g.parameters() + task.offset;
                 let errors = &mut w.errors[first_error..first_error + task.truth.len()];
-                cells[index].add(run, task, space, &outcome, count, quantiles[k], errors, &mut w.row);
+                cells[index].add(
+                    run,
+                    task,
+                    space,
+                    &outcome,
+                    count,
+                    quantiles[k],
+                    errors,
+                    &mut w.row,
+                );
             }
         }
         Ok(())
@@ -216,7 +228,9 @@ impl Plan {
         for (k, source) in g.sources.iter().enumerate() {
             let (re, im) = &mut w.noise[k];
             match self.draw {
-                Draw::Samples => source.plan.run_lanes(self.isa, &w.samples, re, im, &mut w.scratch[k])?,
+                Draw::Samples => {
+                    source.plan.run_lanes(self.isa, &w.samples, re, im, &mut w.scratch[k])?
+                }
                 Draw::Coefficients => colour(self.isa, source, &w.samples, re, im),
             }
         }
@@ -250,7 +264,8 @@ impl Worker {
                 let d = &t.shared.design;
                 let mut space = Workspace::new(d);
                 for (k, (re, im)) in t.inputs.iter().enumerate() {
-                    let splat = |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
+                    let splat =
+                        |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
                     load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
                 }
                 space
@@ -331,7 +346,11 @@ fn colour(isa: Isa, source: &Source, normals: &[Wide], re: &mut [Wide], im: &mut
                 for (root, z) in self.0.root[i * size..=i * size + i].iter().zip(self.1) {
                     sum = L::splat(*root).mul_add(L::load(z), sum);
                 }
-                let to = if i == 0 || i % 2 == 1 { &mut self.2[i.div_ceil(2)] } else { &mut self.3[i / 2] };
+                let to = if i == 0 || i % 2 == 1 {
+                    &mut self.2[i.div_ceil(2)]
+                } else {
+                    &mut self.3[i / 2]
+                };
                 sum.store(to);
             }
         }

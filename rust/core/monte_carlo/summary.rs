@@ -37,11 +37,7 @@ impl Moments {
             sums[1] += square * d;
             sums[2] += square * square;
         }
-        Moments {
-            count: errors.len() as u64,
-            mean,
-            sums,
-        }
+        Moments { count: errors.len() as u64, mean, sums }
     }
 
     /// Takes in the errors of the chunks that follow (Chan, Golub and LeVeque's rule, to power 4).
@@ -79,11 +75,7 @@ impl Moments {
     /// Standard deviation about the mean, with n − 1; NaN below two errors.
     #[must_use]
     pub fn sd(&self) -> f64 {
-        if self.count < 2 {
-            f64::NAN
-        } else {
-            (self.sums[0] / (self.count - 1) as f64).sqrt()
-        }
+        if self.count < 2 { f64::NAN } else { (self.sums[0] / (self.count - 1) as f64).sqrt() }
     }
 
     /// Root of the mean squared error.
@@ -237,12 +229,7 @@ impl Histogram {
         let exponent = f64::from_bits(truth.to_bits() & (0x7ff << 52));
         let usable = truth != 0.0 && (1e-250..1e250).contains(&exponent);
         let scale = if usable { exponent } else { 1.0 };
-        Histogram {
-            scale,
-            inverse: 1.0 / scale,
-            counts: vec![0; 2 * SIDE + 1],
-            nans: 0,
-        }
+        Histogram { scale, inverse: 1.0 / scale, counts: vec![0; 2 * SIDE + 1], nans: 0 }
     }
 
     /// Counts one error.
@@ -255,11 +242,7 @@ impl Histogram {
         // The exponent and the top 7 bits of the mantissa number the bins.
         let bits = (error.abs() * self.inverse).to_bits() >> 45;
         let size = (bits + 1).saturating_sub(FIRST).min(SIDE as u64) as usize;
-        let bin = if error < 0.0 {
-            SIDE - size
-        } else {
-            SIDE + size
-        };
+        let bin = if error < 0.0 { SIDE - size } else { SIDE + size };
         self.counts[bin] += 1;
     }
 
@@ -290,10 +273,8 @@ impl Histogram {
         }
         let rank = share * (n - 1) as f64;
         let below = rank as u64;
-        let (low, high) = (
-            self.order_statistic(below),
-            self.order_statistic((below + 1).min(n - 1)),
-        );
+        let (low, high) =
+            (self.order_statistic(below), self.order_statistic((below + 1).min(n - 1)));
         low + (high - low) * (rank - below as f64)
     }
 
@@ -330,13 +311,7 @@ mod tests {
 
     fn errors(replicate: u64, count: usize, mean: f64, sd: f64) -> Vec<f64> {
         let mut z = vec![0.0; count];
-        let address = Address {
-            seed: 1,
-            purpose: Purpose::User,
-            channel: 0,
-            replicate,
-            group: 0,
-        };
+        let address = Address { seed: 1, purpose: Purpose::User, channel: 0, replicate, group: 0 };
         normals(address, &mut z);
         z.iter().map(|z| mean + sd * z).collect()
     }
@@ -349,10 +324,7 @@ mod tests {
     fn direct(e: &[f64]) -> (f64, [f64; 3]) {
         let mean = e.iter().sum::<f64>() / e.len() as f64;
         let sum = |f: fn(f64) -> f64| e.iter().map(|x| f(x - mean)).sum();
-        (
-            mean,
-            [sum(|d| d * d), sum(|d| d * d * d), sum(|d| d * d * d * d)],
-        )
+        (mean, [sum(|d| d * d), sum(|d| d * d * d), sum(|d| d * d * d * d)])
     }
 
     proptest! {
@@ -398,8 +370,7 @@ mod tests {
     fn a_small_spread_about_a_large_bias_is_kept() {
         let e = errors(0, 1000, 1e6, 1e-3);
         let mut merged = Moments::default();
-        e.chunks(64)
-            .for_each(|chunk| merged.merge(&Moments::of(chunk)));
+        e.chunks(64).for_each(|chunk| merged.merge(&Moments::of(chunk)));
         assert!(close(merged.sd(), 1e-3, 0.1), "{}", merged.sd());
         assert!(close(merged.sd(), Moments::of(&e).sd(), 1e-6));
     }
@@ -408,9 +379,8 @@ mod tests {
     fn standard_errors_are_what_repetition_shows() {
         // 2000 studies of 200 replicates with bias: the spread of each figure against its own
         // standard error. Each ratio has a standard error of 1.6 %; bounds of 8 % are 5 of them.
-        let studies: Vec<Moments> = (0..2000)
-            .map(|k| Moments::of(&errors(k, 200, 0.4, 1.3)))
-            .collect();
+        let studies: Vec<Moments> =
+            (0..2000).map(|k| Moments::of(&errors(k, 200, 0.4, 1.3))).collect();
         type Figure = fn(&Moments) -> f64;
         let figures: [(Figure, Figure); 3] = [
             (Moments::bias, Moments::bias_se),
@@ -420,10 +390,7 @@ mod tests {
         for (k, (figure, se)) in figures.into_iter().enumerate() {
             let spread = Moments::of(&studies.iter().map(figure).collect::<Vec<_>>()).sd();
             let said = Moments::of(&studies.iter().map(se).collect::<Vec<_>>()).mean;
-            assert!(
-                close(said, spread, 0.08),
-                "figure {k}: {said} against {spread}"
-            );
+            assert!(close(said, spread, 0.08), "figure {k}: {said} against {spread}");
         }
     }
 
@@ -448,11 +415,7 @@ mod tests {
         let mut twice = coverage;
         twice.merge(&coverage);
         assert_eq!((twice.covered, twice.count, twice.share()), (38, 40, 0.95));
-        assert!(close(
-            twice.share_se(),
-            (0.95f64 * 0.05 / 40.0).sqrt(),
-            1e-15
-        ));
+        assert!(close(twice.share_se(), (0.95f64 * 0.05 / 40.0).sqrt(), 1e-15));
         let mut outcomes = Outcomes::default();
         for status in [Status::Ok, Status::Rank, Status::Ok, Status::NonFinite] {
             outcomes.push(status);
@@ -478,11 +441,7 @@ mod tests {
         ] {
             let mut h = Histogram::new(-3.0);
             h.push(error);
-            assert!(
-                (h.median() - want).abs() <= 0.004 * want.abs(),
-                "{error}: {}",
-                h.median()
-            );
+            assert!((h.median() - want).abs() <= 0.004 * want.abs(), "{error}: {}", h.median());
         }
         h.push(f64::NAN);
         assert!(h.median().is_nan() && h.count() == 1);

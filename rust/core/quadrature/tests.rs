@@ -45,7 +45,8 @@ fn every_rule_has_its_order() {
     };
     let error = |rule: Rule, n: usize| {
         let w = rule.weights(n).unwrap();
-        let sum: f64 = w.iter().enumerate().map(|(k, w)| w * exponential(k as f64 / n as f64)).sum();
+        let sum: f64 =
+            w.iter().enumerate().map(|(k, w)| w * exponential(k as f64 / n as f64)).sum();
         (sum / n as f64 - exact).abs()
     };
     for (rule, order) in Rule::ALL.into_iter().zip([1, 2, 4, 5]) {
@@ -114,7 +115,10 @@ fn cell_moments_keep_full_relative_accuracy_at_small_angles() {
         let wanted = [integral(0.0, 1.0, turns, |_| 1.0), integral(0.0, 1.0, turns, |s| s)];
         for (got, want) in [a, b].into_iter().zip(wanted) {
             assert!((got.0 - want.0).abs() < 2e-15, "{turns}: {got:?} {want:?}");
-            assert!((got.1 - want.1).abs() <= 2e-15 * want.1.abs().max(turns), "{turns}: {got:?} {want:?}");
+            assert!(
+                (got.1 - want.1).abs() <= 2e-15 * want.1.abs().max(turns),
+                "{turns}: {got:?} {want:?}"
+            );
         }
     }
 }

@@ -20,16 +20,8 @@ impl Kernel for Philox {
 #[test]
 fn philox_gives_the_published_answers() {
     let known = [
-        (
-            [0; 4],
-            [0; 2],
-            [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8],
-        ),
-        (
-            [!0; 4],
-            [!0; 2],
-            [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd],
-        ),
+        ([0; 4], [0; 2], [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]),
+        ([!0; 4], [!0; 2], [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]),
         (
             [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344],
             [0xa409_3822, 0x299f_31d0],
@@ -70,15 +62,7 @@ fn xoshiro_is_the_published_one() {
     // First outputs of the reference code at state 1, 2, 3, 4.
     let mut state = [1, 2, 3, 4];
     let scalar: Vec<u64> = (0..20).map(|_| xoshiro_1(&mut state)).collect();
-    assert_eq!(
-        scalar[..4],
-        [
-            41_943_041,
-            58_720_359,
-            3_588_806_011_781_223,
-            3_591_011_842_654_386
-        ]
-    );
+    assert_eq!(scalar[..4], [41_943_041, 58_720_359, 3_588_806_011_781_223, 3_591_011_842_654_386]);
     for isa in Isa::available() {
         assert_eq!(isa.run(Draws([1, 2, 3, 4])), scalar, "{isa:?}");
     }
@@ -92,16 +76,7 @@ fn block(isa: Isa, seed: u64, channel: u32, first: u64, count: usize) -> Vec<Wid
 
 fn one(seed: u64, channel: u32, replicate: u64, count: usize) -> Vec<f64> {
     let mut out = vec![0.0; count];
-    normals(
-        Address {
-            seed,
-            purpose: Purpose::NoiseY,
-            channel,
-            replicate,
-            group: 3,
-        },
-        &mut out,
-    );
+    normals(Address { seed, purpose: Purpose::NoiseY, channel, replicate, group: 3 }, &mut out);
     out
 }
 
@@ -132,47 +107,20 @@ fn a_longer_stream_begins_with_the_shorter() {
 
 #[test]
 fn every_part_of_the_address_matters() {
-    let base = Address {
-        seed: 5,
-        purpose: Purpose::NoiseY,
-        channel: 1,
-        replicate: 2,
-        group: 3,
-    };
+    let base = Address { seed: 5, purpose: Purpose::NoiseY, channel: 1, replicate: 2, group: 3 };
     let mut seen = Vec::new();
     let others = [
         base,
         Address { seed: 6, ..base },
-        Address {
-            seed: 5 | 1 << 40,
-            ..base
-        },
+        Address { seed: 5 | 1 << 40, ..base },
         Address { channel: 2, ..base },
-        Address {
-            replicate: 3,
-            ..base
-        },
-        Address {
-            replicate: 2 | 1 << 40,
-            ..base
-        },
+        Address { replicate: 3, ..base },
+        Address { replicate: 2 | 1 << 40, ..base },
         Address { group: 4, ..base },
-        Address {
-            purpose: Purpose::NoiseU,
-            ..base
-        },
-        Address {
-            purpose: Purpose::InitialState,
-            ..base
-        },
-        Address {
-            purpose: Purpose::Bootstrap,
-            ..base
-        },
-        Address {
-            purpose: Purpose::User,
-            ..base
-        },
+        Address { purpose: Purpose::NoiseU, ..base },
+        Address { purpose: Purpose::InitialState, ..base },
+        Address { purpose: Purpose::Bootstrap, ..base },
+        Address { purpose: Purpose::User, ..base },
     ];
     for address in others {
         let mut first = [0.0; 2];
@@ -186,13 +134,7 @@ fn every_part_of_the_address_matters() {
 fn golden_first_normals() {
     let mut got = [0.0; 5];
     normals(
-        Address {
-            seed: 24,
-            purpose: Purpose::NoiseY,
-            channel: 0,
-            replicate: 0,
-            group: 0,
-        },
+        Address { seed: 24, purpose: Purpose::NoiseY, channel: 0, replicate: 0, group: 0 },
         &mut got,
     );
     let want: [u64; 5] = [
@@ -202,11 +144,7 @@ fn golden_first_normals() {
         0x3fdc_2620_66f9_0316,
         0x3ffa_8ff5_7f4c_66d2,
     ];
-    assert_eq!(
-        got.map(f64::to_bits),
-        want,
-        "{got:?}: a new stream needs a new STREAM_VERSION"
-    );
+    assert_eq!(got.map(f64::to_bits), want, "{got:?}: a new stream needs a new STREAM_VERSION");
 }
 
 /// A million normals: 4000 replicates of 250.
@@ -259,11 +197,7 @@ fn tails_hold_their_share() {
         for sign in [-1.0, 1.0] {
             let count = z.iter().filter(|x| **x * sign > limit).count() as f64;
             let off = (count - 0.5 * want) / (0.5 * want * (1.0 - 0.5 * share)).sqrt();
-            assert!(
-                off.abs() < 4.0,
-                "beyond {limit} × {sign}: {count} for {}",
-                0.5 * want
-            );
+            assert!(off.abs() < 4.0, "beyond {limit} × {sign}: {count} for {}", 0.5 * want);
         }
     }
     // The largest of a million lies in (4.2, 6.2) but for 1e-5 + 3e-4 on each side.
@@ -315,34 +249,20 @@ fn neighbouring_streams_and_draws_are_uncorrelated() {
         (0..LANES).flat_map(lane).collect::<Vec<f64>>()
     };
     let base = stream(9, 0, 0, Purpose::NoiseY);
-    let square = |x: &[f64]| {
-        x.iter()
-            .map(|x| (x * x - 1.0) / 2f64.sqrt())
-            .collect::<Vec<f64>>()
-    };
+    let square = |x: &[f64]| x.iter().map(|x| (x * x - 1.0) / 2f64.sqrt()).collect::<Vec<f64>>();
     for other in [
         stream(10, 0, 0, Purpose::NoiseY),
         stream(9, 1, 0, Purpose::NoiseY),
         stream(9, 0, 1, Purpose::NoiseY),
         stream(9, 0, 0, Purpose::NoiseU),
-        base[count..]
-            .iter()
-            .chain(&base[..count])
-            .copied()
-            .collect(),
+        base[count..].iter().chain(&base[..count]).copied().collect(),
     ] {
         assert!(correlation(&base, &other).abs() < 4.5);
         assert!(correlation(&square(&base), &square(&other)).abs() < 4.5);
     }
     for lag in [1, 2, 3, 7, 250] {
-        assert!(
-            correlation(&base[lag..], &base[..base.len() - lag]).abs() < 4.5,
-            "lag {lag}"
-        );
+        assert!(correlation(&base[lag..], &base[..base.len() - lag]).abs() < 4.5, "lag {lag}");
         let s = square(&base);
-        assert!(
-            correlation(&s[lag..], &s[..s.len() - lag]).abs() < 4.5,
-            "squares, lag {lag}"
-        );
+        assert!(correlation(&s[lag..], &s[..s.len() - lag]).abs() < 4.5, "squares, lag {lag}");
     }
 }

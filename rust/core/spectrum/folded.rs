@@ -73,7 +73,9 @@ impl FoldedSums {
         };
         let step = if even { 2 } else { 1 };
         for parity in 0..step {
-            for (array, sine) in [(parity, false), (parity + 2, true), (parity, true), (parity + 2, false)] {
+            for (array, sine) in
+                [(parity, false), (parity + 2, true), (parity, true), (parity + 2, false)]
+            {
                 if turned || sine == (array >= 2) {
                     sums.add_passes(array, sine, parity, step, rows);
                 }
@@ -201,8 +203,11 @@ impl FoldedSums {
         let (n, half, end) = (self.intervals, self.intervals / 2, start + entries.len());
         let twice = n.is_multiple_of(2);
         // Entries whose samples all have weight 1 and mirror images of their own.
-        let last =
-            if twice { (half + 1).saturating_sub(self.edge).min(half.div_ceil(2)) } else { self.length };
+        let last = if twice {
+            (half + 1).saturating_sub(self.edge).min(half.div_ceil(2))
+        } else {
+            self.length
+        };
         let low = self.edge.max(1).clamp(start, end);
         let high = last.clamp(low, end);
         for k in (start..low).chain(high..end) {
@@ -211,7 +216,8 @@ impl FoldedSums {
         let some = high - low;
         let entries = &mut entries[low - start..high - start];
         let outer = (source.run(low, some), source.run(n + 1 - high, some));
-        let inner = (source.run((half + 1).saturating_sub(high), some), source.run(half + low, some));
+        let inner =
+            (source.run((half + 1).saturating_sub(high), some), source.run(half + low, some));
         match (outer, inner) {
             // What takes the time: plain slices, no index to check.
             ((Some(a), Some(b)), (Some(c), Some(d))) if twice => {
@@ -231,7 +237,10 @@ impl FoldedSums {
                 for (k, to) in (low..high).zip(entries) {
                     let (a, b) = (source.get::<L>(k), source.get::<L>(n - k));
                     if twice {
-                        store_all(fold_four(a, b, source.get::<L>(half - k), source.get::<L>(half + k)), to);
+                        store_all(
+                            fold_four(a, b, source.get::<L>(half - k), source.get::<L>(half + k)),
+                            to,
+                        );
                     } else {
                         (a + b).store(&mut to[0]);
                         (a - b).store(&mut to[2]);
@@ -262,7 +271,8 @@ impl FoldedSums {
             let middle = self.weighted::<L, S>(source, half);
             [p + middle, p - middle, zero, zero]
         } else {
-            let (c, d) = (self.weighted::<L, S>(source, half - k), self.weighted::<L, S>(source, half + k));
+            let (c, d) =
+                (self.weighted::<L, S>(source, half - k), self.weighted::<L, S>(source, half + k));
             fold_four(a, b, c, d)
         }
     }

@@ -17,7 +17,8 @@ fn noise(count: usize, seed: u64) -> Vec<f64> {
 }
 
 fn run(plan: &CoefficientPlan, samples: &[f64]) -> Vec<(f64, f64)> {
-    let (mut re, mut im) = (vec![f64::NAN; plan.harmonics() + 1], vec![f64::NAN; plan.harmonics() + 1]);
+    let (mut re, mut im) =
+        (vec![f64::NAN; plan.harmonics() + 1], vec![f64::NAN; plan.harmonics() + 1]);
     plan.run(samples, &mut re, &mut im).unwrap();
     re.into_iter().zip(im).collect()
 }
@@ -66,7 +67,8 @@ fn long_records_in_blocks_equal_the_fft() {
     // 20,011 is prime; 16,384 and 16,390 turn blocks of both parities; 70 harmonics take the FFT.
     for n in [16_384, 16_390, 20_011] {
         let v = noise(n + 1, 5);
-        let blocks = run(&CoefficientPlan::new(n, 64, Kind::Rule(Rule::Gregory), 0.0, 0).unwrap(), &v);
+        let blocks =
+            run(&CoefficientPlan::new(n, 64, Kind::Rule(Rule::Gregory), 0.0, 0).unwrap(), &v);
         let fft = run(&CoefficientPlan::new(n, 70, Kind::Rule(Rule::Gregory), 0.0, 0).unwrap(), &v);
         assert!(far(&blocks, &fft[..65]) < 1e-16, "{n} {}", far(&blocks, &fft[..65]));
     }
@@ -77,9 +79,11 @@ fn every_lane_and_instruction_set_gives_the_bits_of_the_single_record() {
     for (n, lead, delay) in [(256, 0, 0.0), (37, 4, 2.0), (12_000, 0, 0.0), (90, 3, 1.3)] {
         for kind in [Kind::Rule(Rule::Gregory), Kind::Hold(Hold::Zoh), Kind::Hold(Hold::Foh)] {
             let plan = CoefficientPlan::new(n, 11.min(n / 2), kind, delay, lead).unwrap();
-            let records: Vec<_> = (0..LANES).map(|lane| noise(plan.samples(), lane as u64 + 1)).collect();
-            let wide: Vec<Wide> =
-                (0..plan.samples()).map(|k| Wide(std::array::from_fn(|lane| records[lane][k]))).collect();
+            let records: Vec<_> =
+                (0..LANES).map(|lane| noise(plan.samples(), lane as u64 + 1)).collect();
+            let wide: Vec<Wide> = (0..plan.samples())
+                .map(|k| Wide(std::array::from_fn(|lane| records[lane][k])))
+                .collect();
             for isa in Isa::available() {
                 let (mut re, mut im) =
                     (vec![Wide::ZERO; 12.min(n / 2 + 1)], vec![Wide::ZERO; 12.min(n / 2 + 1)]);
@@ -126,7 +130,9 @@ fn unit_variance_is_the_sum_of_squared_weights() {
 
 #[test]
 fn bad_plans_and_lengths_are_refused_with_numbers() {
-    let new = |n, m, delay, lead| CoefficientPlan::new(n, m, Kind::Rule(Rule::Gregory), delay, lead).err();
+    let new = |n, m, delay, lead| {
+        CoefficientPlan::new(n, m, Kind::Rule(Rule::Gregory), delay, lead).err()
+    };
     assert!(
         matches!(new(64, 33, 0.0, 0), Some(Error::Spec(m)) if m.contains("33") && m.contains("up to 32"))
     );
