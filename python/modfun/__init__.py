@@ -16,6 +16,7 @@ from .results import Fit
 from .simulation import coefficients, regressors, simulate
 from .storage import load
 from .structures import TransferFunction
+from .studies import MonteCarlo, Results
 from .tables import Table
 
 __all__ = [
@@ -29,7 +30,9 @@ __all__ = [
     "InternalError",
     "ModfunError",
     "ModfunWarning",
+    "MonteCarlo",
     "Record",
+    "Results",
     "SpecError",
     "Table",
     "TransferFunction",

@@ -92,3 +92,20 @@ def fit_many(
 def thread_count(asked: int | None = None) -> int: ...
 def _panic_for_tests(threads: int) -> None: ...
 def _wait_for_tests(threads: int, progress: Callable[[int, int], None] | None = None) -> None: ...
+
+# Monte Carlo -----------------------------------------------------------------------------------
+
+def monte_carlo(
+    groups: Sequence[dict[str, Any]],
+    estimators: Sequence[Sequence[dict[str, Any]]],
+    *,
+    seed: int,
+    first: int,
+    replicates: int,
+    draw: str,
+    cov_type: str | None,
+    level: float,
+    samples: bool,
+    threads: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[list[list[dict[str, Any]]]]: ...

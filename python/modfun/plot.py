@@ -13,8 +13,9 @@ from .extras import optional
 if TYPE_CHECKING:
     from .records import Record, Spectrum
     from .results import Fit
+    from .study_results import Results
 
-__all__ = ["bode", "poles", "record", "residuals", "response", "spectrum"]
+__all__ = ["bode", "poles", "record", "residuals", "response", "spectrum", "study"]
 
 
 def record(rec: Record, ax: Any = None) -> Any:
@@ -286,6 +287,56 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     return _returned(ax, [here])
 
 
+def study(res: Results, ax: Any = None) -> Any:
+    """Draw bias and standard deviation against NSR, as the report's Fig. 2, one row a cell otherwise.
+
+    Both are root mean squares over the parameters in % of the true values; bars are ± 2 Monte Carlo
+    standard errors, the dotted line is the Cramér–Rao bound.
+
+    Parameters
+    ----------
+    res : Results
+        Of a study over several noise levels.
+    ax : sequence of Axes, optional
+        Bias and standard deviation, for each cell in turn; new ones by default.
+
+    Returns
+    -------
+    ndarray of Axes, shape (2 · cells,)
+    """
+    if len(res.axes.get("nsr", ())) < 2:
+        raise SpecError("plot.study: the study has one noise level; give nsr a list to draw over it")
+    figures = res.relative()
+    other = [name for name in res.axes if name not in ("nsr", "estimator", "parameter")]
+    cells = list(dict.fromkeys(zip(*(figures[name].tolist() for name in other), strict=True))) or [()]
+    axes = _grid(ax, len(cells), 2)
+    x = 100 * np.array(res.axes["nsr"])
+    for row, cell in enumerate(cells):
+        here = np.ones(len(figures), dtype=bool)
+        for name, label in zip(other, cell, strict=True):
+            here &= figures[name] == label
+        for column, (figure, text) in enumerate((("bias", "bias"), ("sd", "standard deviation"))):
+            drawn = axes[2 * row + column]
+            for k, name in enumerate(res.estimators):
+                mine = here & (figures["estimator"] == name)
+                drawn.errorbar(
+                    x, figures[figure][mine], yerr=2 * figures[f"{figure}_mcse"][mine], label=name,
+                    color=f"C{k % 10}", marker="osD^vP*X"[k % 8], markersize=4, linewidth=1.4, capsize=2,
+                )  # fmt: skip
+            if figure == "sd":
+                bound = figures["crlb"][here & (figures["estimator"] == res.estimators[0])]
+                drawn.plot(x, bound, color="0.3", linestyle=":", label="Cramér–Rao bound")
+            drawn.set_ylabel(f"{text} (% of the true values)")
+            drawn.set_title(", ".join(map(str, cell)), fontsize="medium")
+            drawn.set_ylim(bottom=0.0)
+            drawn.grid(True, alpha=0.3)
+            if row == len(cells) - 1:
+                drawn.set_xlabel("noise-to-signal ratio (%)")
+    for drawn in axes[:2]:
+        drawn.legend(frameon=False, fontsize="small")
+    return _returned(ax, axes)
+
+
 # What every plot uses -----------------------------------------------------------------------------
 
 
@@ -302,6 +353,24 @@ def _axes(ax: Any, count: int, *, height: float = 2.4, width: float = 7.0, share
     if len(given) != count:
         raise SpecError(f"plot: ax has {len(given)} Axes where {count} are needed, or a single one for all")
     return given
+
+
+def _grid(ax: Any, rows: int, columns: int) -> list[Any]:
+    """Return Axes row by row: new ones, or the given ones."""
+    if ax is not None:
+        if hasattr(ax, "plot"):
+            raise SpecError(f"plot: ax is a single Axes; give {rows * columns}")
+        return _axes(ax, rows * columns)
+    pyplot = optional("matplotlib.pyplot", "plot", "plotting")
+    _, made = pyplot.subplots(
+        rows,
+        columns,
+        sharex=True,
+        squeeze=False,
+        figsize=(4.6 * columns, 3.1 * rows + 0.5),
+        layout="constrained",
+    )
+    return list(made.ravel())
 
 
 def _returned(ax: Any, axes: Sequence[Any]) -> Any:

@@ -1,0 +1,78 @@
+"""Progress of long work on standard error: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from .errors import SpecError
+
+__all__ = ["Progress"]
+
+SILENT = 2.0  # seconds: what is done by then needs no bar
+LINE_EVERY = 10.0  # seconds between the lines of a run that nobody watches
+
+
+class Progress:
+    """Call it with (done, total); use it as a context manager so that the bar is closed.
+
+    Parameters
+    ----------
+    asked : {"auto", True, False}
+        False: nothing. "auto" and True: nothing during the first two seconds (then a bar of the package
+        rich on a terminal where it is installed, otherwise plain lines); True shows them at once.
+    what : str
+        What is being done, the first words shown.
+    """
+
+    def __init__(self, asked: str | bool, what: str) -> None:
+        if not isinstance(asked, bool) and asked != "auto":
+            raise SpecError(f'progress={asked!r} must be "auto", True or False')
+        self.on = asked is not False
+        self._patience = 0.0 if asked is True else SILENT
+        self._what = what
+        self._start = time.monotonic()
+        self._last = -float("inf")
+        self._bar: Any = None
+        self._task: Any = None
+        self._plain = not sys.stderr.isatty()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show how far it is."""
+        now = time.monotonic()
+        if not self.on or now - self._start < self._patience:
+            return
+        if self._bar is None and not self._plain:
+            self._open(total)
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total)
+        elif now - self._last >= LINE_EVERY:
+            self._last = now
+            percent = 100 * done / max(total, 1)
+            print(f"{self._what}: {done} of {total} ({percent:.0f} %)", file=sys.stderr, flush=True)
+
+    def _open(self, total: int) -> None:
+        try:
+            from rich import progress as rich
+            from rich.console import Console
+        except ImportError:
+            self._plain = True
+            return
+        self._bar = rich.Progress(
+            rich.TextColumn("{task.description}"),
+            rich.BarColumn(),
+            rich.TaskProgressColumn(),
+            rich.TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._bar.add_task(self._what, total=total)
+        self._bar.start()

@@ -1,0 +1,379 @@
+"""The figures of a Monte Carlo study."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import plot
+from .bounds import crlb
+from .errors import DataError, ModfunWarning, SpecError
+from .records import Record
+from .study_plan import Axis, Contender, Group
+from .study_summary import STATUS, USED, Summary
+from .tables import Table, nearest
+
+if TYPE_CHECKING:
+    from .studies import MonteCarlo
+
+__all__ = ["Results"]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Results:
+    """Figures of a study; arrays are (cell…, estimator, parameter), `*_mcse` the Monte Carlo error.
+
+    The axes of the cells are those given as a dict or a list, in the order system, input, initial_state,
+    nsr; `axes` names them all. Estimates that were found (status "ok", or "maxiter": the iteration did not
+    settle) enter the figures, the others are counted in `failures`.
+
+    Attributes
+    ----------
+    axes : dict of str to tuple
+        Labels of each axis, estimator and parameter last.
+    truth : ndarray
+        True parameters; nan where the structure fitted does not hold the system, as are then bias, median,
+        rmse and coverage.
+    bias, bias_mcse : ndarray
+        Mean error. Standard error sd/√R.
+    sd, sd_mcse : ndarray
+        Standard deviation over R replicates. Standard error √((m₄ − m₂²)/R)/2sd (delta method) with the
+        central moments m₂, m₄ of the estimates.
+    rmse, rmse_mcse : ndarray
+        Root mean square error. Standard error √(var(e²)/R)/2rmse (delta method).
+    median, median_mcse : ndarray
+        Median error. Standard error 1.2533 sd/√R, as for normal estimates.
+    coverage, coverage_mcse : ndarray
+        Share c of 95 % intervals that hold the truth. Standard error √(c(1 − c)/R).
+    failures : ndarray of int, (cell…, estimator)
+        Replicates without an estimate.
+    status : dict of str to ndarray of int, (cell…, estimator)
+        Replicates by outcome: "ok", "maxiter", "rank", "nonfinite", "raised".
+    nit : ndarray, (cell…, estimator)
+        Mean number of iterations.
+    samples : ndarray, (cell…, estimator, replicate, parameter), or None
+        Estimates, nan where there is none; None unless kept.
+    seconds : dict of str to float
+        Time of each estimator, noise included. Methods in the compiled core share their noise; their
+        common time is split as they take alone.
+    messages : Table
+        What functions raised: cell, estimator, replicate, text.
+    replicates : int
+    """
+
+    axes: dict[str, tuple[Any, ...]]
+    truth: F64
+    bias: F64
+    bias_mcse: F64
+    sd: F64
+    sd_mcse: F64
+    rmse: F64
+    rmse_mcse: F64
+    median: F64
+    median_mcse: F64
+    coverage: F64
+    coverage_mcse: F64
+    failures: I64
+    status: dict[str, I64]
+    nit: F64
+    samples: F64 | None
+    seconds: dict[str, float]
+    messages: Table
+    replicates: int
+    draw: str
+    _study: MonteCarlo = field(repr=False)
+
+    @classmethod
+    def collect(
+        cls,
+        study: MonteCarlo,
+        cells: Mapping[tuple[int, int, str], Summary],
+        seconds: dict[str, float],
+        messages: Sequence[Mapping[str, Any]],
+        draw: str,
+    ) -> Results:
+        """Results from the summaries by (group, level, estimator)."""
+        names = _parameters(study)
+        given = [a for a in study.axes if a.given]
+        axes = {a.name: a.labels for a in given} | {"estimator": study.estimators, "parameter": names}
+        count = len(study.contenders)
+        levels = len(study.axes[3].values)
+        full = (len(study.groups), levels, count)
+        kept = all(one.theta is not None for one in cells.values())
+        places = {
+            (g.index, c.name): [names.index(n) for n in c.names(g)]
+            for g in study.groups
+            for c in study.contenders
+        }
+
+        def fill(attribute: str, *more: int) -> F64:
+            array = np.full((*full, *more, len(names)), np.nan)
+            for (g, level, name), one in cells.items():
+                where = (g, level, study.estimators.index(name))
+                array[where][..., places[g, name]] = getattr(one, attribute)
+            return _floats(array, given)
+
+        def counts(of: Any, kind: type) -> Any:
+            array: NDArray[Any] = np.zeros(full, dtype=kind)
+            for (g, level, name), one in cells.items():
+                array[g, level, study.estimators.index(name)] = of(one)
+            return _shaped(array, given)
+
+        truth = np.full((*full, len(names)), np.nan)
+        for g in study.groups:
+            for k, c in enumerate(study.contenders):
+                truth[g.index, :, k, places[g.index, c.name]] = c.truth[g.index][:, None]
+        figures = (
+            "bias", "bias_mcse", "sd", "sd_mcse", "rmse", "rmse_mcse", "median", "median_mcse",
+            "coverage", "coverage_mcse",
+        )  # fmt: skip
+        return cls(
+            axes=axes,
+            truth=_floats(truth, given),
+            **{name: fill(name) for name in figures},
+            failures=counts(lambda one: one.status[USED:].sum(), np.int64),
+            status={word: counts(lambda one, k=k: one.status[k], np.int64) for k, word in enumerate(STATUS)},
+            nit=counts(lambda one: one.nit, np.float64),
+            samples=fill("theta", study.replicates) if kept else None,
+            seconds=seconds,
+            messages=_messages(study, messages),
+            replicates=study.replicates,
+            draw=draw,
+            _study=study,
+        )
+
+    @property
+    def param_names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.axes["parameter"]
+
+    @property
+    def estimators(self) -> tuple[str, ...]:
+        """Names of the estimators."""
+        return self.axes["estimator"]
+
+    @cached_property
+    def crlb(self) -> F64:
+        """Cramér–Rao bound as standard deviations, (cell…, estimator, parameter).
+
+        With the initial state (and the estimator's trend) unknown, from all samples; nan where the
+        structure does not hold the system. No estimator need reach it in a narrow band, and a biased one
+        may pass it.
+        """
+        study = self._study
+        levels = np.array(study.axes[3].values)
+        array = np.full(
+            (len(study.groups), levels.size, len(study.contenders), len(self.param_names)), np.nan
+        )
+        known: dict[Any, F64] = {}
+        for g in study.groups:
+            rec = g.record(g.rest.y[0])
+            for k, c in enumerate(study.contenders):
+                key = (g.index, c.structures[g.index], c.trend)
+                if key not in known:
+                    try:
+                        known[key] = crlb(
+                            g.system, rec, sigma=1.0, trend=c.trend, model=c.structures[g.index]
+                        ).sd
+                    except (SpecError, DataError):
+                        known[key] = np.full(len(c.names(g)), np.nan)
+                where = [self.param_names.index(n) for n in c.names(g)]
+                array[g.index, :, k, where] = known[key][:, None] * study.sigma(g)
+        return _floats(array, [a for a in study.axes if a.given])
+
+    # Tables ----------------------------------------------------------------------------------------
+
+    def table(self) -> Table:
+        """Every figure with its Monte Carlo standard error: a row a cell, estimator and parameter."""
+        columns: dict[str, list[Any]] = {name: [] for name in self.axes}
+        figures = ("bias", "sd", "rmse", "median", "coverage")
+        columns["true"] = []
+        for name in figures:
+            columns |= {name: [], f"{name}_mcse": []}
+        columns |= {"crlb": [], "failures": []}
+        for where, labels in self._rows():
+            for k, name in enumerate(self.param_names):
+                if np.isnan(self.sd[where][k]) and np.isnan(self.truth[where][k]):
+                    continue  # another structure's parameter
+                for axis, label in zip(self.axes, (*labels, name), strict=True):
+                    columns[axis].append(label)
+                columns["true"].append(self.truth[where][k])
+                for figure in figures:
+                    columns[figure].append(getattr(self, figure)[where][k])
+                    columns[f"{figure}_mcse"].append(getattr(self, f"{figure}_mcse")[where][k])
+                columns["crlb"].append(self.crlb[where][k])
+                columns["failures"].append(int(self.failures[where]))
+        return Table(columns, title=self._title())
+
+    def relative(self) -> Table:
+        """Figures relative to the true parameters, in %, root mean square over the parameters.
+
+        The report's footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. A row a cell
+        and estimator. Without any bias the figure is not 0 but about sd/√R, its Monte Carlo noise. The
+        standard errors are those of the delta method with fully correlated parameters, so at most too
+        large.
+        """
+        columns: dict[str, list[Any]] = {name: [] for name in self.axes if name != "parameter"}
+        figures = ("bias", "sd", "rmse", "crlb")
+        for name in figures:
+            columns[name] = []
+            if name != "crlb":
+                columns[f"{name}_mcse"] = []
+        columns["failures"] = []
+        for where, labels in self._rows():
+            for axis, label in zip(self.axes, labels, strict=False):
+                columns[axis].append(label)
+            for figure in figures:
+                value, error = self._relative(figure, where)
+                columns[figure].append(value)
+                if figure != "crlb":
+                    columns[f"{figure}_mcse"].append(error)
+            columns["failures"].append(int(self.failures[where]))
+        return Table(columns, title=f"{self._title()}; % of the true parameters")
+
+    def _relative(self, figure: str, where: tuple[int, ...]) -> tuple[float, float]:
+        truth = self.truth[where]
+        own = ~np.isnan(truth)
+        if not own.any() or np.any(truth[own] == 0):
+            return float("nan"), float("nan")
+        values = 100 * getattr(self, figure)[where][own] / truth[own]
+        size = float(np.sqrt(np.mean(values**2)))
+        if figure == "crlb":
+            return size, float("nan")
+        errors = 100 * getattr(self, f"{figure}_mcse")[where][own] / np.abs(truth[own])
+        if size == 0:
+            return 0.0, float(np.sqrt(np.mean(errors**2)))
+        return size, float(np.sum(np.abs(values) * errors) / (values.size * size))
+
+    def _rows(self) -> Iterator[tuple[tuple[int, ...], tuple[Any, ...]]]:
+        used = [labels for name, labels in self.axes.items() if name != "parameter"]
+        for where in product(*(range(len(labels)) for labels in used)):
+            yield where, tuple(labels[k] for labels, k in zip(used, where, strict=True))
+
+    def _title(self) -> str:
+        return f"{self.replicates} replicates, seed {self._study.seed}"
+
+    # One replicate ---------------------------------------------------------------------------------
+
+    def replicate(self, number: int, **cell: Any) -> tuple[Record, dict[str, Any]]:
+        """One replicate made again from its address, and fitted.
+
+        Parameters
+        ----------
+        number : int
+            From 0 to replicates − 1.
+        **cell
+            Label of each axis with several: ``system="eq24", nsr=0.2``.
+
+        Returns
+        -------
+        record : Record
+        fits : dict of str to Fit
+            By estimator; what a function returned as it is, or the exception it raised.
+
+        Raises
+        ------
+        SpecError
+            A cell that is not in the study, or noise that was drawn as coefficients.
+        """
+        study = self._study
+        if self.draw == "coefficients":
+            raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
+                            "draw='samples'")  # fmt: skip
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise SpecError(
+                f"replicate: {number!r} is no number of a replicate; give 0 to {self.replicates - 1}"
+            )
+        if not 0 <= number < self.replicates:
+            raise SpecError(f"replicate: {number} is outside of 0 to {self.replicates - 1}")
+        known = [a.name for a in study.axes]
+        for name in cell:
+            if name not in known:
+                raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")
+        at = [_position(a, cell) for a in study.axes]
+        group = study.groups[int(np.ravel_multi_index(at[:3], [len(a.values) for a in study.axes[:3]]))]
+        sigma = study.sigma(group)[at[3]]
+        rec = group.record(group.outputs(study.seed, int(number), [float(sigma)])[0])
+        fits: dict[str, Any] = {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModfunWarning)
+            for c in study.contenders:
+                fits[c.name] = self._estimate(c, group, rec, int(number))
+        return rec, fits
+
+    def _estimate(self, contender: Contender, group: Group, rec: Record, number: int) -> Any:
+        if contender.call is None:
+            return contender.estimators[group.index](rec)
+        try:
+            return contender.call(rec, self._study.generator(number, group))
+        except Exception as error:
+            return error
+
+    # Looks -----------------------------------------------------------------------------------------
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw bias and standard deviation against NSR, as the report's Fig. 2; see `mf.plot.study`."""
+        return plot.study(self, ax=ax)
+
+    def __repr__(self) -> str:
+        return repr(self.relative())
+
+    def _repr_html_(self) -> str:
+        return self.relative()._repr_html_()
+
+
+def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
+    if axis.name not in cell:
+        if len(axis.values) == 1:
+            return 0
+        labels = ", ".join(map(repr, axis.labels))
+        raise SpecError(f"replicate: which {axis.name}? Give {axis.name}= one of {labels}")
+    return axis.index(cell[axis.name])
+
+
+def _parameters(study: MonteCarlo) -> tuple[str, ...]:
+    """Names of all structures: a1, a2, …, then the numerators input by input."""
+    names = {name for g in study.groups for c in study.contenders for name in c.names(g)}
+
+    def key(name: str) -> tuple[str, str, int]:
+        letter, _, channel = name.partition("[")
+        return letter[0], channel, int(letter[1:])
+
+    return tuple(sorted(names, key=key))
+
+
+def _floats(array: F64, given: Sequence[Axis]) -> F64:
+    shaped: F64 = _shaped(array, given)
+    return shaped
+
+
+def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:
+    """(group, level, estimator, …) as (cell…, estimator, …), read only."""
+    shape = tuple(len(a.values) for a in given)
+    shaped = array.reshape(*shape, *array.shape[2:])
+    shaped.flags.writeable = False
+    return shaped
+
+
+def _messages(study: MonteCarlo, found: Sequence[Mapping[str, Any]]) -> Table:
+    sizes = [len(a.values) for a in study.axes[:3]]
+    columns: dict[str, list[Any]] = {a.name: [] for a in study.axes if a.given}
+    columns |= {"estimator": [], "replicate": [], "text": []}
+    for one in found:
+        at = (*np.unravel_index(one["group"], sizes), one["level"])
+        for a, k in zip(study.axes, at, strict=True):
+            if a.given:
+                columns[a.name].append(a.labels[int(k)])
+        for name in ("estimator", "replicate", "text"):
+            columns[name].append(one[name])
+    return Table(columns, title=f"{len(found)} replicates raised an exception")
