@@ -1,90 +1,95 @@
 """The compiled core: C-contiguous float64 in, NumPy arrays and plain objects out."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "__version__",
+    "_panic_for_tests",
+    "_wait_for_tests",
+    "coefficients",
+    "fit",
+    "fit_many",
+    "gauss_legendre",
+    "noise_level",
+    "normals",
+    "quadrature_weights",
+    "simulate",
+    "thread_count",
+]
+
 __version__: str
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
+_F64 = NDArray[np.float64]
+_C128 = NDArray[np.complex128]
 
 # From samples to Fourier coefficients ----------------------------------------------------------
 
 def coefficients(
-    samples: F64,
+    samples: _F64,
     harmonics: int,
     kinds: Sequence[str],
     delays: Sequence[float],
     lead: int,
-    t: F64 | None,
-) -> C128: ...
-def quadrature_weights(rule: str, intervals: int, t: F64 | None) -> F64: ...
-def noise_level(samples: F64, order: int) -> F64: ...
+    t: _F64 | None,
+) -> _C128: ...
+def quadrature_weights(rule: str, intervals: int, t: _F64 | None) -> _F64: ...
+def noise_level(samples: _F64, order: int) -> _F64: ...
 
 # Exact responses -------------------------------------------------------------------------------
 
-def gauss_legendre() -> tuple[F64, F64]: ...
+def gauss_legendre() -> tuple[_F64, _F64]: ...
 def simulate(
-    a: F64,
-    b: F64,
-    c: F64,
-    d: F64,
-    x0: F64,
-    u: F64,
+    a: _F64,
+    b: _F64,
+    c: _F64,
+    d: _F64,
+    x0: _F64,
+    u: _F64,
     dt: float,
     kind: str,
-    nodes: F64 | None,
-) -> F64: ...
+    nodes: _F64 | None,
+) -> _F64: ...
 
 # Random streams --------------------------------------------------------------------------------
 
-def normals(seed: int, purpose: str, channel: int, replicate: int, group: int, count: int) -> F64: ...
+def normals(seed: int, purpose: str, channel: int, replicate: int, group: int, count: int) -> _F64: ...
 
 # Estimation ------------------------------------------------------------------------------------
 
+class _Options(TypedDict):
+    order: int
+    numerators: Sequence[int | None]
+    delays: Sequence[float]
+    intersample: Sequence[str]
+    method: str
+    noise: str
+    trend: str | None
+    rule: str
+    extended: bool
+    band: tuple[float, float] | None
+    harmonics: int | None
+    tol: float
+    maxiter: int
+
 def fit(
-    y: Sequence[F64],
-    u: Sequence[F64],
-    time: Sequence[float | F64],
-    *,
-    order: int,
-    numerators: Sequence[int | None],
-    delays: Sequence[float],
-    intersample: Sequence[str],
-    method: str,
-    noise: str,
-    trend: str | None,
-    rule: str,
-    extended: bool,
-    band: tuple[float, float] | None,
-    harmonics: int | None,
-    tol: float,
-    maxiter: int,
+    y: Sequence[_F64],
+    u: Sequence[_F64],
+    time: Sequence[float | _F64],
+    **options: Unpack[_Options],
 ) -> dict[str, Any]: ...
 def fit_many(
-    y: F64,
-    u: F64,
+    y: _F64,
+    u: _F64,
     dt: float,
     *,
-    order: int,
-    numerators: Sequence[int | None],
-    delays: Sequence[float],
-    intersample: Sequence[str],
-    method: str,
-    noise: str,
-    trend: str | None,
-    rule: str,
-    extended: bool,
-    band: tuple[float, float] | None,
-    harmonics: int | None,
-    tol: float,
-    maxiter: int,
     uncertainty: bool,
     threads: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Unpack[_Options],
 ) -> dict[str, Any]: ...
 
 # Threads and faults ----------------------------------------------------------------------------

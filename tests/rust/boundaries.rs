@@ -23,14 +23,31 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "estimate",
         &[
-            "covariance", "error", "linalg", "math", "modulation", "noise_level", "quadrature", "simd",
-            "spectrum", "structure", "threads",
+            "covariance",
+            "error",
+            "linalg",
+            "math",
+            "modulation",
+            "noise_level",
+            "quadrature",
+            "simd",
+            "spectrum",
+            "structure",
+            "threads",
         ],
     ),
     (
         "monte_carlo",
         &[
-            "error", "estimate", "math", "modulation", "quadrature", "rng", "simd", "spectrum", "structure",
+            "error",
+            "estimate",
+            "math",
+            "modulation",
+            "quadrature",
+            "rng",
+            "simd",
+            "spectrum",
+            "structure",
             "threads",
         ],
     ),
@@ -65,8 +82,9 @@ const WORDS: &[(&str, &[&str], &str)] = &[
 
 /// Methods whose last bits are those of the system's libm, or unspecified.
 const LIBM: &[&str] = &[
-    "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
-    "atanh", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powi", "powf", "cbrt", "hypot",
+    "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
+    "asinh", "acosh", "atanh", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10",
+    "powi", "powf", "cbrt", "hypot",
 ];
 
 fn core() -> PathBuf {
@@ -80,7 +98,9 @@ fn sources() -> Vec<(String, String)> {
         for path in entries.map(|e| e.unwrap().path()) {
             if path.is_dir() {
                 walk(&path, out);
-            } else if path.extension().is_some_and(|e| e == "rs") && path.file_stem().unwrap() != "tests" {
+            } else if path.extension().is_some_and(|e| e == "rs")
+                && path.file_stem().unwrap() != "tests"
+            {
                 out.push(path);
             }
         }
@@ -149,7 +169,10 @@ fn named(file: &str, code: &str) -> BTreeSet<String> {
     // From an inline module `super` names items of the same file; those are no modules of the crate.
     found.extend(found_by_super.into_iter().filter(|n| TABLE.iter().any(|(name, _)| name == n)));
     // Items of the root are re-exports of `error`.
-    found.into_iter().map(|n| if n == "Error" || n == "Status" { "error".into() } else { n }).collect()
+    found
+        .into_iter()
+        .map(|n| if n == "Error" || n == "Status" { "error".into() } else { n })
+        .collect()
 }
 
 #[test]
@@ -158,12 +181,16 @@ fn imports_point_one_way() {
     for (file, code) in sources().iter().filter(|(file, _)| file != "lib.rs") {
         let module = module(file);
         let Some((_, allowed)) = TABLE.iter().find(|(name, _)| *name == module) else {
-            faults.push(format!("{file}: module `{module}` is not in the table of tests/rust/boundaries.rs"));
+            faults.push(format!(
+                "{file}: module `{module}` is not in the table of tests/rust/boundaries.rs"
+            ));
             continue;
         };
         for name in named(file, code) {
             if name != module && !allowed.contains(&name.as_str()) {
-                faults.push(format!("{file}: `{module}` may not name `{name}`; allowed: {allowed:?}"));
+                faults.push(format!(
+                    "{file}: `{module}` may not name `{name}`; allowed: {allowed:?}"
+                ));
             }
         }
     }
@@ -189,7 +216,11 @@ fn words_stand_only_where_they_may() {
         for (number, line) in code.lines().enumerate() {
             for (word, allowed, reason) in WORDS {
                 if !allowed.contains(&file.as_str()) && words(line).any(|w| w == *word) {
-                    faults.push(format!("{file}:{}: `{word}`: {reason}: {}", number + 1, line.trim()));
+                    faults.push(format!(
+                        "{file}:{}: `{word}`: {reason}: {}",
+                        number + 1,
+                        line.trim()
+                    ));
                 }
             }
         }
@@ -201,9 +232,9 @@ fn words_stand_only_where_they_may() {
 fn libm_calls(line: &str) -> Vec<&'static str> {
     let called = |name: &&&str| {
         line.contains(&format!(".{name}()"))
-            || (matches!(**name, "powi" | "powf" | "atan2" | "hypot" | "log") && line.contains(&format!(".{name}(")))
-            || line.contains(&format!("f64::{name}"))
-                && !line.contains(&format!("f64::{name}_"))
+            || (matches!(**name, "powi" | "powf" | "atan2" | "hypot" | "log")
+                && line.contains(&format!(".{name}(")))
+            || line.contains(&format!("f64::{name}")) && !line.contains(&format!("f64::{name}_"))
     };
     LIBM.iter().filter(called).copied().collect()
 }
@@ -214,7 +245,11 @@ fn no_libm() {
     for (file, code) in sources() {
         for (number, line) in code.lines().enumerate() {
             for name in libm_calls(line) {
-                faults.push(format!("{file}:{}: {name} differs by processor: {}", number + 1, line.trim()));
+                faults.push(format!(
+                    "{file}:{}: {name} differs by processor: {}",
+                    number + 1,
+                    line.trim()
+                ));
             }
         }
     }
@@ -223,7 +258,8 @@ fn no_libm() {
 
 #[test]
 fn the_readers_above_see_what_they_look_for() {
-    let code = "use crate::{simd::{Isa, Wide}, rng};\nuse crate::Error;\nlet x = crate::threads::run();";
+    let code =
+        "use crate::{simd::{Isa, Wide}, rng};\nuse crate::Error;\nlet x = crate::threads::run();";
     let found = named("spectrum/folded.rs", code);
     let want: BTreeSet<String> = ["error", "rng", "simd", "threads"].map(String::from).into();
     assert_eq!(found, want);

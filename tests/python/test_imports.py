@@ -1,0 +1,74 @@
+"""`import modfun` is cheap and silent: NumPy and little else, no threads, files, handlers or words."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+# What is loaded within the functions that need it.
+HEAVY = {
+    "argparse", "asyncio", "control", "csv", "doctest", "jinja2", "logging", "matplotlib", "multiprocessing",
+    "pandas", "polars", "pytest", "rich", "scipy", "socket", "sqlite3", "statistics", "sympy", "tkinter",
+    "typer", "unittest", "xarray",
+}  # fmt: skip
+
+LOOK = """
+import json, os, signal, sys, threading, warnings
+import numpy
+handlers = [signal.getsignal(s) for s in signal.valid_signals()]
+state = numpy.geterr(), dict(os.environ), os.getcwd(), list(sys.path), sys.excepthook
+hooks = list(warnings.filters), numpy.get_printoptions()
+folder = set(os.listdir("."))
+files = set(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else set()
+tasks = set(os.listdir("/proc/self/task")) if os.path.isdir("/proc/self/task") else set()
+random = numpy.random.get_state()[1].tolist()
+before = set(sys.modules)
+import modfun
+print(json.dumps({
+    "modules": sorted(set(sys.modules) - before),
+    "threads": threading.active_count(),
+    "tasks": not tasks or set(os.listdir("/proc/self/task")) == tasks,
+    "files": not files or set(os.listdir("/proc/self/fd")) == files,
+    "folder": set(os.listdir(".")) == folder,
+    "handlers": handlers == [signal.getsignal(s) for s in signal.valid_signals()],
+    "state": state == (numpy.geterr(), dict(os.environ), os.getcwd(), list(sys.path), sys.excepthook),
+    "hooks": hooks == (list(warnings.filters), numpy.get_printoptions()),
+    "random": random == numpy.random.get_state()[1].tolist(),
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What one import does to a fresh interpreter, warnings being errors."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", LOOK],
+        cwd=tmp_path_factory.mktemp("empty"),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def test_import_loads_nothing_heavy(seen):
+    loaded = {name.split(".")[0] for name in seen["modules"]}
+    assert loaded & HEAVY == set(), f"loaded at import: {sorted(loaded & HEAVY)}"
+
+
+def test_import_loads_little_besides_numpy(seen):
+    own = [name for name in seen["modules"] if name.split(".")[0] == "modfun"]
+    other = [name for name in seen["modules"] if name not in own]
+    assert len(own) < 50, own
+    assert len(other) < 30, other
+
+
+@pytest.mark.parametrize("what", ["tasks", "files", "folder", "handlers", "state", "hooks", "random"])
+def test_import_leaves_the_process_as_it_was(seen, what):
+    assert seen[what], f"import modfun changed the process: {what}"
+
+
+def test_import_starts_no_thread(seen):
+    assert seen["threads"] == 1
