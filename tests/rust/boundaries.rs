@@ -68,7 +68,7 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("rayon", &[], "no thread pool"),
     ("thread", &["threads.rs"], "threads are started in threads.rs"),
     ("thread_local", &["threads.rs"], "no hidden state"),
-    ("unsafe", &["simd.rs"], "unsafe code lives in simd.rs"),
+    ("unsafe", &["simd.rs", "simd/x86.rs"], "unsafe code lives in simd"),
     ("fs", &[], "numerics only, no files"),
     ("io", &[], "numerics only, no files"),
     ("net", &[], "numerics only, no network"),
