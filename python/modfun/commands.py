@@ -156,7 +156,7 @@ def _report(
 ) -> None:
     """The Monte Carlo study of NASA report NAG-1-1065: Figs. 1(c) and 2, as table and figures."""
     reproduction = import_module("modfun.reproduction")
-    answer = reproduction.report(out, runs=runs, quick=quick, progress="auto")
+    answer = reproduction.report(out, many=runs, quick=quick, progress="auto")
     if json_to is not None:
         _json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)
 
