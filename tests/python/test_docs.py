@@ -1,0 +1,153 @@
+"""What the documents show is true: code runs, commands and names exist, links lead somewhere."""
+
+import re
+import shlex
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+import modfun as mf
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    page
+    for page in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+    if not page.name.startswith(".")
+]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def blocks(language):
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for found in FENCE.finditer(text):
+            if found[1] == language:
+                line = text[: found.start()].count("\n") + 2
+                yield pytest.param(page, found[2], line, id=f"{page.name}:{line}")
+
+
+def prose(page):
+    """The page without its blocks of code."""
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def test_the_pages_are_there():
+    assert {"README.md", "architecture.md", "accuracy.md"} <= {page.name for page in PAGES}
+    assert list(blocks("python"))
+
+
+@pytest.mark.parametrize(("page", "code", "line"), blocks("python"))
+def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeypatch, capsys):
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        exec(compile("\n" * (line - 1) + code, str(page), "exec"), {"__name__": "__main__"})
+
+
+def command_lines():
+    for block in blocks("sh"):
+        page, code, line = block.values
+        for offset, text in enumerate(code.splitlines()):
+            if text.startswith("modfun "):
+                yield pytest.param(text, id=f"{page.name}:{line + offset}")
+    for page in PAGES:
+        for text in re.findall(r"`(modfun [a-z][^`|…]*)`", prose(page)):
+            yield pytest.param(text, id=f"{page.name}:{text}")
+
+
+@pytest.mark.parametrize("line", command_lines())
+def test_command_lines_are_understood(line):
+    """Parsed to the last word by the command's own parser; nothing is run."""
+    import typer
+
+    from modfun.commands import app
+
+    words = shlex.split(line, comments=True)[1:]
+    command, context = typer.main.get_command(app), None
+    while hasattr(command, "commands"):
+        context = command.make_context("modfun", [], parent=context, resilient_parsing=True)
+        command, words = command.commands[words[0]], words[1:]
+    command.make_context(command.name, words, parent=context)
+
+
+def test_make_targets_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    for page in PAGES:
+        named = re.findall(r"(?:^|`)make ([a-z-]+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+        assert set(named) <= targets, page.name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        other = (page.parent / path).resolve() if path else page
+        assert other.exists(), f"{page.name}: {target}"
+        if anchor:
+            heads = re.findall(r"^#+ (.+)$", other.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+            assert anchor in slugs, f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_named_exist(page):
+    """Paths in code type that start in a folder of the project."""
+    folders = "rust|python|tests|docs|examples|benches"
+    for path in re.findall(rf"`((?:{folders})/[\w./-]*)`", prose(page)):
+        assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tests_named_exist(page):
+    """`tests/…/file.py::test_name`, and the same for tests in Rust."""
+    for path, name in re.findall(r"`([\w./]+\.(?:py|rs))::(\w+)`", prose(page)):
+        text = (ROOT / path).read_text(encoding="utf-8")
+        assert re.search(rf"(?:def|fn) {name}\b", text), f"{page.name}: {path}::{name}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_public_names_mentioned_exist(page):
+    kinds = {"mf": mf, "fit": mf.Fit, "rec": mf.Record}
+    for text in re.findall(r"`([^`\n]+)`", prose(page)):
+        for root, dotted in re.findall(r"(?<![\w.])(mf|fit|rec)\.([a-zA-Z][\w.]*)", text):
+            value = kinds[root]
+            for name in dotted.rstrip(".").split("."):
+                known = hasattr(value, name) or name in getattr(value, "__annotations__", {})
+                assert known, f"{page.name}: {root}.{dotted}"
+                value = getattr(value, name, None)
+
+
+@pytest.mark.parametrize("name", ["fit_simulated", "flight_record"])
+def test_examples_run(name, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(ROOT / "examples" / f"{name}.py")],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "parameter" in done.stdout
+    assert not list(tmp_path.iterdir()), "an example leaves nothing behind"
+
+
+def test_the_flight_example_reads_a_file_of_your_own(tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    import flight_record
+
+    flight_record.write_sample(tmp_path / "run7.csv")
+    fit = flight_record.main([str(tmp_path / "run7.csv")])
+    truth = {"a1": 1.8, "a2": 5.0, "b0": -4.0, "b1": -3.0}
+    # Four standard errors of four parameters: false alarm under 1 in 1,000, and the seed is fixed.
+    for name, se in zip(fit.param_names, fit.bse, strict=True):
+        assert abs(fit[name] - truth[name]) < 4 * se
+    assert "has not seen" in capsys.readouterr().out
