@@ -1,11 +1,10 @@
 """Fit a simulated record, and compare what was found with the truth and with the Cramér-Rao bound.
 
-    python examples/fit_simulated.py
+python examples/fit_simulated.py
 """
 
-import numpy as np
-
 import modfun as mf
+import numpy as np
 
 
 def main() -> mf.Fit:

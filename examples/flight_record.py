@@ -1,16 +1,15 @@
 """Fit a transfer function from an elevator to a pitch rate, from a CSV file with columns t, de, q.
 
-    python examples/flight_record.py              # makes a sample record and fits that
-    python examples/flight_record.py run7.csv     # your own record, same columns
+python examples/flight_record.py              # makes a sample record and fits that
+python examples/flight_record.py run7.csv     # your own record, same columns
 """
 
 import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
-
 import modfun as mf
+import numpy as np
 
 
 def write_sample(path: Path) -> None:

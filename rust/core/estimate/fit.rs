@@ -1,6 +1,6 @@
 //! One fit from samples to covariance: window, coefficients, default band, estimate.
 
-use super::uncertainty::{Information, Residuals};
+use super::uncertainty::{Information, Residuals, mend_inverse};
 use super::{Design, Options, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
@@ -446,8 +446,8 @@ impl Job<'_> {
                 return None;
             }
             self.isa.run(Information { design: d, space: w, covariance: true });
-            let sound = w.worst.0[0] > 0.0;
-            sound.then(|| (0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
+            mend_inverse(d, w, 0);
+            Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
         };
         let Some(reference) = errors(wide) else { return wide.to_vec() };
         let mut good = |steps: usize| {

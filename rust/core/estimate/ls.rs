@@ -53,8 +53,8 @@ impl Kernel for LsStep<'_> {
                 w.ls_normal[i * size + j] = w.global[i.min(j) * width + i.max(j)];
             }
         }
-        w.worst = Wide::splat(1.0);
-        eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.worst);
+        w.trusted = Wide::splat(1.0);
+        eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
         substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
         let p = d.parameters();
         w.next.copy_from_slice(&w.unknowns[size - p..size]);

@@ -23,9 +23,6 @@ use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
 use pass::{Factors, Prepare, Weights};
 
-/// Smallest pivot ratio the normal equations are trusted with: the square of a condition of 3,000.
-const PIVOT: f64 = 1e-7;
-
 /// When an iteration stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -135,7 +132,7 @@ pub(crate) fn take_step(
 ) {
     for (k, lane) in lanes.iter_mut().enumerate() {
         // A step that is not finite shows as a move that is not.
-        if lane.done || (w.worst.0[k] > PIVOT && w.moved.0[k].is_finite()) {
+        if lane.done || (w.trusted.0[k] > 0.0 && w.moved.0[k].is_finite()) {
             continue;
         }
         let at = qr_step::Place { lane: k, weights, factors };

@@ -76,7 +76,7 @@ fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, factors: Fact
     let width = p + 1;
     w.global[..p * width].fill(Wide::ZERO);
     w.column_size.fill(Wide::ZERO);
-    w.worst = Wide::splat(1.0);
+    w.trusted = Wide::splat(1.0);
     let mut cost = L::splat(0.0);
     let mut target_size = L::splat(0.0);
     for k in 0..w.records.len() {
@@ -84,7 +84,7 @@ fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, factors: Fact
         cost = cost + c;
         target_size = target_size + t;
         let r = &mut w.records[k];
-        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, symmetric, &mut w.worst);
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, symmetric, &mut w.trusted);
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, symmetric);
         for i in 0..p {
             let sum = &mut w.column_size[i];
@@ -93,7 +93,7 @@ fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, factors: Fact
     }
     cost.store(&mut w.cost);
     target_size.store(&mut w.target_size);
-    eliminate::<L>(&mut w.global, p, 0..p, &w.column_size, symmetric, &mut w.worst);
+    eliminate::<L>(&mut w.global, p, 0..p, &w.column_size, symmetric, &mut w.trusted);
     substitute::<L>(&w.global, p, 0..p, &mut w.next);
     let mut moved = L::splat(0.0);
     for ((from, to), column) in w.theta.iter().zip(&w.next).zip(&w.column_size) {

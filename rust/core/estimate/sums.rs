@@ -131,8 +131,13 @@ fn group<L: Lanes, const N: usize>(
     stride: usize,
     sums: &mut [Wide],
 ) {
-    let w: [&[Wide]; N] = std::array::from_fn(|i| &powers[g.powers[i] * stride..][..product.len()]);
-    let mut acc: [L; N] = std::array::from_fn(|i| L::load(&sums[i]));
+    // Loops rather than closures: a closure that is not inlined loses the instruction set.
+    let mut w: [&[Wide]; N] = [&[]; N];
+    let mut acc = [L::splat(0.0); N];
+    for i in 0..N {
+        w[i] = &powers[g.powers[i] * stride..][..product.len()];
+        acc[i] = L::load(&sums[i]);
+    }
     for line in 0..product.len() {
         let v = L::load(&product[line]);
         for i in 0..N {

@@ -29,18 +29,20 @@ pub(crate) fn finish(isa: Isa, d: &Design, w: &mut Workspace, live: [bool; LANES
     if !covariance {
         return;
     }
-    if d.method != Method::Ls {
-        let flat = d.keeps_flat_weights();
-        let weights = if flat { Weights::Flat } else { d.final_weights() };
-        for lane in (0..LANES).filter(|k| live[*k]) {
-            let trusted = w.worst.0[lane] > super::PIVOT;
-            if !trusted {
-                let at = Place { lane, weights, factors: d.final_factors() };
-                w.qr.inverse(d, &w.records, &w.theta, &mut w.inverse, at);
-            }
-        }
+    for lane in (0..LANES).filter(|k| live[*k]) {
+        mend_inverse(d, w, lane);
     }
     isa.run(Covariances { design: d, space: w });
+}
+
+/// Takes the inverse of one lane from orthogonal factors where its pivots were too small.
+pub(crate) fn mend_inverse(d: &Design, w: &mut Workspace, lane: usize) {
+    if w.trusted.0[lane] > 0.0 || d.method == Method::Ls {
+        return;
+    }
+    let weights = if d.keeps_flat_weights() { Weights::Flat } else { d.final_weights() };
+    let at = Place { lane, weights, factors: d.final_factors() };
+    w.qr.inverse(d, &w.records, &w.theta, &mut w.inverse, at);
 }
 
 /// Completes T at a given θ: what an iteration started from θ needs.
@@ -70,20 +72,20 @@ impl Kernel for Information<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (d, w) = (self.design, self.space);
-        let mut worst = information::<L>(d, w, d.final_weights());
+        let mut trusted = information::<L>(d, w, d.final_weights());
         if self.covariance {
             let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
             if flat {
-                flat_information::<L>(d, w, &mut worst);
+                flat_information::<L>(d, w, &mut trusted);
             }
             let (normal, size) = match (differenced, flat) {
                 (true, _) => (&w.ls_normal, d.ls_size()),
                 (_, true) => (&w.square, d.parameters()),
                 _ => (&w.gram, d.parameters()),
             };
-            invert::<L>(normal, size, &mut w.inverse, &mut w.work, &mut worst);
+            invert::<L>(normal, size, &mut w.inverse, &mut w.work, &mut trusted);
         }
-        w.worst = worst;
+        w.trusted = trusted;
     }
 }
 
@@ -105,11 +107,11 @@ impl Kernel for Covariances<'_> {
 #[inline(always)]
 fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
     let (nt, size) = (d.transient, d.size());
-    let mut worst = Wide::splat(1.0);
+    let mut trusted = Wide::splat(1.0);
     for k in 0..w.records.len() {
         record_system::<L>(d, w, k, weights, Factors::Data, false);
         let r = &mut w.records[k];
-        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut worst);
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         w.unknowns[nt..size].copy_from_slice(&w.theta);
         substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
         r.transient.copy_from_slice(&w.unknowns[..nt]);
@@ -123,7 +125,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     let factors = d.final_factors();
     let width = p + 1;
-    let mut worst = Wide::splat(1.0);
+    let mut trusted = Wide::splat(1.0);
     let mut cost = L::splat(0.0);
     w.global[..p * width].fill(Wide::ZERO);
     for k in 0..w.records.len() {
@@ -136,9 +138,9 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
             }
         }
         if nt > 0 {
-            invert::<L>(&w.square, nt, &mut r.transient_inverse, &mut w.work, &mut worst);
+            invert::<L>(&w.square, nt, &mut r.transient_inverse, &mut w.work, &mut trusted);
         }
-        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut worst);
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         project::<L>(&r.matrix, nt, size, &mut r.projection);
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
@@ -149,7 +151,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
             w.gram[j * p + i] = w.global[i * width + j];
         }
     }
-    worst
+    trusted
 }
 
 /// (TᵀWT)⁻¹TᵀWJ from the eliminated rows of the transient.
@@ -163,20 +165,20 @@ fn project<L: Lanes>(matrix: &[Wide], nt: usize, size: usize, projection: &mut [
             for j in t + 1..nt {
                 sum = (-L::load(&row[j])).mul_add(L::load(&projection[j * p + c]), sum);
             }
-            (sum / L::load(&row[t])).store(&mut projection[t * p + c]);
+            (sum * L::load(&row[t])).store(&mut projection[t * p + c]);
         }
     }
 }
 
 /// Instruments of `wls` at the end: the same rows under flat weights. Their normal matrix into `square`.
 #[inline(always)]
-fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, worst: &mut Wide) {
+fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide) {
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     w.global[..p * (p + 1)].fill(Wide::ZERO);
     for k in 0..w.records.len() {
         record_system::<L>(d, w, k, Weights::Flat, Factors::Data, false);
         let r = &mut w.records[k];
-        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, worst);
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }

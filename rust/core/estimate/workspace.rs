@@ -54,7 +54,8 @@ pub struct Workspace {
     /// Size of the target column, Σ w|γ₀|², and of each θ column: what convergence is judged by.
     pub(crate) target_size: Wide,
     pub(crate) column_size: Vec<Wide>,
-    pub(crate) worst: Wide,
+    /// Zero in lanes where the last system's pivots were too small.
+    pub(crate) trusted: Wide,
     /// Largest squared change of a parameter in the last step, as its effect relative to the target's.
     pub(crate) moved: Wide,
     pub(crate) inverse: Vec<Wide>,
@@ -120,7 +121,7 @@ impl Workspace {
             cost: Wide::ZERO,
             target_size: Wide::ZERO,
             column_size: wide(extra),
-            worst: Wide::ZERO,
+            trusted: Wide::ZERO,
             moved: Wide::ZERO,
             inverse: wide(extra * extra),
             square: wide((extra * extra).max(d.transient * d.transient)),

@@ -1,13 +1,24 @@
-//! Gaussian elimination on eight small systems at once, with a measure of how well each pivot stood.
+//! Gaussian elimination on eight small systems at once, with a verdict on every pivot.
 
 use crate::simd::{Lanes, Wide};
 use std::ops::Range;
 
+/// Smallest pivot, relative to its value before elimination, that normal equations are trusted with:
+/// the square of a condition of 3,000.
+const PIVOT: f64 = 1e-7;
+
+/// Zero into `trusted` where a pivot fell below the limit; NaN shows in the solution itself.
+#[inline(always)]
+fn judge<L: Lanes>(pivot: L, before: &Wide, trusted: &mut Wide) {
+    let limit = L::load(before).abs() * L::splat(PIVOT);
+    pivot.select_lt(limit, L::splat(0.0), L::load(trusted)).store(trusted);
+}
+
 /// Eliminates the columns `pivots` of a `size` × (`size` + 1) system, the last column its right side.
 ///
-/// No pivoting: the matrices are normal matrices or close to them. `worst` keeps the smallest ratio
-/// of a pivot to its value before elimination (`diagonal`); a small one tells the caller to use
-/// orthogonal factors instead. With `symmetric` only the upper triangle is read and written.
+/// No pivoting: the matrices are normal matrices or close to them. `trusted` becomes zero where a pivot
+/// is small beside its value before elimination (`diagonal`): the caller uses orthogonal factors there.
+/// With `symmetric` only the upper triangle is read and written. The inverse pivots replace the diagonal.
 #[inline(always)]
 pub fn eliminate<L: Lanes>(
     m: &mut [Wide],
@@ -15,17 +26,15 @@ pub fn eliminate<L: Lanes>(
     pivots: Range<usize>,
     diagonal: &[Wide],
     symmetric: bool,
-    worst: &mut Wide,
+    trusted: &mut Wide,
 ) {
     let width = size + 1;
     for k in pivots {
         let (above, below) = m.split_at_mut((k + 1) * width);
-        let row = &above[k * width..];
+        let row = &mut above[k * width..];
         let pivot = L::load(&row[k]);
         let inverse = L::splat(1.0) / pivot;
-        let ratio = pivot / L::load(&diagonal[k]);
-        let w = L::load(worst);
-        w.select_lt(ratio, w, ratio).store(worst);
+        judge::<L>(pivot, &diagonal[k], trusted);
         for i in k + 1..size {
             let other = &mut below[(i - k - 1) * width..(i - k) * width];
             let lead = if symmetric { L::load(&row[i]) } else { L::load(&other[k]) };
@@ -36,6 +45,7 @@ pub fn eliminate<L: Lanes>(
                 reduced.store(&mut other[j]);
             }
         }
+        inverse.store(&mut row[k]);
     }
 }
 
@@ -49,20 +59,20 @@ pub fn substitute<L: Lanes>(m: &[Wide], size: usize, range: Range<usize>, x: &mu
         for j in i + 1..size {
             sum = (-L::load(&row[j])).mul_add(L::load(&x[j]), sum);
         }
-        (sum / L::load(&row[i])).store(&mut x[i]);
+        (sum * L::load(&row[i])).store(&mut x[i]);
     }
 }
 
 /// Inverse of a symmetric positive definite matrix (`size` × `size`, upper triangle read) into `out`.
 ///
-/// `work` needs `size` × (`size` + 1); the ratio of pivots goes to `worst` as in [`eliminate`].
+/// `work` needs `size` × (`size` + 1); `trusted` as in [`eliminate`].
 #[inline(always)]
 pub fn invert<L: Lanes>(
     m: &[Wide],
     size: usize,
     out: &mut [Wide],
     work: &mut [Wide],
-    worst: &mut Wide,
+    trusted: &mut Wide,
 ) {
     // U = D L^T by elimination, then columns of the inverse by two triangular solves each.
     let width = size + 1;
@@ -78,9 +88,7 @@ pub fn invert<L: Lanes>(
     for k in 0..size {
         let pivot = L::load(&work[k * width + k]);
         let inverse = L::splat(1.0) / pivot;
-        let ratio = pivot / L::load(&work[k * width + size]);
-        let w = L::load(worst);
-        w.select_lt(ratio, w, ratio).store(worst);
+        judge::<L>(pivot, &work[k * width + size], trusted);
         for i in k + 1..size {
             let factor = -(L::load(&work[k * width + i]) * inverse);
             for j in i..size {
@@ -96,7 +104,7 @@ pub fn invert<L: Lanes>(
             let mut z = L::splat(if i == c { 1.0 } else { 0.0 });
             if i > c {
                 for k in c..i {
-                    let l = L::load(&work[k * width + i]) / L::load(&work[k * width + k]);
+                    let l = L::load(&work[k * width + i]) * L::load(&work[k * width + k]);
                     z = (-l).mul_add(L::load(&out[k * size + c]), z);
                 }
             }
@@ -107,7 +115,7 @@ pub fn invert<L: Lanes>(
             for j in i + 1..size {
                 z = (-L::load(&work[i * width + j])).mul_add(L::load(&out[j * size + c]), z);
             }
-            (z / L::load(&work[i * width + i])).store(&mut out[i * size + c]);
+            (z * L::load(&work[i * width + i])).store(&mut out[i * size + c]);
         }
     }
 }
@@ -132,14 +140,14 @@ mod tests {
             let (n, w) = (self.size, self.size + 1);
             let square: Vec<Wide> = (0..n * n).map(|k| self.m[(k / n) * w + k % n]).collect();
             let diagonal: Vec<Wide> = (0..n).map(|k| self.m[k * w + k]).collect();
-            let mut worst = Wide::splat(1.0);
+            let mut trusted = Wide::splat(1.0);
             if self.symmetric {
                 let mut work = vec![Wide::ZERO; n * w];
-                invert::<L>(&square, n, self.inverse, &mut work, &mut worst);
+                invert::<L>(&square, n, self.inverse, &mut work, &mut trusted);
             }
-            eliminate::<L>(self.m, n, 0..n, &diagonal, self.symmetric, &mut worst);
+            eliminate::<L>(self.m, n, 0..n, &diagonal, self.symmetric, &mut trusted);
             substitute::<L>(self.m, n, 0..n, self.x);
-            worst
+            trusted
         }
     }
 
@@ -180,7 +188,7 @@ mod tests {
                 let lanes = if isa == Isa::One { 1 } else { LANES };
                 let mut x = vec![Wide::ZERO; size];
                 let mut inverse = vec![Wide::ZERO; size * size];
-                let worst = isa.run(Solve {
+                let trusted = isa.run(Solve {
                     m: &mut m.clone(),
                     size,
                     symmetric,
@@ -188,7 +196,7 @@ mod tests {
                     inverse: &mut inverse,
                 });
                 for lane in 0..lanes {
-                    assert!(worst.0[lane] > 0.0 && worst.0[lane] <= 1.0 + f64::from(!symmetric));
+                    assert_eq!(trusted.0[lane], 1.0);
                     for i in 0..size {
                         assert_eq!(x[i].0[lane].to_bits(), reference[i].0[lane].to_bits());
                         let at = |i: usize, j: usize| m[i * (size + 1) + j].0[lane];
