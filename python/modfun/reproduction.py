@@ -308,8 +308,8 @@ def _sentences(table: Table, sampling: Table, timing: Table) -> tuple[str, ...]:
         "Random initial states: the report finds bias and standard deviation of its method smaller at "
         "each NSR. "
         f"{verdict}: from zero to random states they change by {gap:+.2f} ± {noise[0]:.2f} and "
-        f"{spread:+.2f} ± {noise[1]:.2f} percentage points at NSR 60 %. States of this size decay "
-        "within a second and add little to the signal."
+        f"{spread:+.2f} ± {noise[1]:.2f} percentage points at NSR 60 %. States of this size die away "
+        "with a time constant of 0.67 s and add little to 10 s of signal."
     )
     found.append(
         f"PEM, initial state zero: bias {of(rest, nsr=0.0):.2f} % without noise, {of(rest):.1f} ± "
@@ -320,7 +320,7 @@ def _sentences(table: Table, sampling: Table, timing: Table) -> tuple[str, ...]:
     worse = (
         "several times worse, as in the report"
         if max(times) >= 2
-        else "not several times worse as in the report; larger states or a search that goes astray would do it"
+        else "not several times worse as in the report, which does not say enough to tell why"
     )
     found.append(
         f"PEM, random initial states: if it assumes rest {pair(rest, 'random')} at NSR 60 % (zero states: "
@@ -360,19 +360,18 @@ def _growth(of: Callable[..., float], levels: tuple[float, ...]) -> str:
         return text
     same = float(np.interp(12.0, curve, levels))
     return text + (
-        " The growth is the same, about as NSR², the size is not: 12 % is reached at NSR "
-        f"{100 * same:.0f} %. "
-        "The report does not define its NSR, and its figure is read by eye."
+        f" It grows at first as NSR², as it must, and reaches 12 % at NSR {100 * same:.0f} %; the report does "
+        "not define its NSR, so noise a little weaker than taken here would explain the difference."
     )
 
 
 def _why(sampling: Table) -> str:
     rows = {(r["intervals"], r["estimator"]): r["error"] for r in sampling.rows}
     return (
-        "A bias that does not depend on the noise is an error of the model: with one numerator coefficient, "
-        f"b u(t), the same PEM is off by {rows[INTERVALS, 'pem, b u(t)']:.1f} % at 25.6 Hz without "
-        "noise and falls "
-        "only as 1/rate: the size of the report's figure, and the slow decay it describes for Fig. 1(c)."
+        "A bias that does not depend on the noise is an error of the model or of its conversion. With one "
+        "numerator coefficient, b u(t), as many unknowns as the system has, the same PEM is off by "
+        f"{rows[INTERVALS, 'pem, b u(t)']:.1f} % at 25.6 Hz without noise, falling only as 1/rate: an error of "
+        "this kind would look as the report describes its PEM in Figs. 1(c) and 2; that it was this one is a guess."
     )
 
 

@@ -76,7 +76,7 @@ def test_words_follow_the_numbers():
     def more(name, column="bias", state="zero", nsr=0.6, large=True):
         return {"bias": 40 * nsr, "bias_mcse": 0.4}[column]
 
-    assert "12 % is reached at NSR 30 %" in reproduction._growth(more, (0.0, 0.3, 0.6))
+    assert "reaches 12 % at NSR 30 %" in reproduction._growth(more, (0.0, 0.3, 0.6))
 
 
 def test_terminal(tmp_path, capsys):
