@@ -97,6 +97,7 @@ pub fn invert<L: Lanes>(
                 r.store(&mut work[i * width + j]);
             }
         }
+        inverse.store(&mut work[k * width + k]);
     }
     for c in 0..size {
         // Forward: L z = e_c with L = (U / diag U)ᵀ; z_i = 0 for i < c.
