@@ -360,8 +360,8 @@ def _growth(of: Callable[..., float], levels: tuple[float, ...]) -> str:
         return text
     same = float(np.interp(12.0, curve, levels))
     return text + (
-        f" It grows at first as NSR², as it must, and reaches 12 % at NSR {100 * same:.0f} %; the report does "
-        "not define its NSR, so noise a little weaker than taken here would explain the difference."
+        f" It grows at first as NSR², as it must, and reaches 12 % at NSR {100 * same:.0f} %; the "
+        "report does not define its NSR; noise a little weaker than taken here would explain the difference."
     )
 
 
@@ -370,8 +370,9 @@ def _why(sampling: Table) -> str:
     return (
         "A bias that does not depend on the noise is an error of the model or of its conversion. With one "
         "numerator coefficient, b u(t), as many unknowns as the system has, the same PEM is off by "
-        f"{rows[INTERVALS, 'pem, b u(t)']:.1f} % at 25.6 Hz without noise, falling only as 1/rate: an error of "
-        "this kind would look as the report describes its PEM in Figs. 1(c) and 2; that it was this one is a guess."
+        f"{rows[INTERVALS, 'pem, b u(t)']:.1f} % at 25.6 Hz without noise, falling only as 1/rate: an "
+        "error of this kind would look as the report describes its PEM in Figs. 1(c) and 2; that it was this "
+        "one is a guess."
     )
 
 
