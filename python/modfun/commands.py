@@ -27,7 +27,7 @@ app = typer.Typer(
 reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again.")
 app.add_typer(reproduce, name="reproduce")
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Tables with a header: .csv, .npz")]
+Files = Annotated[list[Path], typer.Argument(metavar="FILE", help="Tables with a header: .csv, .npz")]
 Outputs = Annotated[list[str] | None, typer.Option("--output", "-y", help="Column of the output.")]
 Inputs = Annotated[
     list[str] | None, typer.Option("--input", "-u", help="Column of an input; repeat for several.")
