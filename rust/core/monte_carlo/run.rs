@@ -186,7 +186,7 @@ impl Plan {
         for (level, sigma) in g.sigma.iter().enumerate() {
             for (k, task) in g.tasks.iter().enumerate() {
                 let (d, space) = (&task.shared.design, &mut w.spaces[k]);
-                let lines = d.lines()[0];
+                let lines = d.records[0].lines;
                 let source = &g.sources[task.source];
                 let (noise, initial) = (&w.noise[task.source], &w.initial[..]);
                 self.isa.run(Noisy { source, noise, initial, sigma: *sigma, lines, space });
@@ -288,7 +288,9 @@ impl Worker {
                 .map(|s| (wide(s.plan.harmonics() + 1), wide(s.plan.harmonics() + 1)))
                 .collect(),
             row: Vec::with_capacity(2 * most),
-            errors: vec![Vec::with_capacity(CHUNK); g.sigma.len() * g.parameters()],
+            errors: (0..g.sigma.len() * g.parameters())
+                .map(|_| Vec::with_capacity(CHUNK))
+                .collect(),
         }
     }
 }
