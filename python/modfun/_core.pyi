@@ -14,6 +14,7 @@ __all__ = [
     "fit",
     "fit_many",
     "gauss_legendre",
+    "monte_carlo",
     "noise_level",
     "normals",
     "quadrature_weights",
@@ -111,6 +112,6 @@ def monte_carlo(
     cov_type: str | None,
     level: float,
     samples: bool,
-    threads: int,
-    progress: Callable[[int, int], None] | None,
+    threads: int | None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[list[list[dict[str, Any]]]]: ...

@@ -105,7 +105,13 @@ pub fn estimate(
     if d.method == Method::Ls {
         lanes.iter_mut().for_each(|l| l.done = true);
     }
-    Outcome { status: std::array::from_fn(|k| status(w, k, &lanes[k])), nit: lanes.map(|l| l.nit) }
+    let status = std::array::from_fn(|k| status(w, k, &lanes[k]));
+    for (k, status) in status.iter().enumerate() {
+        if matches!(status, Status::Rank | Status::NonFinite) {
+            w.forget_covariance(k);
+        }
+    }
+    Outcome { status, nit: lanes.map(|l| l.nit) }
 }
 
 fn status(w: &Workspace, k: usize, lane: &Lane) -> Status {
@@ -193,6 +199,13 @@ impl Workspace {
             self.theta.iter_mut().chain(self.records.iter_mut().flat_map(|r| &mut r.transient));
         for (to, from) in current.zip(&self.accepted) {
             to.0[k] = 0.5 * (to.0[k] + from.0[k]);
+        }
+    }
+
+    /// No covariance rather than a wrong one, where the parameters are not determined.
+    fn forget_covariance(&mut self, k: usize) {
+        for c in self.cov_hc3.iter_mut().chain(&mut self.cov_nonrobust) {
+            c.0[k] = f64::NAN;
         }
     }
 
