@@ -346,7 +346,17 @@ class Fit:
     def score(self, rec: Record | int | None = None) -> Table:
         """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
 
-        Without `rec`, every record of the fit has its rows. See `modfun.validation` for the formulas.
+        See `modfun.validation` for the formulas.
+
+        Parameters
+        ----------
+        rec : Record or int, optional
+            A record or the number of one of the fit's own; left out, every record of the fit has its rows.
+
+        Returns
+        -------
+        Table
+            A row an output (and a record).
         """
         if rec is None and self.records is not None and len(self.records) > 1:
             parts = [(i, self.score(i)) for i in range(len(self.records))]

@@ -356,6 +356,13 @@ def regressors(
     -------
     Regressors
 
+    Raises
+    ------
+    SpecError
+        Not a TransferFunction, several outputs, or harmonics that are no whole number.
+    DataError
+        A delay with uneven samples, or one as long as the record.
+
     Examples
     --------
     The report's one-shot estimate, eq. (19):

@@ -174,6 +174,11 @@ class TransferFunction:
     def theta(self, system: LTI) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Parameters of a system in this structure, in the order of `param_names`.
 
+        Parameters
+        ----------
+        system : LTI
+            A system with one output.
+
         Raises
         ------
         SpecError
@@ -197,6 +202,11 @@ class TransferFunction:
     @classmethod
     def from_system(cls, system: LTI) -> TransferFunction:
         """The structure a system with one output has: its poles, zeros and delays.
+
+        Parameters
+        ----------
+        system : LTI
+            A system with one output.
 
         Raises
         ------
