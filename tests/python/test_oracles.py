@@ -112,7 +112,7 @@ def test_the_matrix_at_denoised_columns_is_the_jacobian():
     r, _ = record(5, 3, 2, inputs=2)
     problem = lines.Problem([r, r], 3, [2, 1], 14, trend="linear")
     x = lines.awls(problem)
-    jacobian = problem.system(x, x)[0]
+    jacobian = problem.system(x, x, turned=True)[0]
     for i in range(x.size):
         h = 1e-6 * np.abs(x).max()
         step = h * np.eye(x.size)[i]
@@ -129,7 +129,7 @@ def test_without_noise_the_lines_give_the_truth():
 
 def test_a_constant_trend_is_left_out():
     r, _ = record(11, 2, 1)
-    moved = lines.Record(r.y + 3.0, r.u, r.dt, r.kinds)  # trapezoid: a constant has no other line than 0
+    moved = lines.Record(r.y + 3.0, r.u, r.dt, r.kinds)  # trapezoid: a constant has no line but 0
     both = [lines.Problem([x], 2, [1], 15, trend="constant", rule="trapezoid") for x in (r, moved)]
     first, second = (lines.result(p, lines.ml(p)).theta for p in both)
     assert first == pytest.approx(second, rel=1e-6)

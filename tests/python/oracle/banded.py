@@ -3,7 +3,7 @@
 Rows ε(m) = Δⁿ{A(imω₀)Y(m) - Σ B_k(imω₀)U_k(m)}, m = first..M, Δⁿ the n-th forward difference in m (report,
 eqs (10), (11)); first is -⌊n/2⌋ (no information lost) or 0 (the report's).  V(-m) is conj V(m).  Re and Im
 rows are D_R Re Q and D_I Im Q of the lines 0..K, K = M+n, with covariances D_R diag(hS) D_Rᵀ and D_I
-diag(hS) D_Iᵀ, h_0 = 1, h_m = ½, S = |A|²/N; the condition of these grows like M^{2n}: for n <= 3 and
+diag(hS) D_Iᵀ, h_0 = 1, h_m = ½, S = |A|²Σw²/N²; the condition of these grows like M^{2n}: for n <= 3 and
 moderate M only.
 """
 
@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 from scipy.optimize import least_squares
 
-from .coefficients import coefficients
+from .coefficients import coefficients, unit_variance
 
 
 class Differenced:
@@ -27,6 +27,7 @@ class Differenced:
         omega0 = 2 * np.pi / (self.intervals * record.dt)
         self.scale = self.top * omega0
         self.z = 1j * np.arange(self.top + 1) * omega0 / self.scale
+        self.variance = unit_variance(rule, self.intervals)
         self.y = coefficients(record.y, self.top, rule)
         kinds = [rule if kind == "smooth" else kind for kind in record.kinds]
         self.u = [coefficients(v, self.top, kind) for v, kind in zip(record.u, kinds, strict=True)]
@@ -68,7 +69,7 @@ class Differenced:
         """hS at unit noise on y (θ None: equation noise)."""
         level = 1.0 if theta is None else np.abs(self.polynomial(theta)) ** 2
         h = np.where(np.arange(self.top + 1) == 0, 1.0, 0.5)
-        return h * level / self.intervals
+        return h * level * self.variance
 
     def covariance(self, theta):
         """Covariance of the stacked rows: Re and Im are independent."""
@@ -151,14 +152,30 @@ def ml(problem):
     return theta * problem.unit
 
 
+def estimator(problem, method, x=None):
+    """(p, rows) map from the target's rows to scaled θ: (ZᵀΓ)⁻¹Zᵀ, Z = C⁻¹ times Γ (`ml`: denoised Γ).
+
+    C is the identity for `ls`, that of equation noise for `wls`, that of output noise at `x` otherwise.
+    """
+    gamma, _ = problem.regressors(problem.denoised(x) if method == "ml" else None)
+    if method == "ls":
+        return np.linalg.pinv(gamma)
+    w = problem.whitener(None if method == "wls" else x)
+    return np.linalg.pinv(w @ gamma) @ w
+
+
 def covariance(problem, theta, method):
-    """(cost, df, σ²(JᵀC⁻¹J)⁻¹) at θ, J from the denoised columns for "ml", from the data otherwise."""
+    """(cost, df, σ² E C Eᵀ) at θ, E the estimator; cost ε*C⁻¹ε and σ² = cost/df of output noise."""
     x = np.asarray(theta) / problem.unit
-    weight_at = None if method == "wls" else x
     gamma, target = problem.regressors()
-    w = problem.whitener(weight_at)
-    e = w @ (gamma @ x - target)
-    j = w @ (problem.regressors(problem.denoised(x))[0] if method == "ml" else gamma)
-    df = e.size - x.size
-    cost = float(e @ e)
-    return cost, df, cost / df * np.linalg.inv(j.T @ j) * np.outer(problem.unit, problem.unit)
+    e = problem.whitener(x) @ (gamma @ x - target)
+    cost, df = float(e @ e), e.size - x.size
+    spread = estimator(problem, method, x) @ np.linalg.inv(problem.whitener(x))
+    return cost, df, cost / df * spread @ spread.T * np.outer(problem.unit, problem.unit)
+
+
+def on_lines(problem):
+    """(p, real rows of the lines) map of `ls` from the lines' target to scaled θ."""
+    plain = estimator(problem, "ls")
+    split = problem.re.shape[0]
+    return np.hstack([plain[:, :split] @ problem.re, (plain[:, split:] @ problem.im)[:, 1:]])

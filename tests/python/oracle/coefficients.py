@@ -54,6 +54,12 @@ def weights(rule, intervals):
     return w
 
 
+def unit_variance(rule, intervals):
+    """Variance of a coefficient under white noise of unit variance: Σ w²/N², of Re V(0), or of |V(m)|."""
+    w = weights(rule, intervals)
+    return w @ w / intervals**2
+
+
 def coefficients(v, harmonics, kind="gregory", delay=0.0, lead=0):
     """Return V(0..harmonics) of `v`, `delay` samples late, in the window starting at sample `lead`."""
     v = np.asarray(v, float)

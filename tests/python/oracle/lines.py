@@ -3,10 +3,10 @@
 On the lines s = i m ω₀, m = lo..K, the equation error is A(s)Y - Σ B_k(s)U_k, A monic, and what the ends
 of the record add to it is a polynomial T(s) with real coefficients of degree n-1 (report's range m >= 0:
 for Re and Im apart, polynomials in m of degree < n, those of Im vanishing at m = 0).  White noise of
-variance σ² on N samples of y makes the lines independent with variance h_m σ² |A|²/N in Re and Im, h_0 = 1
-and otherwise ½, so maximum likelihood is
+variance σ² on the samples of y makes the lines independent with variance h_m σ² |A|² v in Re and Im,
+h_0 = 1 and otherwise ½, v = Σw²/N² of the rule (about 1/N), so maximum likelihood is
 
-    min over θ, T of  Σ_m N/h_m |(A Y - Σ B_k U_k - T)/A|²,
+    min over θ, T of  Σ_m |(A Y - Σ B_k U_k - T)/A|²/(h_m v),
 
 here handed to SciPy's least_squares with θ and T as plain real unknowns.  A constant trend of y leaves
 line 0 out, a linear one adds a column 1/s.  Dense matrices everywhere, nothing eliminated.
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from .coefficients import coefficients
+from .coefficients import coefficients, unit_variance
 
 
 @dataclass
@@ -59,7 +59,7 @@ class Problem:
             y = coefficients(record.y, last, rule)[low:]
             kinds = [rule if kind == "smooth" else kind for kind in record.kinds]
             u = [coefficients(v, last, kind)[low:] for v, kind in zip(record.u, kinds, strict=True)]
-            self.lines.append((m, s, y, u, intervals))
+            self.lines.append((m, s, y, u, unit_variance(rule, intervals)))
         self.scale = max(abs(s[-1]) for _, s, _, _, _ in self.lines)
         kept = [degree for degree in numerators if degree is not None]
         powers = [*range(1, order + 1), *(order - k for d in kept for k in range(d, -1, -1))]
@@ -86,17 +86,19 @@ class Problem:
         inputs = len(self.numerators)
         return np.concatenate([[1.0], parts[0]]), parts[1 : 1 + inputs], parts[1 + inputs :]
 
-    def system(self, weight_at=None, denoise_at=None):
+    def system(self, weight_at=None, denoise_at=None, turned=False):
         """Whitened (matrix, target), the residual being matrix @ x - target.
 
-        Weights 1/|A|² at the unknowns `weight_at` (None: |A| = 1, equation noise).  With `denoise_at`
-        the columns of Y are made of the model's own response there: the Jacobian of the residual.
+        Weights 1/|A| at the unknowns `weight_at` (None: |A| = 1, equation noise), with the phase of A if
+        `turned`, which changes no sum of squares.  With `denoise_at` the columns of Y are made of the
+        model's own response there; turned, that is the Jacobian of the residual.
         """
         matrices, targets = [], []
-        for i, (m, s, y, u, intervals) in enumerate(self.lines):
+        for i, (m, s, y, u, variance) in enumerate(self.lines):
             z = s / self.scale
             a = 1.0 if weight_at is None else np.polyval(self.split(weight_at)[0], z)
-            weight = np.sqrt(intervals / np.where(m == 0, 1.0, 0.5)) / a
+            a = a if turned else np.abs(a)
+            weight = 1 / (np.sqrt(variance * np.where(m == 0, 1.0, 0.5)) * a)
             signal = y if denoise_at is None else self.response(denoise_at, i)
             columns = [weight * z ** (self.n - j) * signal for j in range(1, self.n + 1)]
             for degree, v in zip(self.numerators, u, strict=True):
@@ -121,8 +123,16 @@ class Problem:
 
     def residual(self, x):
         """Whitened residual (A Y - Σ B_k U_k - T)/A in units of the noise on y."""
-        matrix, target = self.system(x)
+        matrix, target = self.system(x, turned=True)
         return matrix @ x - target
+
+    def row_weights(self, x=None):
+        """What `system(x)` multiplies each row by."""
+        weights = []
+        for m, s, _, _, variance in self.lines:
+            level = 1.0 if x is None else np.abs(np.polyval(self.split(x)[0], s / self.scale))
+            weights.append(rows((1 + 1j) / (np.sqrt(variance * np.where(m == 0, 1.0, 0.5)) * level), m))
+        return np.concatenate(weights)
 
 
 def rows(z, m):
@@ -160,21 +170,25 @@ def awls(problem, iterations=300, tol=1e-13):
     return x
 
 
+def with_end_terms(problem, theta):
+    """Unknowns of a given θ, with its best end terms."""
+    p, scaled = problem.p, np.asarray(theta, float) / problem.unit
+    at = np.concatenate([scaled, np.zeros(sum(e.shape[1] for e in problem.ends))])
+    matrix, target = problem.system(at)
+    return np.concatenate([scaled, solve(matrix[:, p:], target - matrix[:, :p] @ scaled)])
+
+
 def ml(problem, theta=None):
     """SciPy's least_squares from `theta` (default: the `awls` fixed point)."""
     if theta is None:
         x = awls(problem)
-    else:  # with the best end terms for the given θ
-        scaled = np.asarray(theta, float) / problem.unit
-        others = sum(e.shape[1] for e in problem.ends)
-        matrix, target = problem.system(np.concatenate([scaled, np.zeros(others)]))
-        p = problem.p
-        x = np.concatenate([scaled, solve(matrix[:, p:], target - matrix[:, :p] @ scaled)])
+    else:
+        x = with_end_terms(problem, theta)
     size = 1 / np.linalg.norm(problem.system(x, x)[0], axis=0)
     found = least_squares(
         lambda v: problem.residual(v * size),
         x / size,
-        jac=lambda v: problem.system(v * size, v * size)[0] * size,
+        jac=lambda v: problem.system(v * size, v * size, turned=True)[0] * size,
         method="lm",
         xtol=1e-15,
         ftol=1e-15,
@@ -183,7 +197,7 @@ def ml(problem, theta=None):
     )
     x, last = found.x * size, np.inf
     for _ in range(30):  # the last digits, which a flat cost hides: Gauss-Newton while its steps shrink
-        step = solve(problem.system(x, x)[0], problem.residual(x))
+        step = solve(problem.system(x, x, turned=True)[0], problem.residual(x))
         if np.linalg.norm(step / size) >= last:
             break
         x, last = x - step, np.linalg.norm(step / size)
@@ -191,24 +205,40 @@ def ml(problem, theta=None):
 
 
 def result(problem, x, method="ml"):
-    """θ and its classical and HC3 covariances at the solution `x` of `method`.
+    """θ and its covariances at the solution `x` of `wls`, `awls` or `ml`.
 
-    Rows J_i of the whitened matrix (end terms included), residuals e_i, H = (JᵀJ)⁻¹, h_i = J_i H J_iᵀ:
-    classical σ²H with σ² = cost/df, HC3 H [Σ J_iᵀJ_i e_i²/(1-h_i)²] H; of both the θ block.
+    `awls` and `ml` map the whitened rows by (JᵀJ)⁻¹Jᵀ, J the whitened matrix of the data, or of the model's
+    response, end terms included.  `wls` is linear in the rows as they are.
     """
-    weight_at = None if method == "wls" else x
-    matrix, target = problem.system(weight_at)
+    matrix = problem.system(None if method == "wls" else x, x if method == "ml" else None)[0]
+    norm = np.linalg.norm(matrix, axis=0)
+    q, r = np.linalg.qr(matrix / norm)
+    estimator = (np.linalg.inv(r) @ q.T / norm[:, None])[: problem.p]
+    if method == "wls":
+        return linear_result(problem, x[: problem.p] * problem.unit, estimator * problem.row_weights())
+    return _result(problem, x, estimator, np.sum(q * q, axis=1))
+
+
+def linear_result(problem, theta, estimator):
+    """The same for θ = estimator @ target on rows of A(s)Y - Σ B_k U_k, not whitened (`ls`, `wls`).
+
+    Cost, σ and residuals are those of output noise at θ with the best end terms.  The hat matrix is that of
+    the end terms, plus what is left of the columns of θ without these times the estimator.
+    """
+    p, x = problem.p, with_end_terms(problem, theta)
+    matrix = problem.system(x)[0]
+    q = np.linalg.qr(matrix[:, p:] / np.linalg.norm(matrix[:, p:], axis=0))[0]
+    estimator = estimator / problem.row_weights(x)
+    left = matrix[:, :p] - q @ (q.T @ matrix[:, :p])
+    return _result(problem, x, estimator, np.sum(q * q, axis=1) + np.sum(left * estimator.T, axis=1))
+
+
+def _result(problem, x, estimator, leverage):
+    """Classical σ²EEᵀ with σ² = cost/df, HC3 E diag(e²/(1-h)²)Eᵀ, E the map from whitened rows to θ."""
+    matrix, target = problem.system(x)
     e = matrix @ x - target
-    j = problem.system(weight_at, x)[0] if method == "ml" else matrix
-    norm = np.linalg.norm(j, axis=0)
-    q, r = np.linalg.qr(j / norm)
-    root = np.linalg.inv(r) / norm[:, None]  # H = root rootᵀ
-    h = root @ root.T
-    leverage = np.sum(q * q, axis=1)
-    pull = h @ (j * (e / (1 - leverage))[:, None]).T
-    df = e.size - x.size
-    cost = float(e @ e)
-    p = problem.p
-    block = np.outer(problem.unit, problem.unit)
-    classical, robust = cost / df * h[:p, :p] * block, (pull @ pull.T)[:p, :p] * block
-    return Result(x[:p] * problem.unit, cost, df, classical, robust, e)
+    cost, df = float(e @ e), e.size - x.size
+    pull = estimator * (e / (1 - leverage))
+    unit = np.outer(problem.unit, problem.unit)
+    theta = x[: problem.p] * problem.unit
+    return Result(theta, cost, df, cost / df * estimator @ estimator.T * unit, pull @ pull.T * unit, e)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-TERMS = 16
+TERMS = 12
 
 
 class OutputError:
@@ -59,7 +59,7 @@ class OutputError:
         def residual(v):
             return self.response(v * size) - y
 
-        return least_squares(residual, start / size, method="lm", xtol=1e-10, ftol=1e-10).x * size
+        return least_squares(residual, start / size, method="lm", xtol=1e-8, ftol=1e-10).x * size
 
     def bound(self, unknowns, sigma):
         """Cramér-Rao covariance of θ for white noise of sd `sigma`, initial state unknown."""

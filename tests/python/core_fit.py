@@ -1,0 +1,63 @@
+"""How the numerical tests call the compiled core: one fit of records, and many replicates of one."""
+
+import numpy as np
+from modfun import _core
+from oracle.lines import Record
+
+DEFAULTS = {
+    "method": "ml",
+    "noise": "output",
+    "trend": None,
+    "rule": "gregory",
+    "extended": True,
+    "band": None,
+    "harmonics": None,
+    "tol": 1e-9,
+    "maxiter": 50,
+}
+STATUS = ("ok", "maxiter", "rank", "nonfinite")
+
+
+def _structure(order, numerators, kinds):
+    return {
+        "order": order,
+        "numerators": list(numerators),
+        "delays": [0.0] * len(numerators),
+        "intersample": list(kinds),
+    }
+
+
+def fit(records, order, numerators, **options):
+    """`_core.fit` of oracle records (one or a list), options as DEFAULTS where not given."""
+    records = [records] if isinstance(records, Record) else records
+    return _core.fit(
+        [np.ascontiguousarray(r.y[None]) for r in records],
+        [np.ascontiguousarray(r.u) for r in records],
+        [r.dt for r in records],
+        **_structure(order, numerators, records[0].kinds),
+        **(DEFAULTS | options),
+    )
+
+
+def fit_many(y, u, dt, order, numerators, kinds=None, uncertainty=True, threads=1, **options):
+    """`_core.fit_many` of outputs (replicate, time) with the shared inputs u (nu, time)."""
+    return _core.fit_many(
+        np.ascontiguousarray(y[:, None, :]),
+        np.ascontiguousarray(u[None]),
+        dt,
+        **_structure(order, numerators, kinds or ["smooth"] * len(numerators)),
+        **(DEFAULTS | options),
+        uncertainty=uncertainty,
+        threads=threads,
+        progress=None,
+    )
+
+
+def standard_errors(found, kind="nonrobust"):
+    """Square roots of the diagonal of a covariance of `fit`."""
+    return np.sqrt(np.diag(found[f"cov_{kind}"]))
+
+
+def relative(estimate, truth):
+    """Root mean square of the relative errors of the parameters."""
+    return float(np.sqrt(np.mean((np.asarray(estimate) / truth - 1) ** 2)))

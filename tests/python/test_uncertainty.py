@@ -1,0 +1,58 @@
+"""Intervals cover what they claim, whatever the colour of the noise."""
+
+import numpy as np
+import pytest
+from core_fit import fit_many
+from sample_records import THETA24, eq24, white
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+COUNT = 4_000  # coverage has a standard error of .0035 at .95
+
+
+def coverage(y, record, kind, harmonics):
+    found = fit_many(y, record.u, record.dt, 2, [0], harmonics=harmonics)
+    assert not np.any(found["status"])
+    limit = student.ppf(0.975, found["df_resid"]) * found[f"bse_{kind}"]
+    return np.mean(np.abs(found["theta"] - THETA24) <= limit, axis=0)
+
+
+def coloured(record, nsr, count, seed):
+    """Outputs with first-order noise, pole .95, of stationary sd `nsr` times the rms of the output."""
+    rng = np.random.default_rng(seed)
+    white_part = rng.normal(size=(count, record.y.size))
+    white_part[:, 0] /= np.sqrt(1 - 0.95**2)  # stationary from the start
+    noise = lfilter([1.0], [1.0, -0.95], white_part) * np.sqrt(1 - 0.95**2)
+    return record.y + nsr * np.sqrt(np.mean(record.y**2)) * noise
+
+
+@pytest.mark.parametrize("harmonics", [6, 9, 20, None])
+def test_hc3_intervals_cover_under_white_and_coloured_noise(harmonics):
+    """93 to 98 %, with two standard errors of 4,000 records above: narrow bands leave 12 degrees of freedom.
+
+    Independent values of 6,000 records: .958 to .976 (white), .952 to .981 (coloured): false alarm near 5 %
+    for the largest, the seeds are fixed.
+    """
+    record = eq24()
+    for noisy in (white, coloured):
+        found = coverage(noisy(record, 0.1, COUNT, 31), record, "hc3", harmonics)
+        print(noisy.__name__, harmonics, found)
+        assert np.all((found >= 0.93) & (found <= 0.985)), noisy.__name__
+
+
+@pytest.mark.parametrize("harmonics", [6, 9, 20])
+def test_classical_intervals_cover_under_white_noise_and_lie_under_coloured(harmonics):
+    """Nominal 95 %, four standard errors of 4,000 records either side: false alarm under 1 in 1,000."""
+    record = eq24()
+    found = coverage(white(record, 0.1, COUNT, 32), record, "nonrobust", harmonics)
+    print(harmonics, found)
+    assert np.all((found >= 0.936) & (found <= 0.964))
+    if harmonics == 20:  # why HC3 is the default
+        assert np.min(coverage(coloured(record, 0.1, COUNT, 33), record, "nonrobust", harmonics)) < 0.9
+
+
+def test_sigma_is_the_noise_on_y():
+    record = eq24()
+    found = fit_many(white(record, 0.2, COUNT, 34), record.u, record.dt, 2, [0], harmonics=20)
+    sigma = np.sqrt(found["cost"] / found["df_resid"])
+    assert np.mean(sigma**2) == pytest.approx(0.04 * np.mean(record.y**2), rel=0.02)  # standard error .4 %
