@@ -196,7 +196,7 @@ def _open(source: Any) -> _Source:
 def _open_file(path: Path) -> _Source:
     if not path.is_file():
         here = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
-        close = nearest(path.name, here).partition("There are")[0].strip()
+        close = nearest(path.name, here).partition("there are")[0].strip()
         raise DataError(f"read: there is no file {os.fspath(path)!r}; {close or 'check the path'}")
     kind = path.suffix.lower()
     if kind == ".npz":
@@ -337,7 +337,7 @@ def _guess_time(table: _Source) -> str:
         f"several columns may be the time ({', '.join(found)})" if found else "no column is named t or time"
     )
     cure = "say which with time=" if found else "name it with time=, or give dt="
-    raise SpecError(f"read: {table.label}: {problem}; {cure}. There are: {', '.join(table.names)}")
+    raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {', '.join(table.names)}")
 
 
 def _pace(times: F64) -> str:

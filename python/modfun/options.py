@@ -78,7 +78,9 @@ class Options:
                 )
         trend = given.get("trend")
         if trend is not None and not (isinstance(trend, str) and trend in TRENDS):
-            raise SpecError(f"{what}: trend={trend!r} is not available; {nearest(trend, [*TRENDS, 'None'])}")
+            raise SpecError(
+                f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None"
+            )
         checked = dict(given)
         if given.get("band") is not None:
             checked["band"] = _band(what, given["band"])

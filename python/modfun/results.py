@@ -401,7 +401,10 @@ class Fit:
                 raise SpecError(f"{what}: the fit has {len(own)} records; say which, as fit.{what}(0)")
             return own[0]
         if not -len(own) <= rec < len(own):
-            raise SpecError(f"{what}: the fit has {len(own)} record(s), there is no record {rec}")
+            raise SpecError(
+                f"{what}: the fit has {len(own)} record(s), there is no record {rec}; "
+                f"give an index from 0 to {len(own) - 1}, or a Record"
+            )
         return own[int(rec)]
 
     def _need_numbers(self, what: str) -> None:

@@ -183,14 +183,14 @@ class Findings:
 
 
 def nearest(name: object, known: Sequence[str]) -> str:
-    """Return "did you mean ...? There are ..." for a name that is not among the known ones."""
+    """Return "did you mean ...? (there are ...)" for a name that is not among the known ones."""
     by_lower = {word.lower(): word for word in reversed(known)}
     text = str(name).lower()
     close = [by_lower[word] for word in difflib.get_close_matches(text, by_lower, n=3, cutoff=0.5)]
     if text:  # "q" is no close match of "Q (deg/s)" by letters, but what is meant all the same
         close += [word for word in known if word.lower().startswith(text) and word not in close][:3]
     guess = f"did you mean {' or '.join(repr(word) for word in close)}? " if close else ""
-    return f"{guess}There are: {', '.join(known) if known else 'none'}"
+    return f"{guess}there are: {', '.join(known) if known else 'none'}"
 
 
 def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:

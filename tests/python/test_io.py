@@ -187,7 +187,7 @@ FILES = {
     "comments only": ("# a\n\n# b\n", {}, DataError, "holds no data"),
     "header only": ("t,q,de\n", {}, DataError, r"column names \(t, q, de\) but no rows"),
     "wrong column": (text(), {"outputs": "Q"}, SpecError, "no column 'Q'; did you mean 'q'.*are: t, q, de"),
-    "wrong time": (text(), {"time": "TIME"}, SpecError, "no column 'TIME'; .*There are: t, q, de"),
+    "wrong time": (text(), {"time": "TIME"}, SpecError, "no column 'TIME'; .*there are: t, q, de"),
     "wrong keep": (text(), {"keep": "event"}, SpecError, "no column 'event'"),
     "wrong old name": (text(), {"outputs": {"q": "qq"}}, SpecError, "no column 'qq'; did you mean 'q'"),
     "column twice": (text("t,q,q"), {"inputs": None}, DataError, "2 columns named 'q'; rename"),

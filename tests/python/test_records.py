@@ -272,7 +272,7 @@ def test_spectrum_gives_amplitudes_of_sinusoids():
     assert spec["y"][100:].max() < 1e-9
     assert len(spec.omega) == N // 2
     assert not spec.amplitude.flags.writeable
-    with pytest.raises(SpecError, match="There are: y"):
+    with pytest.raises(SpecError, match="there are: y"):
         spec["q"]
 
 
@@ -550,7 +550,7 @@ REFUSED = {
     "hold of none": (
         lambda: Record(y=Y, dt=1, intersample="linear"),
         SpecError,
-        "There are: smooth, zoh, foh",
+        "there are: smooth, zoh, foh",
     ),
     "holds": (lambda: Record(y=Y, u=U, dt=1, intersample=["zoh"] * 2), SpecError, "2 words for 1 inputs"),
     "hold of x": (lambda: Record(y=Y, u=U, dt=1, intersample={"x": "zoh"}), SpecError, "no input; .*are: u"),
@@ -563,7 +563,7 @@ REFUSED = {
     "split every -1": (lambda: Record(y=Y, dt=1).split(every=-1), SpecError, "positive number of seconds"),
     "split long": (lambda: Record(y=Y, dt=0.02).split(every=11), DataError, "501 samples in 10 s"),
     "split short": (lambda: Record(y=Y, dt=0.02).split(every=0.1), DataError, "at least 8 samples"),
-    "split on x": (lambda: Record(y=Y, dt=1).split(on="ev"), SpecError, "no channel 'ev'; There are: y"),
+    "split on x": (lambda: Record(y=Y, dt=1).split(on="ev"), SpecError, "no channel 'ev'; there are: y"),
     "split on 0": (lambda: Record(y=0 * Y, dt=1).split(on="y"), DataError, "0 throughout.*marks the pieces"),
     "split on spike": (
         lambda: Record(y=np.arange(99) == 9, dt=1).split(on="y"),

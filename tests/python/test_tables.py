@@ -81,7 +81,7 @@ def test_to_pandas(table):
 
 
 def test_unknown_column_names_the_nearest(table):
-    with pytest.raises(SpecError, match=r"did you mean 'omega'\? There are: mode, omega, note"):
+    with pytest.raises(SpecError, match=r"did you mean 'omega'\? there are: mode, omega, note"):
         table["omgea"]
 
 
@@ -92,8 +92,8 @@ def test_columns_of_unequal_length_are_refused():
 
 def test_nearest_finds_by_beginning_and_by_letters():
     assert nearest("q", ["alpha", "Q (deg/s)"]).startswith("did you mean 'Q (deg/s)'?")
-    assert nearest("zzz", ["alpha"]) == "There are: alpha"
-    assert nearest("zzz", []) == "There are: none"
+    assert nearest("zzz", ["alpha"]) == "there are: alpha"
+    assert nearest("zzz", []) == "there are: none"
 
 
 def test_findings():
