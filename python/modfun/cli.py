@@ -6,6 +6,7 @@ to standard error.
 
 from __future__ import annotations
 
+import io
 import sys
 import warnings
 from collections.abc import Sequence
@@ -35,6 +36,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError:
         return _say('the command line needs typer and rich: pip install "modfun[cli]"', 2)
     from .commands import app
+
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal without Greek letters shows a question mark, not a traceback.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning

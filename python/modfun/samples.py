@@ -27,6 +27,11 @@ def frozen(values: F64) -> F64:
 
 
 def floats(values: ArrayLike, what: str) -> F64:
+    if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
+        raise DataError(
+            f"Record: {what} has {int(np.ma.getmaskarray(values).sum())} masked samples, which a fit would use "
+            "all the same; cut the record there (window, split) or fill them"
+        )
     try:
         array = np.asarray(values)
     except ValueError:
@@ -123,6 +128,8 @@ def intersample_of(
         words = (given,) * len(inputs)
         given = (given,)  # an unknown word is refused also where there is no input yet
     else:
+        if given is None:
+            raise SpecError(f"Record: intersample=None; {nearest('None', INTERSAMPLE)}")
         words = tuple(given)
         if len(words) != len(inputs):
             raise SpecError(
@@ -155,6 +162,8 @@ def times_of(
         raise SpecError(f"Record: give exactly one of dt= (seconds), fs= (hertz) and t= (times); {found}")
     if t is None:
         step = positive(dt, "dt", "seconds") if dt is not None else 1.0 / positive(fs or 0.0, "fs", "hertz")
+        if not 1e-150 < step < 1e150:
+            raise SpecError(f"Record: a step of {step!r} s is out of range; give time in another unit")
         if not math.isfinite(t0):
             raise SpecError(f"Record: t0={t0!r} must be finite")
         return np.asarray(t0 + step * np.arange(count), dtype=np.float64), step

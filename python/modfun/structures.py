@@ -16,6 +16,9 @@ from .lti import LTI, tf
 __all__ = ["TransferFunction"]
 
 
+MOST_POLES = 100
+
+
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
     """Transfer function with a number of poles, zeros an input and known delays; keywords only.
@@ -61,6 +64,10 @@ class TransferFunction:
     ) -> None:
         if not _is_count(poles) or poles < 1:
             raise SpecError(f"TransferFunction: poles={poles!r} must be a whole number of at least 1")
+        if poles > MOST_POLES:
+            raise SpecError(
+                f"TransferFunction: poles={poles} is more than {MOST_POLES}; no record determines so many"
+            )
         n = int(poles)
         degrees: int | tuple[int | None, ...]
         if zeros is None:

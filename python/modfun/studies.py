@@ -123,7 +123,7 @@ class MonteCarlo:
             Options.checked("MonteCarlo", **options)
         if "method" in options:
             raise SpecError("MonteCarlo: method= is given by estimators=, as estimators=['ls', 'ml']")
-        self.replicates = _whole("replicates", replicates, 1, 2**40)
+        self.replicates = _whole("replicates", replicates, 1, 10**9)
         self.seed = _whole("seed", seed, 0, 2**64 - 1)
         self.axes = (
             axis("system", system), axis("input", input), axis("initial_state", initial_state), levels(nsr),
@@ -205,6 +205,13 @@ class MonteCarlo:
         called = [c for c in self.contenders if c.call is not None]
         if called:
             self._called(called, coverage, progress, keep, cells, seconds, messages)
+            for user in called:
+                if messages and all(s.count == 0 for (_, _, name), s in cells.items() if name == user.name):
+                    warnings.warn(
+                        f"run: {user.name} failed in every replicate; the first said: {messages[0]['text']}",
+                        ModfunWarning,
+                        stacklevel=2,
+                    )
         return Results.collect(self, cells, {n: seconds[n] for n in self.estimators}, messages, draw)
 
     def _compiled(

@@ -20,6 +20,8 @@ use source::{InAll, InLanes, Source, Taps, Window};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
 pub const FOLDED_HARMONICS: usize = 64;
+/// Part of a sample that rounding explains when a delay is divided by the step.
+const ROUNDING: f64 = 1e-9;
 
 /// How the samples of a channel stand for a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,11 +136,14 @@ impl CoefficientPlan {
             Kind::Hold(_) => Rule::Staircase.weights(intervals)?,
         };
         check_harmonics(intervals, harmonics)?;
-        if !(delay >= 0.0 && delay <= lead as f64) {
+        if !(delay >= 0.0 && delay <= lead as f64 + ROUNDING) {
             return Err(Error::Spec(format!(
                 "a delay of {delay} samples needs a window that starts between 0 and `lead` = {lead} samples late; give a delay ≥ 0 and a lead of at least the delay, rounded up"
             )));
         }
+        // A hair beside a whole sample is that sample: 0.3 s over 0.1 s is not 2.9999999999999996.
+        let near = delay.round();
+        let delay = if (delay - near).abs() <= ROUNDING { near } else { delay };
         let whole = delay.ceil();
         let ahead = whole - delay;
         let first = lead - whole as usize;

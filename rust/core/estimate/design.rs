@@ -51,6 +51,8 @@ pub struct Design {
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
     pub(crate) scale: Vec<f64>,
+    /// Unit of the output in the workspace.
+    pub(crate) unit: f64,
     pub(crate) band_edge: f64,
 }
 
@@ -107,8 +109,16 @@ impl Design {
             )));
         }
         let power_of = |k: usize| (0..k).fold(1.0, |p, _| p * band_edge);
-        let scale =
+        let scale: Vec<f64> =
             structure.terms().iter().map(|(_, power)| power_of(n) / power_of(*power)).collect();
+        // Squares of the units of the parameters stand in the covariances.
+        let usable = |s: &f64| (1e-140..1e140).contains(s);
+        if !scale.iter().all(usable) {
+            return Err(Error::Data(format!(
+                "fitting: with a band up to {band_edge:.3e} rad/s and {n} poles the parameters leave the range \
+                 of numbers; give time in another unit"
+            )));
+        }
         Ok(Design {
             structure: structure.clone(),
             method,
@@ -126,8 +136,18 @@ impl Design {
             target,
             differences: difference_weights(n),
             scale,
+            unit: 1.0,
             band_edge,
         })
+    }
+
+    /// Says that the workspace will hold the channels in these units (output first): powers of two, so
+    /// that no digit changes, only the range that squares of squares reach.
+    pub(crate) fn set_units(&mut self, units: &[f64]) {
+        self.unit = units.first().copied().unwrap_or(1.0);
+        for (scale, (signal, _)) in self.scale.iter_mut().zip(self.structure.terms()) {
+            *scale *= self.unit / units.get(signal).copied().unwrap_or(1.0);
+        }
     }
 
     /// Number of parameters.
@@ -180,8 +200,8 @@ impl Design {
     /// Unit of a weighted residual: that of the output, or of the equation for equation noise.
     pub(crate) fn cost_unit(&self) -> f64 {
         match self.noise {
-            Noise::Output => 1.0,
-            Noise::Equation => (0..self.structure.order).fold(1.0, |p, _| p * self.band_edge),
+            Noise::Output => self.unit,
+            Noise::Equation => (0..self.structure.order).fold(self.unit, |p, _| p * self.band_edge),
         }
     }
 

@@ -262,8 +262,6 @@ pub(crate) fn coefficient_plans(
         Time::Uneven(t) => CoefficientPlan::uneven(t, highest, *kind),
         Time::Even(dt) => {
             let delay = if k == 0 { 0.0 } else { o.delays[k - 1] / dt };
-            // A delay that rounding leaves a hair above the window's late start is the start itself.
-            let delay = delay.min(window.lead as f64);
             CoefficientPlan::new(window.intervals, highest, *kind, delay, window.lead)
         }
     };
@@ -293,6 +291,14 @@ fn spectra(
 /// [`Status`] of the result.
 pub fn fit(records: &[RecordView<'_>], o: &FitOptions, isa: Isa) -> Result<Fit, Error> {
     o.check()?;
+    let most = records.iter().map(|r| r.y.len()).max().unwrap_or(0);
+    if o.structure.parameters() > most {
+        // Said before anything of that size is laid out.
+        return Err(Error::Data(format!(
+            "fitting: {} parameters from at most {most} samples a record; take fewer poles and zeros",
+            o.structure.parameters()
+        )));
+    }
     if records.is_empty() {
         return Err(Error::Data("fitting: no record was given".into()));
     }
@@ -352,18 +358,34 @@ impl Job<'_> {
                 unit_variance: s.unit_variance,
             })
             .collect();
-        let d = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)?;
+        let mut d = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)?;
+        let units = self.units();
+        d.set_units(&units);
         let mut w = Workspace::new(&d);
         for (k, (s, lines)) in self.all.iter().zip(d.lines()).enumerate() {
             for (signal, (re, im)) in s.channels.iter().enumerate() {
                 let (to_re, to_im) = w.signal_mut(k, signal);
                 for (i, m) in (lines.first..=lines.last).enumerate() {
-                    to_re[i] = Wide::splat(re[m]);
-                    to_im[i] = Wide::splat(im[m]);
+                    to_re[i] = Wide::splat(re[m] / units[signal]);
+                    to_im[i] = Wide::splat(im[m] / units[signal]);
                 }
             }
         }
         Ok((d, w))
+    }
+
+    /// Power of two at the size of each channel over all records; 1 where there is none.
+    fn units(&self) -> Vec<f64> {
+        let channels = self.all.first().map_or(0, |s| s.channels.len());
+        let size = |k: usize| {
+            let parts =
+                self.all.iter().flat_map(|s| s.channels[k].0.iter().chain(&s.channels[k].1));
+            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        let power = |x: f64| f64::from_bits(x.to_bits() & (0x7ff << 52));
+        (0..channels)
+            .map(|k| Some(power(size(k))).filter(|p| p.is_normal()).unwrap_or(1.0))
+            .collect()
     }
 
     /// Runs without covariance: cost, θ, and whether it may be used.
