@@ -32,7 +32,7 @@ def within(found, theta, errors=4.0):
 RAO_GARNIER_BOUND = np.array([0.0606329, 1.0653290, 3.5478336, 7.7433542, 40.431095, 71.625002])
 
 
-@pytest.mark.parametrize("top", [400])
+@pytest.mark.parametrize("top", [400, 895])
 def test_rao_garnier_at_its_bound(top):
     """48 records at 10 dB: none fails, rms error over bound 1 within 25 % for each parameter.
 
@@ -79,7 +79,7 @@ def test_high_orders_find_the_truth_or_say_no(order):
         else:
             refused += 1
     print(order, "refused", refused)
-    assert refused <= 9
+    assert refused <= 6
 
 
 # Modes without damping, integrators, poles on lines
@@ -108,7 +108,7 @@ def test_poles_on_the_axis_and_beyond(name, trend):
         trend = "linear"  # an offset of an integrator's output is a state: ask for more, it must not hurt
     record, theta = noisy(den, nums, start=start, seed=4, trend=trend)
     found = fit(record, n, degrees, harmonics=40, trend=trend)
-    assert found["status"] in ("ok", "maxiter")
+    assert found["status"] == "ok"
     assert within(found, theta), (found["theta"], theta, standard_errors(found))
     problem = lines.Problem([record], n, degrees, 40 + n, trend=trend)
     expected = lines.result(problem, lines.ml(problem, found["theta"]))

@@ -136,7 +136,12 @@ fn scatter<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: isize) {
     for (j, c) in d.differences.iter().enumerate() {
         let Some((at, mirrored)) = reach(first, m + j as isize) else { continue };
         let to = &mut w.records[k].instruments[at * 2 * size..(at + 1) * 2 * size];
-        let (c_re, c_im) = (L::splat(*c), L::splat(if mirrored { -*c } else { *c }));
+        let sign = match m + j as isize {
+            0 => 0.0, // Im of line 0 is no datum
+            _ if mirrored => -*c,
+            _ => *c,
+        };
+        let (c_re, c_im) = (L::splat(*c), L::splat(sign));
         for i in 0..size {
             c_re.mul_add(L::load(&w.row_re[i]), L::load(&to[i])).store(&mut to[i]);
             c_im.mul_add(L::load(&w.row_im[i]), L::load(&to[size + i])).store(&mut to[size + i]);

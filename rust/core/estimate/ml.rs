@@ -11,7 +11,9 @@ use super::{Lane, Options, take_step};
 use crate::simd::{Isa, LANES};
 
 /// Steps that may raise the cost before steps are halved: the first ones do so on the way to the answer.
-const FREE_STEPS: u32 = 2;
+const FREE_STEPS: u32 = 10;
+/// Square of a move so small that, where it is no smaller than the one before, it is rounding.
+const FLOOR: f64 = 1e-14;
 /// Rise of the cost that rounding explains.
 const ROUNDING: f64 = 1.0 + 1e-10;
 /// Halvings in a row before the lane gives up.
@@ -27,6 +29,7 @@ pub(crate) fn iterate(
 ) {
     let mut best = [f64::INFINITY; LANES];
     let mut halvings = [0; LANES];
+    let mut last = [f64::INFINITY; LANES];
     for _ in 0..o.maxiter {
         if lanes.iter().all(|l| l.done) {
             return;
@@ -46,7 +49,9 @@ pub(crate) fn iterate(
             if taken[k] {
                 halvings[k] = 0;
                 best[k] = cost;
-                lane.done = w.moved.0[k] <= o.tol * o.tol;
+                let moved = w.moved.0[k];
+                lane.done = moved <= o.tol * o.tol || (moved <= FLOOR && moved >= last[k]);
+                last[k] = moved;
             } else {
                 halvings[k] += 1;
                 w.halve(k);

@@ -190,7 +190,12 @@ impl Workspace {
             // NaN must not read as settled.
             if effect > most || effect.is_nan() { effect } else { most }
         });
-        self.moved.0[k] = square / self.target_size.0[k];
+        let own = self.theta.iter().zip(&self.column_size);
+        let largest = own.fold(self.target_size.0[k], |most: f64, (t, column)| {
+            let own = t.0[k] * t.0[k] * column.0[k].abs();
+            if own < most { most } else { own }
+        });
+        self.moved.0[k] = square / largest;
     }
 
     /// Moves the current iterate of one lane half way back to the best so far.

@@ -95,14 +95,18 @@ fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, factors: Fact
     target_size.store(&mut w.target_size);
     eliminate::<L>(&mut w.global, p, 0..p, &w.column_size, symmetric, &mut w.trusted);
     substitute::<L>(&w.global, p, 0..p, &mut w.next);
+    // Relative to the largest term of the equation: on a line where A vanishes the leading one may be nothing.
+    let mut largest = target_size;
     let mut moved = L::splat(0.0);
     for ((from, to), column) in w.theta.iter().zip(&w.next).zip(&w.column_size) {
         let change = L::load(to) - L::load(from);
         // The maximum that lets NaN pass: it must not read as settled.
         let effect = change * change * L::load(column).abs();
         moved = effect.select_lt(moved, moved, effect);
+        let own = L::load(from) * L::load(from) * L::load(column).abs();
+        largest = own.select_lt(largest, largest, own);
     }
-    (moved / target_size).store(&mut w.moved);
+    (moved / largest).store(&mut w.moved);
     for r in &mut w.records {
         w.unknowns[nt..size].copy_from_slice(&w.next);
         substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);

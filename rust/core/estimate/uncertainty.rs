@@ -17,6 +17,8 @@ use crate::structure::Method;
 
 /// Leaves (1 − h) of a row that determines a parameter alone above zero.
 const LEVERAGE: f64 = 1e-6;
+/// The same for `ls`.
+const OBLIQUE_LEVERAGE: f64 = 0.25;
 
 /// Completes estimates: T, cost, and where asked for the covariances, in units of the band edge.
 pub(crate) fn finish(isa: Isa, d: &Design, w: &mut Workspace, live: [bool; LANES], wanted: Wanted) {
@@ -199,6 +201,8 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
     w.meat.fill(Wide::ZERO);
     w.classical.fill(Wide::ZERO);
     let sandwich = differenced || flat;
+    // Leverages of an oblique projection are no fractions: those of `ls` pass one.
+    let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
     for k in 0..w.records.len() {
         for range in tiles(w.records[k].limit, d.tile) {
             lines::<L>(d, w, k, range.clone(), weights, true);
@@ -210,7 +214,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
                 let (h_re, h_im) = leverage::<L>(w, size, extra);
                 let (e_re, e_im) = (L::load(&w.residual_re[i]), L::load(&w.residual_im[i]));
                 let factor = |e: L, h: L| {
-                    let left = (L::splat(1.0) - h).max(L::splat(LEVERAGE));
+                    let left = (L::splat(1.0) - h).max(floor);
                     let scaled = e / left;
                     scaled * scaled
                 };
