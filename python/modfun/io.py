@@ -196,7 +196,9 @@ def _open(source: Any) -> _Source:
 def _open_file(path: Path) -> _Source:
     if not path.is_file():
         if path.exists():
-            raise DataError(f"read: {os.fspath(path)!r} is not a regular file; give the path of a .csv or .npz")
+            raise DataError(
+                f"read: {os.fspath(path)!r} is not a regular file; give the path of a .csv or .npz"
+            )
         here = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
         close = nearest(path.name, here).partition("there are")[0].strip()
         raise DataError(f"read: there is no file {os.fspath(path)!r}; {close or 'check the path'}")

@@ -155,8 +155,6 @@ MOST = 10**9
 
 
 def _integer(what: str, name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not (
-        least <= value <= MOST
-    ):
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not (least <= value <= MOST):
         raise SpecError(f"{what}: {name}={value!r} must be a whole number from {least} to {MOST}")
     return int(value)

@@ -29,8 +29,8 @@ def frozen(values: F64) -> F64:
 def floats(values: ArrayLike, what: str) -> F64:
     if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
         raise DataError(
-            f"Record: {what} has {int(np.ma.getmaskarray(values).sum())} masked samples, which a fit would use "
-            "all the same; cut the record there (window, split) or fill them"
+            f"Record: {what} has {int(np.ma.getmaskarray(values).sum())} masked samples, which a fit would "
+            "use all the same; cut the record there (window, split) or fill them"
         )
     try:
         array = np.asarray(values)

@@ -394,7 +394,7 @@ impl Job<'_> {
         let outcome = estimate(self.isa, d, w, LIVE, start, &options);
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
         match usable {
-            true => (w.cost(0), Some(w.theta(d, 0).collect())),
+            true => (w.cost(0) * d.cost_unit() * d.cost_unit(), Some(w.theta(d, 0).collect())),
             false => (f64::INFINITY, None),
         }
     }
