@@ -254,7 +254,7 @@ def test_refused_paths(tmp_path, file):
         read(tmp_path / "flight.csv", outputs="q")
     with pytest.raises(DataError, match="check the path"):
         read(tmp_path / "none" / "a.csv", outputs="q")
-    with pytest.raises(DataError, match="no file|not a regular file"):
+    with pytest.raises(DataError, match="not a regular file"):
         columns(tmp_path)
     with pytest.raises(SpecError, match=r"kind \.xls are not read; convert it to \.csv"):
         read(file("x", "a.xls"), outputs="q")
