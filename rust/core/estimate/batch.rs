@@ -1,6 +1,7 @@
 //! Many fits of one structure at once: eight records a block, blocks over threads, the same bits as one by one.
 
-use super::fit::{Band, FitOptions, RecordView, Time, Window, coefficient_plans, fit};
+use super::fit::{Band, FitOptions, RecordView, Time, fit};
+use super::window::{Window, coefficient_plans};
 use super::{Design, Outcome, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;

@@ -1,12 +1,13 @@
 //! One fit from samples to covariance: window, coefficients, default band, estimate.
 
 use super::uncertainty::{Information, Residuals, mend_inverse};
+use super::window::{Window, coefficient_plans};
 use super::{Design, Options, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
 use crate::simd::{Isa, LANES, Wide};
-use crate::spectrum::{CoefficientPlan, Kind};
+use crate::spectrum::Kind;
 use crate::structure::{Method, Noise, Structure, Trend};
 
 /// Standard errors may grow by this factor when the default band is narrowed.
@@ -168,104 +169,11 @@ impl FitOptions {
     }
 }
 
-/// Window, resolving frequency and highest possible line of a record.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Window {
-    pub lead: usize,
-    pub intervals: usize,
-    pub omega0: f64,
-}
-
-impl Window {
-    pub fn new(samples: usize, time: Time<'_>, o: &FitOptions) -> Result<Window, Error> {
-        let (lead, duration_of) = match time {
-            Time::Even(dt) => (o.lead(dt), dt),
-            Time::Uneven(t) => {
-                if o.delays.iter().any(|d| *d > 0.0) {
-                    return Err(Error::Spec(
-                        "fitting with a delay: the samples are uneven in time; resample them evenly".into(),
-                    ));
-                }
-                let span = t.last().zip(t.first()).map_or(0.0, |(b, a)| b - a);
-                (0, span / (samples.max(2) - 1) as f64)
-            }
-        };
-        let intervals = samples.saturating_sub(1 + lead);
-        if intervals < 8 {
-            return Err(Error::Data(format!(
-                "fitting: {samples} samples, {lead} of them spent on the delay, leave {intervals} intervals; \
-                 at least 8 are needed"
-            )));
-        }
-        let omega0 = std::f64::consts::TAU / (intervals as f64 * duration_of);
-        Ok(Window { lead, intervals, omega0 })
-    }
-
-    /// Lines for a band given by the caller.
-    pub(crate) fn given(&self, o: &FitOptions) -> Result<Option<(usize, usize)>, Error> {
-        let top = self.intervals / 2;
-        let n = o.structure.order;
-        match o.band {
-            Band::Default => Ok(None),
-            Band::Harmonics(m) if m + n > top => Err(Error::Spec(format!(
-                "fitting with harmonics={m}: M + n = {} exceeds N/2 = {top} (report, eq. 22); \
-                 give at most {} for this record",
-                m + n,
-                top.saturating_sub(n)
-            ))),
-            Band::Harmonics(m) => Ok(Some((0, m + n))),
-            Band::Edges(low, high) => {
-                let sound = low >= 0.0 && high > low && high.is_finite();
-                if !sound {
-                    return Err(Error::Spec(format!(
-                        "fitting with band=({low}, {high}): edges are in rad/s, 0 <= lower < upper"
-                    )));
-                }
-                let first = (low / self.omega0 - 1e-9).ceil().max(0.0) as usize;
-                let last = (high / self.omega0 + 1e-9).floor() as usize;
-                if last > top {
-                    return Err(Error::Spec(format!(
-                        "fitting with band up to {high} rad/s: the record is sampled up to {:.6} rad/s; \
-                         lower the edge",
-                        top as f64 * self.omega0
-                    )));
-                }
-                if last <= first {
-                    return Err(Error::Spec(format!(
-                        "fitting with band=({low}, {high}) rad/s: fewer than two lines spaced {:.6} rad/s \
-                         (2 pi over the record's length) lie in it; widen it or take a longer record",
-                        self.omega0
-                    )));
-                }
-                Ok(Some((first, last)))
-            }
-        }
-    }
-}
-
 /// Coefficients of all channels of a record up to some line.
 struct Spectra {
     window: Window,
     unit_variance: f64,
     channels: Vec<(Vec<f64>, Vec<f64>)>,
-}
-
-/// One plan a channel; the unit variance is the output's.
-pub(crate) fn coefficient_plans(
-    o: &FitOptions,
-    time: Time<'_>,
-    window: Window,
-    highest: usize,
-) -> Result<Vec<CoefficientPlan>, Error> {
-    let kinds = o.kinds();
-    let plan = |(k, kind): (usize, &Kind)| match time {
-        Time::Uneven(t) => CoefficientPlan::uneven(t, highest, *kind),
-        Time::Even(dt) => {
-            let delay = if k == 0 { 0.0 } else { o.delays[k - 1] / dt };
-            CoefficientPlan::new(window.intervals, highest, *kind, delay, window.lead)
-        }
-    };
-    kinds.iter().enumerate().map(plan).collect()
 }
 
 fn spectra(

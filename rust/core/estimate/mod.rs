@@ -10,6 +10,7 @@ mod pass;
 mod qr_step;
 mod sums;
 mod uncertainty;
+mod window;
 mod wls;
 mod workspace;
 
