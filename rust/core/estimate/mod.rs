@@ -27,7 +27,7 @@ use pass::{Factors, Prepare, Weights};
 /// When an iteration stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Largest change of a parameter, as its effect on the equation relative to the leading term.
+    /// Largest change of a parameter, as its effect on the equation relative to the largest term.
     pub tol: f64,
     /// Most iterations after the start.
     pub maxiter: usize,
@@ -86,6 +86,7 @@ pub fn estimate(
     if d.method == Method::Ls {
         isa.run(ls::LsStep { design: d, space: w });
         w.accept(&[true; LANES]);
+        lanes.iter_mut().for_each(|l| l.done = true);
     } else {
         match start {
             Start::Wls => wls::solve(isa, d, w, &mut lanes),
@@ -103,9 +104,6 @@ pub fn estimate(
         }
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
-    if d.method == Method::Ls {
-        lanes.iter_mut().for_each(|l| l.done = true);
-    }
     let status = std::array::from_fn(|k| status(w, k, &lanes[k]));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {

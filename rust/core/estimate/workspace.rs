@@ -56,7 +56,7 @@ pub struct Workspace {
     pub(crate) column_size: Vec<Wide>,
     /// Zero in lanes where the last system's pivots were too small.
     pub(crate) trusted: Wide,
-    /// Largest squared change of a parameter in the last step, as its effect relative to the target's.
+    /// Largest squared change of a parameter in the last step, as its effect relative to the largest term.
     pub(crate) moved: Wide,
     pub(crate) inverse: Vec<Wide>,
     pub(crate) square: Vec<Wide>,
