@@ -11,6 +11,7 @@ from .estimation import Estimator, fit, fit_many
 from .io import columns, read
 from .lti import LTI, ss, tf
 from .records import Batch, Record
+from .resampling import bootstrap
 from .response import FrequencyResponse
 from .results import Fit
 from .simulation import coefficients, regressors, simulate
@@ -37,6 +38,7 @@ __all__ = [
     "Table",
     "TransferFunction",
     "__version__",
+    "bootstrap",
     "coefficients",
     "columns",
     "crlb",

@@ -6,12 +6,14 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
 from .errors import SpecError
+from .extras import optional
 from .options import Options
 from .records import Batch, Record
 from .results import Fit
@@ -94,6 +96,27 @@ class FitMany:
             title=f"{int(good.sum())} of {len(self)} fits succeeded",
         )
 
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame (extra ``pandas``): a row a replicate, bse of a1 as column "a1_bse"."""
+        columns: dict[str, Any] = dict(zip(self.param_names, self.params.T, strict=True))
+        columns |= {f"{name}_bse": bse for name, bse in zip(self.param_names, self.bse.T, strict=True)}
+        columns |= {"status": self.status, "cost": self.cost, "nit": self.nit}
+        return optional("pandas", "pandas", "FitMany.to_pandas").DataFrame(columns)
+
+    def to_xarray(self) -> Any:
+        """An xarray.Dataset (extra ``xarray``): params and bse (replicate, parameter), status, cost, nit."""
+        both, one = ("replicate", "parameter"), ("replicate",)
+        return optional("xarray", "xarray", "FitMany.to_xarray").Dataset(
+            {
+                "params": (both, self.params),
+                "bse": (both, self.bse),
+                "status": (one, self.status),
+                "cost": (one, self.cost),
+                "nit": (one, self.nit),
+            },
+            coords={"parameter": list(self.param_names)},
+        )
+
     def __repr__(self) -> str:
         failed = ", ".join(f"{n} {word}" for word, n in self.failures.items())
         low, high = self.band
@@ -124,15 +147,20 @@ def run_many(
     fits = [first] + [
         fit_one((rec,), structure, chosen.replace(harmonics=None, band=first.band)) for rec in data[1:]
     ]
+    return collect(fits, structure, options)
+
+
+def collect(fits: list[Fit], structure: TransferFunction, options: Options) -> FitMany:
+    """Single fits as one result; what differs between them is that of the first."""
     return FitMany(
         params=np.array([f.params for f in fits]),
         bse=np.array([f.bse for f in fits]),
         status=np.array([f.status for f in fits]),
         cost=np.array([f.cost for f in fits]),
         nit=np.array([f.nit for f in fits]),
-        param_names=first.param_names,
-        df_resid=first.df_resid,
-        band=first.band,
+        param_names=fits[0].param_names,
+        df_resid=fits[0].df_resid,
+        band=fits[0].band,
         structure=structure,
         options=options,
     )

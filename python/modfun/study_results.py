@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import plot
 from .bounds import crlb
 from .errors import DataError, ModfunWarning, SpecError
+from .extras import optional
 from .records import Record
 from .study_plan import Axis, Contender, Group
 from .study_summary import STATUS, USED, Summary
@@ -262,6 +263,31 @@ class Results:
 
     def _title(self) -> str:
         return f"{self.replicates} replicates, seed {self._study.seed}"
+
+    def to_pandas(self) -> Any:
+        """The rows of `table` as a pandas.DataFrame (extra ``pandas``)."""
+        return self.table().to_pandas()
+
+    def to_xarray(self) -> Any:
+        """All figures as an xarray.Dataset (extra ``xarray``).
+
+        Dimensions are those of `axes`, and replicate where samples were kept; each figure has its
+        Monte Carlo standard error beside it as ``<figure>_mcse``.
+        """
+        xarray = optional("xarray", "xarray", "Results.to_xarray")
+        cell = tuple(name for name in self.axes if name != "parameter")
+        figures = ("bias", "sd", "rmse", "median", "coverage")
+        names = ["truth", *(n for name in figures for n in (name, f"{name}_mcse")), "crlb"]
+        variables = {name: ((*cell, "parameter"), getattr(self, name)) for name in names}
+        variables |= {name: (cell, getattr(self, name)) for name in ("failures", "nit")}
+        variables |= {f"status_{word}": (cell, counts) for word, counts in self.status.items()}
+        if self.samples is not None:
+            variables["samples"] = ((*cell, "replicate", "parameter"), self.samples)
+        return xarray.Dataset(
+            variables,
+            coords={name: list(labels) for name, labels in self.axes.items()},
+            attrs={"replicates": self.replicates, "seed": self._study.seed},
+        )
 
     # One replicate ---------------------------------------------------------------------------------
 

@@ -1,0 +1,328 @@
+"""The bootstrap: refits of records that a fit itself might have produced."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import FitError, SpecError
+from .estimation import _fit, _threads, fit_many
+from .many import FitMany, collect
+from .options import Options
+from .prediction import simulate_fit
+from .progress import Progress
+from .records import Batch, Record
+from .resampled_noise import white, wild
+from .results import Fit
+from .tables import Table, nearest
+
+__all__ = ["Bootstrap", "bootstrap"]
+
+F64 = NDArray[np.float64]
+KINDS = ("parametric", "wild")
+INTERVALS = ("percentile", "basic", "studentized")
+BLOCK = 2**20  # samples held at a time
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bootstrap(FitMany):
+    """Refits of resampled records, and what their scatter says; see `bootstrap` and `FitMany`.
+
+    Figures are those of the replicates with status "ok"; `failures` counts the others. `*_mcse` is the
+    Monte Carlo standard error of a figure: what another seed would change.
+
+    Attributes
+    ----------
+    fit : Fit
+        The fit that was resampled.
+    kind : str
+        "parametric" or "wild".
+    seed : int
+    """
+
+    fit: Fit = field(kw_only=True)
+    kind: str = field(kw_only=True)
+    seed: int = field(kw_only=True)
+
+    @property
+    def sd(self) -> F64:
+        """Standard deviations of the replicates, (p,): the bootstrap's standard errors of the fit."""
+        return np.asarray(np.sqrt(np.diag(self.cov_params())))
+
+    @property
+    def sd_mcse(self) -> F64:
+        """√((m₄ − m₂²)/R)/2sd with the central moments of R replicates (delta method)."""
+        about = self._good(2) - self._good(2).mean(axis=0)
+        spread = np.mean(about**4, axis=0) - np.mean(about**2, axis=0) ** 2
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0) / len(about)) / (2 * self.sd))
+
+    @property
+    def bias(self) -> F64:
+        """Mean of the replicates less the fit's estimate, (p,): an estimate of the fit's own bias."""
+        return np.asarray(self._good(1).mean(axis=0) - self.fit.params)
+
+    @property
+    def bias_mcse(self) -> F64:
+        """sd/√R."""
+        return np.asarray(self.sd / np.sqrt(len(self._good(2))))
+
+    def cov_params(self) -> F64:
+        """Covariance matrix of the replicates, (p, p)."""
+        return np.atleast_2d(np.cov(self._good(2), rowvar=False))
+
+    def conf_int(self, level: float = 0.95, method: str = "percentile") -> F64:
+        """Confidence intervals of the parameters, (p, 2).
+
+        Parameters
+        ----------
+        level : float
+        method : {"percentile", "basic", "studentized"}
+            With q the quantiles of the replicates θ* and θ the fit's estimate: "percentile" is q itself,
+            "basic" 2θ − q with the ends exchanged, "studentized" θ − se·q' with q' the quantiles of
+            (θ* − θ)/se*, the standard errors being those of the fit's `cov_type`.
+
+        Returns
+        -------
+        ndarray
+        """
+        return self._ends(level, method)[0]
+
+    def summary(self, level: float = 0.95, method: str = "percentile") -> Table:
+        """Estimate, standard error, bias and interval of each parameter, with Monte Carlo errors.
+
+        Parameters
+        ----------
+        level, method
+            As in `conf_int`.
+
+        Returns
+        -------
+        Table
+            Columns parameter, value, bse (the fit's), sd, bias, low and high, `_mcse` beside what the
+            number of replicates limits.
+        """
+        ends, errors = self._ends(level, method)
+        count = len(self._good(2))
+        return Table(
+            {
+                "parameter": list(self.param_names),
+                "value": self.fit.params,
+                "bse": self.fit.bse,
+                "sd": self.sd,
+                "sd_mcse": self.sd_mcse,
+                "bias": self.bias,
+                "bias_mcse": self.bias_mcse,
+                "low": ends[:, 0],
+                "low_mcse": errors[:, 0],
+                "high": ends[:, 1],
+                "high_mcse": errors[:, 1],
+            },
+            title=f"{self.kind} bootstrap, {count} of {len(self)} refits succeeded, seed {self.seed}; "
+            f"{method} intervals of {100 * level:g} %",
+        )
+
+    def _ends(self, level: float, method: str) -> tuple[F64, F64]:
+        """Limits and their Monte Carlo standard errors, each (p, 2)."""
+        if isinstance(level, bool) or not isinstance(level, float | int) or not 0 < level < 1:
+            raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
+        if method not in INTERVALS:
+            raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, INTERVALS)}")
+        theta, value = self._good(2), self.fit.params
+        tails = np.array([(1 - level) / 2, (1 + level) / 2])
+        if method == "percentile":
+            return _quantiles(theta, tails)
+        if method == "basic":
+            found, errors = _quantiles(theta, tails[::-1])
+            return 2 * value[:, None] - found, errors
+        found, errors = _quantiles((theta - value) / self.bse[self.success], tails[::-1])
+        own = self.fit.bse[:, None]
+        return value[:, None] - own * found, own * errors
+
+    def _good(self, least: int) -> F64:
+        good = self.params[self.success]
+        if len(good) < least:
+            counts = ", ".join(f"{n} {word}" for word, n in self.failures.items())
+            raise FitError(
+                f"bootstrap: {len(good)} of {len(self)} refits succeeded ({counts}), {least} are needed; "
+                "give more replicates, or a structure or band that the records determine"
+            )
+        return good
+
+    def __repr__(self) -> str:
+        return repr(self.summary())
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+
+def bootstrap(
+    fit: Fit,
+    *,
+    replicates: int = 1000,
+    seed: int = 0,
+    kind: str = "parametric",
+    threads: int | None = None,
+    progress: str | bool = "auto",
+) -> Bootstrap:
+    """Standard errors, bias and intervals of a fit from refits of records like its own.
+
+    A replicate is the fitted model's response to the fit's inputs, from the initial state and with the
+    trend found for each record, plus noise; it is fitted by the same structure and options, the band
+    held at the fit's. The kinds differ in the noise and in what they take for granted:
+
+    "parametric"
+        Independent normal samples of standard deviation `fit.sigma`, the level seen in the fit's band
+        ("ls" and "wls", which do not weight by output noise: that of the residuals in time). Right where
+        the noise of the output is white, like `cov_type="nonrobust"`; takes more than normal theory for
+        granted in nothing else, so it shows the bias and the skewness of an estimate.
+    "wild"
+        The fit's residuals y − ŷ in time with each line of their spectrum turned by an angle of its own,
+        all angles equally likely: independent lines of the power seen at each frequency, whatever the
+        colour of the noise, as HC3 takes it. A fit leaves residuals smaller than the noise, so the real
+        and imaginary part of each line in the fit's band are first divided by 1 − h, as in HC3, h being
+        the leverage of the parameters, end conditions and trend on it. Takes for granted that the noise
+        is stationary and that the structure can describe the system.
+
+    Parameters
+    ----------
+    fit : Fit
+        With status "ok" and its records. Several records are refitted together.
+    replicates : int, default 1000
+    seed : int, default 0
+        Every random number is addressed by seed, replicate and record.
+    kind : {"parametric", "wild"}
+    threads : int, optional
+        For the fit of one evenly sampled record; default: MODFUN_NUM_THREADS, else the cores this
+        process may use. The numbers do not depend on it. Other fits are repeated one after the other.
+    progress : {"auto", True, False}
+        On standard error; "auto": from two seconds on.
+
+    Returns
+    -------
+    Bootstrap
+
+    Raises
+    ------
+    FitError
+        A fit that did not succeed, or one without its records (as loaded from a file).
+    SpecError
+        An unknown word, or noise that the kind cannot draw.
+    DataError
+        A model too unstable to be simulated; uneven sampling with "wild", which needs a spectrum.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> mf.bootstrap(fit, replicates=200, kind="wild").conf_int(0.9).shape
+    (3, 2)
+    """
+    records = _records(fit)
+    if kind not in KINDS:
+        raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
+    count = _whole("replicates", replicates, 2, 10**9)
+    address = _whole("seed", seed, 0, 2**64 - 1)
+    workers = _threads(threads)
+    held = _held(fit)
+    clean = [simulate_fit(fit, rec, None)[0][0] for rec in records]
+    noise = (white if kind == "parametric" else wild)(fit, records, clean, address)
+
+    parts: list[FitMany] = []
+    with Progress(progress, f"{kind} bootstrap") as bar:
+        for block in _blocks(count, records):
+            ys = [[y + e for y, e in zip(clean, noise(r), strict=True)] for r in block]
+            parts.append(_refit(fit, records, ys, held, workers))
+            bar(block.stop, count)
+    return Bootstrap(
+        params=np.concatenate([part.params for part in parts]),
+        bse=np.concatenate([part.bse for part in parts]),
+        status=np.concatenate([part.status for part in parts]),
+        cost=np.concatenate([part.cost for part in parts]),
+        nit=np.concatenate([part.nit for part in parts]),
+        param_names=fit.param_names,
+        df_resid=fit.df_resid,
+        band=fit.band,
+        structure=fit.structure,
+        options=held,
+        fit=fit,
+        kind=kind,
+        seed=address,
+    )
+
+
+# Refits -------------------------------------------------------------------------------------------
+
+
+def _held(fit: Fit) -> Options:
+    """The fit's options with the band that a rule chose written down."""
+    if fit.options.band is not None or fit.options.harmonics is not None:
+        return fit.options
+    if len(fit.lines) == 1:
+        return fit.options.replace(harmonics=fit.harmonics)
+    return fit.options.replace(band=fit.band)
+
+
+def _blocks(count: int, records: tuple[Record, ...]) -> Iterator[range]:
+    size = max(1, BLOCK // sum(rec.t.size for rec in records))
+    for start in range(0, count, size):
+        yield range(start, min(start + size, count))
+
+
+def _refit(
+    fit: Fit, records: tuple[Record, ...], ys: list[list[F64]], held: Options, threads: int
+) -> FitMany:
+    first = records[0]
+    if len(records) == 1 and first.dt is not None:
+        batch = Batch(
+            y=np.array(ys),
+            u=first.u if first.inputs else None,
+            dt=first.dt,
+            outputs=first.outputs,
+            inputs=first.inputs,
+            intersample=first.intersample,
+        )
+        return fit_many(batch, fit.structure, threads=threads, progress=False, **held.given())
+    fits = [
+        _fit(
+            tuple(rec._like(y=y[None]) for rec, y in zip(records, own, strict=True)),
+            fit.structure,
+            held,
+        )
+        for own in ys
+    ]
+    return collect(fits, fit.structure, held)
+
+
+# What users give ----------------------------------------------------------------------------------
+
+
+def _records(fit: Fit) -> tuple[Record, ...]:
+    if not isinstance(fit, Fit):
+        raise SpecError(f"bootstrap: expected a Fit, as from mf.fit, got {type(fit).__name__}")
+    if not fit.success:
+        raise FitError(f"bootstrap: the fit did not succeed (status {fit.status!r}). {fit.message}")
+    if fit.records is None:
+        raise FitError(
+            "bootstrap: this fit was loaded without its samples; fit the records again: "
+            "mf.fit(records, fit.structure, **fit.options.given())"
+        )
+    return fit.records
+
+
+def _whole(name: str, value: object, least: int, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise SpecError(f"bootstrap: {name}={value!r} must be a whole number from {least} to {most}")
+    return int(value)
+
+
+def _quantiles(values: F64, tails: F64) -> tuple[F64, F64]:
+    """Quantiles (p, tail) with standard errors from the order statistics one binomial deviation away."""
+    step = np.sqrt(tails * (1 - tails) / len(values))
+    found = np.quantile(values, tails, axis=0)
+    above = np.quantile(values, np.minimum(tails + step, 1.0), axis=0)
+    below = np.quantile(values, np.maximum(tails - step, 0.0), axis=0)
+    return found.T, 0.5 * (above - below).T
