@@ -8,10 +8,13 @@ mod common;
 
 use common::{ALL, Block, INTERVALS};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use modfun::estimate::{Design, Options, Start, Wanted, Workspace, estimate};
-use modfun::rng::{Purpose, fill};
+use modfun::estimate::{
+    Band, Design, FitOptions, Fitter, Options, RecordView, Start, Time, Wanted, Workspace, estimate,
+};
+use modfun::quadrature::Rule;
+use modfun::rng::{Address, Purpose, fill, normals};
 use modfun::simd::{Isa, LANES, Wide};
-use modfun::structure::{Method, Trend};
+use modfun::structure::{Method, Noise, Structure, Trend};
 use std::hint::black_box;
 
 /// M + n.
@@ -88,5 +91,44 @@ fn replicate(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, estimates, replicate);
+/// One record from samples to covariances, prepared before; and the preparation.
+fn single(c: &mut Criterion) {
+    let mut group = c.benchmark_group("single fit");
+    let dt = common::DURATION / INTERVALS as f64;
+    let u: Vec<f64> = (0..=INTERVALS).map(|k| common::chirp(k as f64 * dt)).collect();
+    let mut noise = vec![0.0; INTERVALS + 1];
+    let at = Address { seed: 1, purpose: Purpose::NoiseY, channel: 0, replicate: 0, group: 0 };
+    normals(at, &mut noise);
+    let y: Vec<f64> = common::response().iter().zip(&noise).map(|(y, e)| y + 0.1 * e).collect();
+    let record = [RecordView { y: &y, u: vec![&u] }];
+    for (name, method, band) in [
+        ("awls, M = 6", Method::Awls, Band::Harmonics(6)),
+        ("ml, M = 6", Method::Ml, Band::Harmonics(6)),
+        ("ml, default band", Method::Ml, Band::Default),
+    ] {
+        let options = FitOptions {
+            structure: Structure::new(2, vec![Some(0)]).unwrap(),
+            delays: vec![0.0],
+            intersample: vec![None],
+            rule: Rule::Gregory,
+            method,
+            noise: Noise::Output,
+            trend: Trend::None,
+            extended: true,
+            band,
+            options: common::OPTIONS,
+        };
+        let make = || {
+            Fitter::new(options.clone(), &[(INTERVALS + 1, Time::Even(dt))], Isa::detect()).unwrap()
+        };
+        let fitter = make();
+        group.bench_function(name, |b| b.iter(|| fitter.fit(black_box(&record)).unwrap()));
+        group.bench_function(format!("{name}, prepared anew"), |b| {
+            b.iter(|| make().fit(black_box(&record)).unwrap());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, estimates, replicate, single);
 criterion_main!(benches);

@@ -1,18 +1,17 @@
 """The compiled core: C-contiguous float64 in, NumPy arrays and plain objects out."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Fitter",
     "__version__",
     "_panic_for_tests",
     "_wait_for_tests",
     "coefficients",
-    "fit",
-    "fit_many",
     "gauss_legendre",
     "monte_carlo",
     "noise_level",
@@ -76,22 +75,23 @@ class _Options(TypedDict):
     tol: float
     maxiter: int
 
-def fit(
-    y: Sequence[_F64],
-    u: Sequence[_F64],
-    time: Sequence[float | _F64],
-    **options: Unpack[_Options],
-) -> dict[str, Any]: ...
-def fit_many(
-    y: _F64,
-    u: _F64,
-    dt: float,
-    *,
-    uncertainty: bool,
-    threads: int,
-    progress: Callable[[int, int], None] | None = None,
-    **options: Unpack[_Options],
-) -> dict[str, Any]: ...
+@final
+class Fitter:
+    def __new__(
+        cls,
+        samples: Sequence[int],
+        time: Sequence[float | _F64],
+        **options: Unpack[_Options],
+    ) -> Fitter: ...
+    def fit(self, y: Sequence[_F64], u: Sequence[_F64]) -> dict[str, Any]: ...
+    def fit_many(
+        self,
+        y: _F64 | Sequence[_F64],
+        u: _F64 | Sequence[_F64],
+        *,
+        threads: int | None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict[str, Any]: ...
 
 # Threads and faults ----------------------------------------------------------------------------
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,12 +91,28 @@ def growth(fit: Fit) -> float:
     return float(np.max(fit.model.poles().real))
 
 
+def surely_stable(denominator: Sequence[float]) -> bool:
+    """Whether all roots have negative real parts, by Routh's scheme; False where rounding may decide."""
+    upper, lower = list(denominator[::2]), list(denominator[1::2])
+    least = 0.0
+    while lower:
+        if not lower[0] > least:
+            return False
+        ratio, least = upper[0] / lower[0], 1e-9 * abs(upper[1] if len(upper) > 1 else 0.0)
+        upper, lower = lower, [a - ratio * b for a, b in zip(upper[1:], [*lower[1:], 0.0], strict=False)]
+    return True
+
+
 def disagreement(fit: Fit) -> float:
     """Largest ratio of the two kinds of standard errors, either way up."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(np.diag(fit.cov_hc3) / np.diag(fit.cov_nonrobust))
-        both = np.maximum(ratio, 1 / ratio)
-    return float(np.max(both)) if np.all(np.isfinite(both)) else float("nan")
+    worst = 1.0
+    for robust, classical in zip(
+        fit.cov_hc3.diagonal().tolist(), fit.cov_nonrobust.diagonal().tolist(), strict=True
+    ):
+        if not (0 < robust < inf and 0 < classical < inf):
+            return nan
+        worst = max(worst, robust / classical, classical / robust)
+    return sqrt(worst) if worst < inf else nan
 
 
 def fewest_samples(fit: Fit) -> float:

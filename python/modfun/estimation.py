@@ -9,11 +9,12 @@ from typing import Any, Never, Unpack
 
 import numpy as np
 
-from . import _core, explain
+from . import explain
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
-from .many import FitMany, run_many
+from .many import FitMany, fit_batch, fit_each
 from .options import Choices, Options
+from .prepared import prepare, refuse_standing
 from .records import Batch, Record
 from .results import Fit
 from .structures import TransferFunction
@@ -213,11 +214,12 @@ def fit_many(
         raise SpecError(f'fit_many: progress={progress!r} must be "auto", True or False')
     count = _threads(threads)
     if not isinstance(data, Batch):
-        records = _records(data, "fit_many")
-        data = (
-            records if len({_sampling(r) for r in records}) > 1 or records[0].dt is None else _batch(records)
-        )
-    return run_many(data, structure, checked, count, progress, _fit)
+        data = _records(data, "fit_many")
+        first = data[0]
+        alike = (first.y.shape[1], first.dt)
+        if first.dt is None or any((rec.y.shape[1], rec.dt) != alike for rec in data):
+            return fit_each(data, structure, checked, _fit)
+    return fit_batch(data, structure, checked, count, progress)
 
 
 # The way to the core -----------------------------------------------------------------------------
@@ -226,48 +228,11 @@ def fit_many(
 def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Options) -> Fit:
     """One fit without its warnings."""
     first = records[0]
-    inputs = len(first.inputs)
-    numerators, delays = channels(structure, first)
-    if all(np.ptp(rec.y) == 0 for rec in records):
-        raise DataError(
-            f"fit: output {first.outputs[0]!r} stands at {first.y[0][0]:g} throughout, so nothing "
-            "can be learnt from it: "
-            "take a record in which it moves"
-        )
-    for k, (name, degree) in enumerate(zip(first.inputs, numerators, strict=True)):
-        if degree is not None and all(np.ptp(rec.u[k]) == 0 for rec in records):
-            raise DataError(
-                f"fit: input {name!r} stands at {first.u[k][0]:g} throughout, so nothing can be "
-                "learnt from it: leave "
-                "it out with rec.select(inputs=[...]), or take a record in which it moves"
-            )
-    if any(delays):
-        for rec in records:
-            if rec.dt is None:
-                raise DataError(
-                    f"fit: a delay of {max(delays):g} s needs even sampling, and the record's "
-                    "steps are uneven; "
-                    "resample it, or leave the delay out"
-                )
-            if max(delays) >= rec.duration / 2:
-                raise DataError(
-                    f"fit: the delay of {max(delays):g} s leaves less than half of the record of "
-                    f"{rec.duration:g} s; "
-                    "delays are in seconds"
-                )
-    found = _core.fit(
-        [rec.y for rec in records],
-        [rec.u for rec in records],
-        [rec.t if rec.dt is None else rec.dt for rec in records],
-        order=structure.poles,
-        numerators=numerators,
-        delays=delays,
-        intersample=list(first.intersample),
-        **options.core(),
+    made = prepare(structure, options, records)
+    refuse_standing(
+        made, first.outputs, first.inputs, [rec.y[0] for rec in records], [rec.u for rec in records]
     )
-    leads = [
-        0 if rec.dt is None else int(np.ceil(max(delays, default=0.0) / rec.dt - 1e-9)) for rec in records
-    ]
+    found = made.core.fit([rec.y for rec in records], [rec.u for rec in records])
     return Fit(
         structure=structure,
         options=options,
@@ -275,64 +240,27 @@ def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Opti
         inputs=first.inputs,
         units=first.units,
         intersample=first.intersample,
-        numerators=tuple(numerators),
-        delays=tuple(delays),
-        param_names=structure.param_names(first.inputs)
-        if inputs
-        else tuple(f"a{k + 1}" for k in range(structure.poles)),
-        params=np.asarray(found["theta"], float),
-        cov_nonrobust=np.asarray(found["cov_nonrobust"], float),
-        cov_hc3=np.asarray(found["cov_hc3"], float),
-        cost=float(found["cost"]),
-        sigma=float(found["sigma"]),
-        df_resid=int(found["df_resid"]),
-        status=str(found["status"]),
-        nit=int(found["nit"]),
-        lines=tuple((int(lo), int(hi)) for lo, hi in found["lines"]),
-        omega0=tuple(float(w) for w in found["omega0"]),
-        intervals=tuple(rec.intervals - lead for rec, lead in zip(records, leads, strict=True)),
-        steps=tuple(rec.dt for rec in records),
-        gram=np.asarray(found["gram"], float),
-        high_band_sigma=_high_band(records, leads, found["lines"], structure.poles),
-        band_rule=None
-        if found["band_rule"] is None
-        else {k: float(v) for k, v in found["band_rule"].items()},
-        pieces=tuple(np.asarray(e, complex) for e in found["residuals"]),
+        numerators=made.numerators,
+        delays=made.delays,
+        param_names=made.param_names,
+        params=found["theta"],
+        cov_nonrobust=found["cov_nonrobust"],
+        cov_hc3=found["cov_hc3"],
+        cost=found["cost"],
+        sigma=found["sigma"],
+        df_resid=found["df_resid"],
+        status=found["status"],
+        nit=found["nit"],
+        lines=tuple(found["lines"]),
+        omega0=tuple(found["omega0"]),
+        intervals=made.intervals,
+        steps=tuple([rec.dt for rec in records]),
+        gram=found["gram"],
+        condition_bound=found["condition_bound"],
+        band_rule=found["band_rule"],
+        pieces=tuple(found["residuals"]),
         records=records,
     )
-
-
-def _high_band(
-    records: Sequence[Record], leads: Sequence[int], lines: Sequence[tuple[int, int]], order: int
-) -> float:
-    """Noise level of the output from harmonics the fit does not use; nan where there are none."""
-    variance = []
-    for rec, lead, (_, hi) in zip(records, leads, lines, strict=True):
-        intervals = rec.intervals - lead
-        if rec.dt is None or hi > intervals // 4 or intervals < 8 * (order + 4):
-            return float("nan")
-        variance.append(float(_core.noise_level(np.ascontiguousarray(rec.y[:, lead:]), order)[0]) ** 2)
-    return float(np.sqrt(np.mean(variance)))
-
-
-def channels(structure: TransferFunction, first: Record | Batch) -> tuple[list[int | None], list[float]]:
-    """Numerator degrees and delays for the inputs of a record, checked."""
-    if len(first.outputs) > 1:
-        raise SpecError(
-            f"fit: the record has {len(first.outputs)} outputs ({', '.join(first.outputs)}) and "
-            "this version fits "
-            f"one at a time; choose it with rec.select(outputs=[{first.outputs[0]!r}])"
-        )
-    inputs = len(first.inputs)
-    if inputs == 0:
-        if structure.n_inputs is not None:
-            raise SpecError(
-                f"fit: the structure has {structure.n_inputs} input(s), the record has none; free "
-                "motion takes "
-                f"TransferFunction(poles={structure.poles})"
-            )
-        return [], []
-    return list(structure.numerators(inputs)), list(structure.delays(inputs))
 
 
 def _warn(result: Fit) -> None:
@@ -380,15 +308,22 @@ def _records(data: Any, what: str = "fit") -> tuple[Record, ...]:
     for k, rec in enumerate(records):
         if not isinstance(rec, Record):
             raise SpecError(f"{what}: item {k} of data is {type(rec).__name__!r}, not a Record")
-        for name in ("outputs", "inputs", "intersample"):
-            mine, theirs = getattr(records[0], name), getattr(rec, name)
-            if mine != theirs:
-                raise DataError(
-                    f"{what}: record 0 has {name} {list(mine)}, record {k} has {list(theirs)}; "
-                    "records of one "
-                    "problem need the same channels in the same order (rec.select(outputs=..., inputs=...))"
-                )
+    first = records[0]
+    wanted = (first.outputs, first.inputs, first.intersample)
+    for k, rec in enumerate(records):
+        if (rec.outputs, rec.inputs, rec.intersample) != wanted:
+            _refuse_unlike(first, rec, k, what)
     return records
+
+
+def _refuse_unlike(first: Record, rec: Record, k: int, what: str) -> None:
+    for name in ("outputs", "inputs", "intersample"):
+        mine, theirs = getattr(first, name), getattr(rec, name)
+        if mine != theirs:
+            raise DataError(
+                f"{what}: record 0 has {name} {list(mine)}, record {k} has {list(theirs)}; records of one "
+                "problem need the same channels in the same order (rec.select(outputs=..., inputs=...))"
+            )
 
 
 def _threads(given: int | None) -> int:
@@ -402,23 +337,6 @@ def _threads(given: int | None) -> int:
     if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
         raise SpecError(f"threads={given!r} must be a whole number from 1 on, or None")
     return int(given)
-
-
-def _sampling(rec: Record) -> tuple[int, float | None]:
-    return rec.intervals, rec.dt
-
-
-def _batch(records: tuple[Record, ...]) -> Batch:
-    first = records[0]
-    assert first.dt is not None
-    return Batch(
-        y=np.stack([rec.y for rec in records]),
-        u=np.stack([rec.u for rec in records]) if first.inputs else None,
-        dt=first.dt,
-        outputs=first.outputs,
-        inputs=first.inputs,
-        intersample=first.intersample,
-    )
 
 
 def _estimator(model: TransferFunction, options: Options) -> Estimator:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import html
-from .diagnosis import diagnose, disagreement, fewest_samples, growth
+from .diagnosis import diagnose, disagreement, fewest_samples, growth, surely_stable
 from .tables import Findings, Table
 
 if TYPE_CHECKING:
@@ -73,6 +73,8 @@ def _few_samples(fit: Fit) -> str | None:
 
 
 def _unstable(fit: Fit) -> str | None:
+    if surely_stable([1.0, *fit.params[: fit.order].tolist()]):
+        return None
     growing = growth(fit)
     if growing <= 0:
         return None
@@ -99,7 +101,7 @@ def _minima(fit: Fit) -> str | None:
 
 
 def _condition(fit: Fit) -> str | None:
-    if fit.cond <= CONDITION:
+    if fit.condition_bound <= CONDITION or fit.cond <= CONDITION:
         return None
     return (
         f"The regressors are nearly dependent (condition number {fit.cond:.2g}): take fewer poles "

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import SpecError
+from .errors import DataError, SpecError
 from .extras import optional
 from .options import Options
+from .prepared import prepare, refuse_standing
 from .records import Batch, Record
-from .results import Fit
+from .results import Fit, band_of
 from .structures import TransferFunction
 from .tables import Table, nearest
 
@@ -24,6 +24,8 @@ __all__ = ["FitMany"]
 
 F64 = NDArray[np.float64]
 STATUS = ("ok", "maxiter", "rank", "nonfinite")
+_WORDS = np.array(STATUS)
+_NONFINITE = STATUS.index("nonfinite")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,24 +131,51 @@ class FitMany:
         return self.table()._repr_html_()
 
 
-def run_many(
+def fit_batch(
     data: Batch | tuple[Record, ...],
     structure: TransferFunction,
     options: Options,
     threads: int,
     progress: str | bool,
+) -> FitMany:
+    """Fit records of one length and step in the compiled core, which chooses one band for all."""
+    made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
+    y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
+    one = data if isinstance(data, Batch) else data[0]
+    refuse_standing(made, one.outputs, one.inputs, [y[0][0]], [u[0]])
+    show = _Progress(progress, len(y))
+    found = made.core.fit_many(y, u, threads=threads, progress=show if show.on else None)
+    show.end()
+    status = found["status"]
+    if status.min() == _NONFINITE and not any(np.isfinite(samples).all() for samples in y):
+        raise DataError(
+            f"fit_many: every record holds values that are not finite, record 0 at sample "
+            f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
+        )
+    return FitMany(
+        params=found["theta"],
+        bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],
+        status=_WORDS[status],
+        cost=found["cost"],
+        nit=np.asarray(found["nit"], dtype=np.intp),
+        param_names=made.param_names,
+        df_resid=found["df_resid"],
+        band=band_of(found["lines"], found["omega0"]),
+        structure=structure,
+        options=options,
+    )
+
+
+def fit_each(
+    records: tuple[Record, ...],
+    structure: TransferFunction,
+    options: Options,
     fit_one: Callable[[tuple[Record, ...], TransferFunction, Options], Fit],
 ) -> FitMany:
-    """Choose the band once, then fit everything; see `estimation.fit_many`."""
-    first = _first(data, fit_one, structure, options)
-    chosen = options
-    if options.band is None and options.harmonics is None and options.method in ("ml", "awls"):
-        chosen = options.replace(harmonics=first.harmonics)
-    if isinstance(data, Batch):
-        return _batch(data, structure, options, chosen, threads, _Progress(progress, len(data)), first)
-    fits = [first] + [
-        fit_one((rec,), structure, chosen.replace(harmonics=None, band=first.band)) for rec in data[1:]
-    ]
+    """Fit records of different lengths or rates one after the other, with the band of the first."""
+    first = fit_one(records[:1], structure, options)
+    later = options.replace(harmonics=None, band=first.band)
+    fits = [first, *(fit_one((rec,), structure, later) for rec in records[1:])]
     return collect(fits, structure, options)
 
 
@@ -163,55 +192,6 @@ def collect(fits: list[Fit], structure: TransferFunction, options: Options) -> F
         band=fits[0].band,
         structure=structure,
         options=options,
-    )
-
-
-def _first(
-    data: Batch | tuple[Record, ...],
-    fit_one: Callable[[tuple[Record, ...], TransferFunction, Options], Fit],
-    structure: TransferFunction,
-    options: Options,
-) -> Fit:
-    if not isinstance(data, Batch):
-        return fit_one((data[0],), structure, options)
-    finite = np.flatnonzero(np.all(np.isfinite(data.y), axis=(1, 2)))
-    return fit_one((data[int(finite[0]) if finite.size else 0],), structure, options)
-
-
-def _batch(
-    data: Batch,
-    structure: TransferFunction,
-    asked: Options,
-    chosen: Options,
-    threads: int,
-    show: _Progress,
-    first: Fit,
-) -> FitMany:
-    found = _core.fit_many(
-        data.y,
-        data.u,
-        data.dt,
-        order=structure.poles,
-        numerators=list(first.numerators),
-        delays=list(first.delays),
-        intersample=list(data.intersample),
-        uncertainty=True,
-        threads=threads,
-        progress=show if show.on else None,
-        **chosen.core(),
-    )
-    show.end()
-    return FitMany(
-        params=found["theta"],
-        bse=found["bse_hc3" if asked.cov_type == "HC3" else "bse_nonrobust"],
-        status=np.array(STATUS)[found["status"]],
-        cost=found["cost"],
-        nit=np.asarray(found["nit"], dtype=np.intp),
-        param_names=first.param_names,
-        df_resid=int(found["df_resid"]),
-        band=first.band,
-        structure=structure,
-        options=asked,
     )
 
 

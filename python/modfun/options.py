@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
 from typing import Any, TypedDict
 
 import numpy as np
@@ -67,44 +68,12 @@ class Options:
         SpecError
             An unknown option or word, or a number out of range.
         """
-        known = [field.name for field in fields(cls)]
-        for name in given:
-            if name not in known:
-                raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
-        for name, words in WORDS.items():
-            if name in given and not (isinstance(given[name], str) and given[name] in words):
-                raise SpecError(
-                    f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}"
-                )
-        trend = given.get("trend")
-        if trend is not None and not (isinstance(trend, str) and trend in TRENDS):
-            raise SpecError(
-                f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None"
-            )
-        checked = dict(given)
-        if given.get("band") is not None:
-            checked["band"] = _band(what, given["band"])
-        if given.get("harmonics") is not None:
-            if checked.get("band") is not None:
-                raise SpecError(
-                    f"{what}: band={given['band']!r} and harmonics={given['harmonics']!r} say the same thing "
-                    "twice; give one of them, or neither for the default rule"
-                )
-            checked["harmonics"] = _integer(what, "harmonics", given["harmonics"], 1)
-        if "maxiter" in given:
-            checked["maxiter"] = _integer(what, "maxiter", given["maxiter"], 1)
-        if "tol" in given:
-            checked["tol"] = _number(what, "tol", given["tol"])
-            if not 0 < checked["tol"] < 1:
-                raise SpecError(f"{what}: tol={given['tol']!r} must lie between 0 and 1; the default is 1e-9")
-        if "extended" in given and not isinstance(given["extended"], bool | np.bool_):
-            raise SpecError(
-                f"{what}: extended={given['extended']!r} must be True (indices from -n/2, no information "
-                "lost) or False (the report's 0..M)"
-            )
-        if "extended" in given:
-            checked["extended"] = bool(given["extended"])
-        return cls(**checked)
+        # Equal tuples may hold values of other types, so a band of two edges is looked at every time.
+        look = _checked if isinstance(given.get("band"), tuple) else _looked_up
+        try:
+            return look(what, **given)
+        except TypeError:  # a list or array is no key
+            return _checked(what, **given)
 
     def settled(self) -> Options:
         """The same with trend="auto" settled: "constant", as trimmed records of linear models need."""
@@ -125,6 +94,46 @@ class Options:
         words = asdict(self.settled())
         del words["cov_type"]
         return words
+
+
+def _checked(what: str, **given: Any) -> Options:
+    for name in given:
+        if name not in Options.__dataclass_fields__:
+            known = list(Options.__dataclass_fields__)
+            raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
+    for name, words in WORDS.items():
+        if name in given and not (isinstance(given[name], str) and given[name] in words):
+            raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
+    trend = given.get("trend")
+    if trend is not None and not (isinstance(trend, str) and trend in TRENDS):
+        raise SpecError(f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None")
+    checked = dict(given)
+    if given.get("band") is not None:
+        checked["band"] = _band(what, given["band"])
+    if given.get("harmonics") is not None:
+        if checked.get("band") is not None:
+            raise SpecError(
+                f"{what}: band={given['band']!r} and harmonics={given['harmonics']!r} say the same thing "
+                "twice; give one of them, or neither for the default rule"
+            )
+        checked["harmonics"] = _integer(what, "harmonics", given["harmonics"], 1)
+    if "maxiter" in given:
+        checked["maxiter"] = _integer(what, "maxiter", given["maxiter"], 1)
+    if "tol" in given:
+        checked["tol"] = _number(what, "tol", given["tol"])
+        if not 0 < checked["tol"] < 1:
+            raise SpecError(f"{what}: tol={given['tol']!r} must lie between 0 and 1; the default is 1e-9")
+    if "extended" in given and not isinstance(given["extended"], bool | np.bool_):
+        raise SpecError(
+            f"{what}: extended={given['extended']!r} must be True (indices from -n/2, no information "
+            "lost) or False (the report's 0..M)"
+        )
+    if "extended" in given:
+        checked["extended"] = bool(given["extended"])
+    return Options(**checked)
+
+
+_looked_up = lru_cache(64, typed=True)(_checked)
 
 
 def _band(what: str, band: Any) -> tuple[float, float]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core, explain, prediction, validation
 from . import derived as derivations
-from . import explain, prediction, validation
 from .errors import DataError, FitError, SpecError
 from .lti import LTI, ss, tf
 from .options import Options
@@ -25,6 +27,12 @@ __all__ = ["Fit"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
+
+
+def band_of(lines: Sequence[tuple[int, int]], omega0: Sequence[float]) -> tuple[float, float]:
+    """Lowest and highest frequency of some lines, rad/s (over all records)."""
+    pairs = [(lo * w, hi * w) for (lo, hi), w in zip(lines, omega0, strict=True)]
+    return min(p[0] for p in pairs), max(p[1] for p in pairs)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,8 +69,6 @@ class Fit:
         Line spacing 2 pi / T in rad/s, a record.
     intervals, steps : tuples
         Sampling intervals used and their length in s (None: uneven), a record.
-    high_band_sigma : float
-        Noise level of the output from the unused upper harmonics; nan where not available.
     band_rule : dict or None
         Numbers of the default rule that chose the band; None where the band was given.
     structure : TransferFunction
@@ -71,6 +77,8 @@ class Fit:
         How it was fitted.
     records : tuple of Record or None
         The fit's own records; None after `load`.
+    condition_bound : float
+        No less than `cond`, and had for nothing; inf where not known.
     """
 
     structure: TransferFunction
@@ -95,10 +103,11 @@ class Fit:
     intervals: tuple[int, ...]
     steps: tuple[float | None, ...]
     gram: F64
-    high_band_sigma: float
     band_rule: dict[str, float] | None
     pieces: tuple[C128, ...]
     records: tuple[Record, ...] | None = None
+    condition_bound: float = inf
+    known_level: float | None = None
 
     # Estimates and their uncertainty ------------------------------------------------------------
 
@@ -169,6 +178,19 @@ class Fit:
         self._need_numbers("damp")
         return derivations.damp(self)
 
+    @cached_property
+    def high_band_sigma(self) -> float:
+        """Noise level of the output from harmonics the fit does not use; nan where there are none."""
+        if self.known_level is not None or self.records is None:
+            return float("nan") if self.known_level is None else self.known_level
+        variance = []
+        for rec, intervals, (_, hi) in zip(self.records, self.intervals, self.lines, strict=True):
+            if rec.dt is None or hi > intervals // 4 or intervals < 8 * (self.order + 4):
+                return float("nan")
+            window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
+            variance.append(float(_core.noise_level(window, self.order)[0]) ** 2)
+        return float(np.sqrt(np.mean(variance)))
+
     # How it went --------------------------------------------------------------------------------
 
     @property
@@ -218,8 +240,7 @@ class Fit:
     @property
     def band(self) -> tuple[float, float]:
         """Lowest and highest frequency used, rad/s (over all records)."""
-        pairs = [(lo * w, hi * w) for (lo, hi), w in zip(self.lines, self.omega0, strict=True)]
-        return min(p[0] for p in pairs), max(p[1] for p in pairs)
+        return band_of(self.lines, self.omega0)
 
     @property
     def harmonics(self) -> int:
@@ -454,7 +475,7 @@ class Fit:
 
     def without_samples(self) -> Fit:
         """The same fit without the records it came from."""
-        return replace(self, records=None)
+        return replace(self, records=None, known_level=self.high_band_sigma)
 
     def __repr__(self) -> str:
         return explain.one_line(self)

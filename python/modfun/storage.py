@@ -74,7 +74,8 @@ def fit_from_dict(values: Any) -> Fit:
         if options["band"] is not None:
             options["band"] = tuple(options["band"])
         fields: dict[str, Any] = {name: values[name] for name in _PLAIN}
-        fields["cost"], fields["sigma"], fields["high_band_sigma"] = (
+        del fields["high_band_sigma"]
+        fields["cost"], fields["sigma"], fields["known_level"] = (
             float(values[name]) for name in ("cost", "sigma", "high_band_sigma")
         )
         fields.update({name: tuple(values[name]) for name in _TUPLES})

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
-from .estimation import Estimator, channels
+from .estimation import Estimator
 from .lti import LTI
 from .options import WORDS, Options
+from .prepared import channels
 from .records import Record
 from .simulation import Experiment, experiment
 from .structures import TransferFunction
@@ -318,13 +319,15 @@ def _settled(own: Estimator, group: Group) -> Estimator:
     core = _core_structure(own.model, group)
     y = np.ascontiguousarray(group.y[None])
     with np.errstate(all="ignore"):
-        found = _core.fit([y], [group.rest.u], [group.rest.dt], **core, **options.core())
+        fitter = _core.Fitter([y.shape[1]], [group.rest.dt], **core, **options.core())
+        found = fitter.fit([y], [group.rest.u])
     harmonics = int(found["lines"][0][1]) - own.model.poles
     return Estimator(own.model, **_choices(options.replace(harmonics=harmonics)))
 
 
 def _core_structure(structure: TransferFunction, group: Group) -> dict[str, Any]:
-    numerators, delays = channels(structure, group.record(group.y))
+    record = group.record(group.y)
+    numerators, delays = channels(structure, record.outputs, record.inputs)
     return {
         "order": structure.poles,
         "numerators": numerators,

@@ -1,7 +1,7 @@
 //! Scoped threads over a shared chunk counter: the one file that starts threads.
 //!
-//! Nothing outlives a call, so there is no pool to shut down and forking is safe. The calling
-//! thread does no chunks: it waits in slices, reports progress and may stop the work.
+//! Nothing outlives a call, so there is no pool to shut down and forking is safe. The calling thread waits in
+//! slices, reports progress and may stop the work; it does chunks only where no thread is worth starting.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -76,6 +76,9 @@ impl Drop for Running<'_> {
 /// the calling thread every 50 ms and once at the end; where it answers [`Control::Stop`], no new
 /// chunk is begun, and `stop` tells long chunks to return early (their results are dropped).
 ///
+/// With 0 threads the calling thread does the work and reports at the end only: for work so short that
+/// starting a thread would take longer.
+///
 /// # Errors
 /// [`Error::Cancelled`] after a stop; [`Error::Internal`] with the text of the panic where
 /// `make_worker` or `work` panicked, as soon as the other threads have left their chunks.
@@ -124,7 +127,12 @@ pub fn run<W, T: Send>(
     std::thread::scope(|scope| {
         let _stop = StopOnLeaving(&stop);
         let mut handles = Vec::new();
-        for _ in 0..threads.clamp(1, chunks.max(1)).min(chunks) {
+        let mut here = Vec::new();
+        if threads == 0 {
+            *running.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+            here = thread();
+        }
+        for _ in 0..threads.min(chunks) {
             *running.lock().unwrap_or_else(PoisonError::into_inner) += 1;
             match std::thread::Builder::new().name("modfun".into()).spawn_scoped(scope, thread) {
                 Ok(handle) => handles.push(handle),
@@ -160,11 +168,10 @@ pub fn run<W, T: Send>(
             }
         }
         drop(left);
-        for handle in handles {
-            // Panics were caught inside, so every thread gives its results.
-            for (chunk, result) in handle.join().unwrap_or_default() {
-                slots[chunk] = Some(result);
-            }
+        // Panics were caught inside, so every thread gives its results.
+        let theirs = handles.into_iter().flat_map(|handle| handle.join().unwrap_or_default());
+        for (chunk, result) in here.into_iter().chain(theirs) {
+            slots[chunk] = Some(result);
         }
         report(&mut cancelled);
         Ok(())
@@ -212,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_an_error_and_stops_the_others() {
-        for threads in [1, 2, 5] {
+        for threads in [0, 1, 2, 5] {
             let started = Instant::now();
             let work = |(): &mut (), chunk: usize, stop: &AtomicBool| {
                 assert!(chunk != 3, "chunk three is bad");
@@ -233,8 +240,21 @@ mod tests {
     #[test]
     fn a_worker_that_cannot_be_made_is_an_error() {
         let make = || -> () { panic!("no memory") };
-        let error = run(2, 5, &mut go_on, make, |(), _, _| ()).unwrap_err();
-        assert_eq!(error, Error::Internal("a worker panicked in setting up: no memory".into()));
+        for threads in [0, 2] {
+            let error = run(threads, 5, &mut go_on, make, |(), _, _| ()).unwrap_err();
+            assert_eq!(error, Error::Internal("a worker panicked in setting up: no memory".into()));
+        }
+    }
+
+    #[test]
+    fn no_threads_means_the_calling_one() {
+        let here = std::thread::current().id();
+        let whose = run(0, 3, &mut go_on, || (), |(), _, _| std::thread::current().id());
+        assert_eq!(whose, Ok(vec![here; 3]));
+        let theirs = run(1, 3, &mut go_on, || (), |(), _, _| std::thread::current().id()).unwrap();
+        assert!(!theirs.contains(&here));
+        let stop = run(0, 3, &mut |_, _| Control::Stop, || (), |(), _, _| ());
+        assert_eq!(stop, Err(Error::Cancelled));
     }
 
     #[test]

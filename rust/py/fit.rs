@@ -1,15 +1,16 @@
-//! `fit` and `fit_many`: arrays and words in, a dictionary of arrays out.
+//! `Fitter`: words and lengths make it, arrays go in, a dictionary of arrays comes out.
 
 use modfun::Error;
 use modfun::estimate::{
-    Band, Batch, Fit, FitOptions, Options, RecordView, Time, Wanted, fit as core_fit,
-    fit_many as core_fit_many,
+    Band, Batch, Fit, FitOptions, Fitter as Core, Options, RecordView, Time, Wanted,
 };
 use modfun::quadrature::Hold;
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::structure::{Method, Noise, Structure, Trend};
-use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{
+    Complex64, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -117,62 +118,145 @@ enum When<'py> {
     Instants(PyReadonlyArray1<'py, f64>),
 }
 
-/// Fits one structure to one or several records.
-#[pyfunction]
-#[pyo3(signature = (y, u, time, **options))]
-pub fn fit<'py>(
-    py: Python<'py>,
-    y: Vec<PyReadonlyArray2<'py, f64>>,
-    u: Vec<PyReadonlyArray2<'py, f64>>,
-    time: Vec<Bound<'py, PyAny>>,
-    options: Option<Bound<'py, PyDict>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
-    let o = given.options(Wanted::Covariance).map_err(to_python)?;
-    if y.len() != u.len() || y.len() != time.len() {
-        return Err(to_python(Error::Data(format!(
-            "fitting: {} outputs, {} inputs and {} time axes; one of each a record",
-            y.len(),
-            u.len(),
-            time.len()
-        ))));
-    }
-    let when: Vec<When<'py>> = time.iter().map(|t| t.extract()).collect::<PyResult<_>>()?;
-    let mut records = Vec::with_capacity(y.len());
-    for ((y, u), when) in y.iter().zip(&u).zip(&when) {
-        let samples = slice(y, "y")?;
-        let inputs = slice(u, "u")?;
-        let count = y.as_array().ncols();
-        if y.as_array().nrows() != 1 {
-            return Err(to_python(Error::Data(format!(
-                "fitting: {} outputs at once; select one, for example with select(outputs=[...])",
-                y.as_array().nrows()
-            ))));
-        }
-        if u.as_array().nrows() > 0 && u.as_array().ncols() != count {
-            return Err(to_python(Error::Data(format!(
-                "fitting: the output has {count} samples but the inputs have {}",
-                u.as_array().ncols()
-            ))));
-        }
-        let time = match when {
-            When::Step(dt) => Time::Even(*dt),
-            When::Instants(t) => Time::Uneven(t.as_slice()?),
-        };
-        let u = if inputs.is_empty() { Vec::new() } else { inputs.chunks_exact(count).collect() };
-        records.push(RecordView { y: samples, u, time });
-    }
-    let result = core_fit(&records, &o, Isa::detect()).map_err(to_python)?;
-    dictionary(py, &result)
+/// Channels of many records as Python gives them: (replicate, channel, time), or a list of (channel, time).
+#[derive(FromPyObject)]
+enum Records<'py> {
+    Together(PyReadonlyArray3<'py, f64>),
+    Listed(Vec<PyReadonlyArray2<'py, f64>>),
 }
 
-fn dictionary<'py>(py: Python<'py>, f: &Fit) -> PyResult<Bound<'py, PyDict>> {
+impl Records<'_> {
+    /// One slice a channel, record after record; all records have `channels`.
+    fn rows(&self, name: &str, channels: usize) -> PyResult<Vec<&[f64]>> {
+        let counted = |have: usize| match have == channels {
+            true => Ok(()),
+            false => Err(to_python(Error::Data(format!(
+                "fitting: {name} has {have} channels where {channels} are needed; choose them with \
+                 select(outputs=[...], inputs=[...])"
+            )))),
+        };
+        match self {
+            Records::Together(array) => {
+                counted(array.shape()[1])?;
+                Ok(slice(array, name)?.chunks_exact(array.shape()[2].max(1)).collect())
+            }
+            Records::Listed(arrays) => {
+                let mut rows = Vec::with_capacity(arrays.len() * channels);
+                for array in arrays {
+                    counted(array.shape()[0])?;
+                    rows.extend(slice(array, name)?.chunks_exact(array.shape()[1].max(1)));
+                }
+                Ok(rows)
+            }
+        }
+    }
+}
+
+/// Everything about fits of one kind that their samples do not change; see the core's `Fitter`.
+#[pyclass(frozen, module = "modfun._core")]
+pub struct Fitter {
+    core: Core,
+    inputs: usize,
+}
+
+#[pymethods]
+impl Fitter {
+    /// Makes ready for records of these numbers of samples and steps, or instants.
+    #[new]
+    #[pyo3(signature = (samples, time, **options))]
+    fn new(
+        samples: Vec<usize>,
+        time: Vec<When<'_>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Fitter> {
+        let Some(options) = options else {
+            return Err(to_python(Error::Spec("fitting: no option was given".into())));
+        };
+        let given: Given = options.extract()?;
+        let o = given.options(Wanted::Covariance).map_err(to_python)?;
+        if samples.len() != time.len() {
+            return Err(to_python(Error::Data(format!(
+                "fitting: {} lengths and {} time axes; one of each a record",
+                samples.len(),
+                time.len()
+            ))));
+        }
+        let mut sampling = Vec::with_capacity(samples.len());
+        for (samples, when) in samples.iter().zip(&time) {
+            let time = match when {
+                When::Step(dt) => Time::Even(*dt),
+                When::Instants(t) => Time::Uneven(slice(t, "t")?),
+            };
+            sampling.push((*samples, time));
+        }
+        let inputs = o.structure.numerators.len();
+        Ok(Fitter { core: Core::new(o, &sampling, Isa::detect()).map_err(to_python)?, inputs })
+    }
+
+    /// Fits one structure to one record, or to several as one problem: lists of (channel, time).
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        y: Vec<PyReadonlyArray2<'py, f64>>,
+        u: Vec<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        if y.len() != u.len() {
+            return Err(to_python(Error::Data(format!(
+                "fitting: {} outputs and {} inputs; one of each a record",
+                y.len(),
+                u.len()
+            ))));
+        }
+        let (y, u) = (Records::Listed(y), Records::Listed(u));
+        let mut inputs = u.rows("u", self.inputs)?.into_iter();
+        let records: Vec<RecordView<'_>> = y
+            .rows("y", 1)?
+            .into_iter()
+            .map(|y| RecordView { y, u: inputs.by_ref().take(self.inputs).collect() })
+            .collect();
+        let found = enter(py, None, |_| self.core.fit(&records))?;
+        dictionary(py, found)
+    }
+
+    /// Fits every record by itself; the inputs may be one set for all.
+    #[pyo3(signature = (y, u, *, threads, progress=None))]
+    fn fit_many<'py>(
+        &self,
+        py: Python<'py>,
+        y: Records<'py>,
+        u: Records<'py>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let batch = Batch { y: y.rows("y", 1)?, u: u.rows("u", self.inputs)? };
+        let threads = modfun::threads::count(threads).map_err(to_python)?;
+        let (many, design) =
+            enter(py, progress, |report| self.core.fit_many(&batch, threads, report))?;
+        let rows = many.status.len();
+        let out = PyDict::new(py);
+        let df_resid = design.degrees_of_freedom();
+        out.set_item("theta", matrix(py, many.theta, rows)?)?;
+        out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
+        out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
+        out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
+        out.set_item("cost", vector(py, many.cost))?;
+        out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
+        out.set_item("df_resid", df_resid)?;
+        let lines = design.lines();
+        out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
+        out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
+        Ok(out)
+    }
+}
+
+fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     let p = f.theta.len();
     let out = PyDict::new(py);
-    out.set_item("theta", vector(py, f.theta.clone()))?;
-    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust.clone(), p)?)?;
-    out.set_item("cov_hc3", matrix(py, f.cov_hc3.clone(), p)?)?;
-    out.set_item("gram", matrix(py, f.gram.clone(), p)?)?;
+    out.set_item("theta", vector(py, f.theta))?;
+    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
+    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
+    out.set_item("gram", matrix(py, f.gram, p)?)?;
+    out.set_item("condition_bound", f.condition_bound)?;
     out.set_item("cost", f.cost)?;
     out.set_item("df_resid", f.degrees_of_freedom)?;
     out.set_item("sigma", f.sigma)?;
@@ -191,76 +275,13 @@ fn dictionary<'py>(py: Python<'py>, f: &Fit) -> PyResult<Bound<'py, PyDict>> {
         None => out.set_item("band_rule", py.None())?,
         Some(rule) => {
             let account = PyDict::new(py);
-            account.set_item("k_max", rule.wide)?;
-            account.set_item("k_0", rule.narrow)?;
+            account.set_item("k_max", rule.wide as f64)?;
+            account.set_item("k_0", rule.narrow as f64)?;
             account.set_item("cost_wide", rule.costs[0])?;
             account.set_item("cost_narrow", rule.costs[1])?;
-            account.set_item("k", rule.chosen)?;
+            account.set_item("k", rule.chosen as f64)?;
             out.set_item("band_rule", account)?;
         }
     }
-    Ok(out)
-}
-
-/// Fits one structure to every record of a batch.
-#[pyfunction]
-#[pyo3(signature = (y, u, dt, *, uncertainty, threads, progress=None, **options))]
-#[allow(clippy::too_many_arguments)]
-pub fn fit_many<'py>(
-    py: Python<'py>,
-    y: PyReadonlyArray3<'py, f64>,
-    u: PyReadonlyArray3<'py, f64>,
-    dt: f64,
-    uncertainty: bool,
-    threads: Option<usize>,
-    progress: Option<Py<PyAny>>,
-    options: Option<Bound<'py, PyDict>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let given: Given = options.unwrap_or_else(|| PyDict::new(py)).extract()?;
-    let o = given
-        .options(if uncertainty { Wanted::Covariance } else { Wanted::Cost })
-        .map_err(to_python)?;
-    let shape = y.as_array().dim();
-    let inputs = u.as_array().dim();
-    let wrong = |what: String| Err(to_python(Error::Data(format!("fitting a batch: {what}"))));
-    if shape.1 != 1 {
-        return wrong(format!("{} outputs at once; select one", shape.1));
-    }
-    if inputs.1 != o.structure.numerators.len() {
-        return wrong(format!(
-            "the structure has {} inputs but the batch has {}",
-            o.structure.numerators.len(),
-            inputs.1
-        ));
-    }
-    if inputs.1 > 0 && inputs.2 != shape.2 {
-        return wrong(format!("outputs have {} samples, inputs {}", shape.2, inputs.2));
-    }
-    if inputs.0 != 1 && inputs.0 != shape.0 {
-        return wrong(format!(
-            "{} replicates of y but {} of u; give one set for all or as many as y",
-            shape.0, inputs.0
-        ));
-    }
-    let (y, u) = (slice(&y, "y")?.to_vec(), slice(&u, "u")?.to_vec());
-    let thread_count = modfun::threads::count(threads).map_err(to_python)?;
-    let shared = inputs.0 == 1;
-    let (many, design) = enter(py, progress, |report| {
-        let batch = Batch { y: &y, u: &u, shared, samples: shape.2, dt };
-        core_fit_many(&batch, &o, Isa::detect(), thread_count, report)
-    })?;
-    let rows = many.status.len();
-    let out = PyDict::new(py);
-    let df_resid = design.degrees_of_freedom();
-    out.set_item("theta", matrix(py, many.theta, rows)?)?;
-    out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
-    out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
-    out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
-    out.set_item("cost", vector(py, many.cost))?;
-    out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
-    out.set_item("df_resid", df_resid)?;
-    let lines = design.lines();
-    out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
-    out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     Ok(out)
 }

@@ -14,8 +14,7 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = true)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_function(wrap_pyfunction!(fit::fit, module)?)?;
-    module.add_function(wrap_pyfunction!(fit::fit_many, module)?)?;
+    module.add_class::<fit::Fitter>()?;
     module.add_function(wrap_pyfunction!(study::monte_carlo, module)?)?;
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;

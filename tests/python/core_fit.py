@@ -27,29 +27,26 @@ def _structure(order, numerators, kinds):
     }
 
 
+def _fitter(samples, steps, order, numerators, kinds, options):
+    structure = _structure(order, numerators, kinds)
+    return _core.Fitter(samples, steps, **structure, **(DEFAULTS | options))
+
+
 def fit(records, order, numerators, **options):
-    """`_core.fit` of oracle records (one or a list), options as DEFAULTS where not given."""
+    """`_core.Fitter.fit` of oracle records (one or a list), options as DEFAULTS where not given."""
     records = [records] if isinstance(records, Record) else records
-    return _core.fit(
+    samples, steps = [r.y.size for r in records], [r.dt for r in records]
+    return _fitter(samples, steps, order, numerators, records[0].kinds, options).fit(
         [np.ascontiguousarray(r.y[None]) for r in records],
         [np.ascontiguousarray(r.u) for r in records],
-        [r.dt for r in records],
-        **_structure(order, numerators, records[0].kinds),
-        **(DEFAULTS | options),
     )
 
 
-def fit_many(y, u, dt, order, numerators, kinds=None, uncertainty=True, threads=1, **options):
-    """`_core.fit_many` of outputs (replicate, time) with the shared inputs u (nu, time)."""
-    return _core.fit_many(
-        np.ascontiguousarray(y[:, None, :]),
-        np.ascontiguousarray(u[None]),
-        dt,
-        **_structure(order, numerators, kinds or ["smooth"] * len(numerators)),
-        **(DEFAULTS | options),
-        uncertainty=uncertainty,
-        threads=threads,
-        progress=None,
+def fit_many(y, u, dt, order, numerators, kinds=None, threads=1, **options):
+    """`_core.Fitter.fit_many` of outputs (replicate, time) with the shared inputs u (nu, time)."""
+    kinds = kinds or ["smooth"] * len(numerators)
+    return _fitter([y.shape[1]], [dt], order, numerators, kinds, options).fit_many(
+        np.ascontiguousarray(y[:, None, :]), np.ascontiguousarray(u[None]), threads=threads
     )
 
 

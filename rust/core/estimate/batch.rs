@@ -1,30 +1,29 @@
 //! Many fits of one structure at once: eight records a block, blocks over threads, the same bits as one by one.
 
-use super::fit::{Band, FitOptions, RecordView, Time, fit};
-use super::window::{Window, coefficient_plans};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::fit::RecordView;
+use super::fitter::{Fitter, Range};
+use super::spare::{Lent, Spare};
 use super::{Design, Outcome, Start, Wanted, Workspace, estimate};
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
-use crate::simd::{Isa, LANES, Wide};
+use crate::simd::{LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
 use crate::threads::{self, Control};
 
 /// Records a chunk, the unit of scheduling.
 pub(crate) const CHUNK: usize = 64 * LANES;
+/// A chunk with no more samples and visits of a line than this takes milliseconds: no thread is started.
+const SHORT: usize = 1 << 22;
 
-/// Samples of many records of one length and step, (replicate, channel, time) with time last.
-#[derive(Debug, Clone, Copy)]
+/// Samples of many records of one length and step.
+#[derive(Debug, Clone)]
 pub struct Batch<'a> {
-    /// Outputs, replicate after replicate.
-    pub y: &'a [f64],
-    /// Inputs: of every replicate, or one set for all.
-    pub u: &'a [f64],
-    /// Whether `u` is one set for all.
-    pub shared: bool,
-    /// Samples a channel.
-    pub samples: usize,
-    /// Step in seconds.
-    pub dt: f64,
+    /// Output of each record.
+    pub y: Vec<&'a [f64]>,
+    /// Inputs of each record, one record after the other; or one set for all.
+    pub u: Vec<&'a [f64]>,
 }
 
 /// Results of many fits, replicate after replicate.
@@ -32,9 +31,9 @@ pub struct Batch<'a> {
 pub struct Many {
     /// Estimates.
     pub theta: Vec<f64>,
-    /// Classical standard errors; empty where not asked for.
+    /// Classical standard errors.
     pub bse_nonrobust: Vec<f64>,
-    /// HC3 standard errors; empty where not asked for.
+    /// HC3 standard errors.
     pub bse_hc3: Vec<f64>,
     /// Outcomes.
     pub status: Vec<Status>,
@@ -45,34 +44,28 @@ pub struct Many {
 }
 
 /// The problem all replicates share: lines, design and how samples become coefficients.
-#[derive(Clone)]
 pub(crate) struct Shared {
     pub design: Design,
     pub plans: Vec<CoefficientPlan>,
+    /// First and last line as asked for.
+    pub(super) range: Range,
+    workers: Spare<Worker>,
 }
 
 impl Shared {
-    /// Lines as given, or those the default rule finds on one record.
-    pub fn new(record: &RecordView<'_>, o: &FitOptions, isa: Isa) -> Result<Shared, Error> {
-        o.check()?;
-        let window = Window::new(record.y.len(), record.time, o)?;
-        let (first, last) = match window.given(o)? {
-            Some(range) => range,
-            None => {
-                let found = fit(std::slice::from_ref(record), o, isa)?;
-                let last = found.lines.first().map_or(0, |l| l.last);
-                (0, last)
-            }
-        };
-        let plans = coefficient_plans(o, record.time, window, last)?;
-        let lines = Lines {
-            first,
-            last,
-            omega0: window.omega0,
-            unit_variance: plans.first().map_or(1.0, CoefficientPlan::unit_variance),
-        };
-        let design = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &[lines])?;
-        Ok(Shared { design, plans })
+    pub(super) fn new(design: Design, plans: Vec<CoefficientPlan>, range: Range) -> Shared {
+        Shared { design, plans, range, workers: Spare::new() }
+    }
+
+    fn worker(&self) -> Worker {
+        let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
+        Worker {
+            space: Workspace::new(&self.design),
+            scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
+            samples: vec![Wide::ZERO; samples],
+            re: vec![Wide::ZERO; lines],
+            im: vec![Wide::ZERO; lines],
+        }
     }
 }
 
@@ -83,7 +76,6 @@ struct Worker {
     samples: Vec<Wide>,
     re: Vec<Wide>,
     im: Vec<Wide>,
-    inputs_loaded: bool,
 }
 
 /// Copies coefficients of the used lines into the workspace.
@@ -93,111 +85,126 @@ pub(crate) fn load(space: &mut Workspace, signal: usize, lines: Lines, re: &[Wid
     to_im.copy_from_slice(&im[lines.first..=lines.last]);
 }
 
-/// Fits every record of a batch.
-///
-/// The band is as given, or chosen on the first record free of missing values and used for all.
-///
-/// # Errors
-/// As [`fit`]; [`Error::Cancelled`] and [`Error::Internal`] from the threads.
-pub fn fit_many(
-    batch: &Batch<'_>,
-    o: &FitOptions,
-    isa: Isa,
-    thread_count: usize,
-    progress: &mut dyn FnMut(usize, usize) -> Control,
-) -> Result<(Many, Design), Error> {
-    let n = batch.samples;
-    let inputs = o.structure.numerators.len();
-    let replicates = batch.y.len().checked_div(n).unwrap_or(0);
-    let channel = |r: usize, k: usize| {
-        let at = (if batch.shared { k } else { r * inputs + k }) * n;
-        &batch.u[at..at + n]
-    };
-    let view = |r: usize| RecordView {
-        y: &batch.y[r * n..(r + 1) * n],
-        u: (0..inputs).map(|k| channel(r, k)).collect(),
-        time: Time::Even(batch.dt),
-    };
-    if replicates == 0 {
-        return Err(Error::Data("fitting a batch: it holds no replicate".into()));
+impl Batch<'_> {
+    fn shares_inputs(&self, inputs: usize) -> bool {
+        self.u.len() == inputs
     }
-    let sound = |r: &usize| view(*r).y.iter().all(|v| v.is_finite());
-    let chooser = match o.band {
-        Band::Default => (0..replicates).find(sound).unwrap_or(0),
-        _ => 0,
-    };
-    let shared = Shared::new(&view(chooser), o, isa)?;
-    let (d, lines) = (&shared.design, shared.design.lines()[0]);
-    let p = d.parameters();
-    let make = || Worker {
-        space: Workspace::new(d),
-        scratch: shared.plans.iter().map(CoefficientPlan::scratch).collect(),
-        samples: vec![Wide::ZERO; n],
-        re: vec![Wide::ZERO; lines.last + 1],
-        im: vec![Wide::ZERO; lines.last + 1],
-        inputs_loaded: false,
-    };
-    let work = |w: &mut Worker, chunk: usize, stop: &std::sync::atomic::AtomicBool| {
-        let mut out = Many::default();
-        let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(replicates));
-        for first in (from..to).step_by(LANES) {
-            if stop.load(std::sync::atomic::Ordering::Relaxed) {
-                break;
-            }
-            let count = (to - first).min(LANES);
-            for (k, plan) in shared.plans.iter().enumerate() {
-                if k > 0 && batch.shared && w.inputs_loaded {
-                    continue;
-                }
-                for lane in 0..LANES {
-                    // Spare lanes repeat the last record: finite work, thrown away.
-                    let r = first + lane.min(count - 1);
-                    let from = if k == 0 { view_y(batch, r) } else { channel(r, k - 1) };
-                    for (to, value) in w.samples.iter_mut().zip(from) {
-                        to.0[lane] = *value;
-                    }
-                }
-                plan.run_lanes(isa, &w.samples, &mut w.re, &mut w.im, &mut w.scratch[k])?;
-                load(&mut w.space, k, lines, &w.re, &w.im);
-            }
-            w.inputs_loaded = true;
-            let live = std::array::from_fn(|lane| lane < count);
-            let outcome = estimate(isa, d, &mut w.space, live, Start::Wls, &o.options);
-            for lane in 0..count {
-                out.push(d, &w.space, lane, &outcome, o.options.wanted == Wanted::Covariance);
-            }
+
+    fn record(&self, r: usize, inputs: usize) -> RecordView<'_> {
+        let first = if self.shares_inputs(inputs) { 0 } else { r * inputs };
+        RecordView { y: self.y[r], u: self.u[first..first + inputs].to_vec() }
+    }
+
+    fn check(&self, samples: usize, inputs: usize) -> Result<(), Error> {
+        if self.y.is_empty() {
+            return Err(Error::Data("fitting a batch: it holds no replicate".into()));
         }
-        Ok(out)
-    };
-    let chunks = replicates.div_ceil(CHUNK);
-    let parts = threads::run(thread_count, chunks, progress, make, work)?;
-    let mut all = Many::default();
-    all.theta.reserve(replicates * p);
-    for part in parts {
-        all.append(part?);
+        if !self.shares_inputs(inputs) && self.u.len() != inputs * self.y.len() {
+            return Err(Error::Data(format!(
+                "fitting a batch: {} replicates of {inputs} inputs, but {} inputs were given; give one \
+                 set for all or one a replicate",
+                self.y.len(),
+                self.u.len()
+            )));
+        }
+        if let Some(other) = self.y.iter().chain(&self.u).find(|c| c.len() != samples) {
+            return Err(Error::Data(format!(
+                "fitting a batch: a channel has {} samples where {samples} were announced; all records \
+                 of a batch have the same length",
+                other.len()
+            )));
+        }
+        Ok(())
     }
-    Ok((all, shared.design.clone()))
 }
 
-fn view_y<'a>(batch: &Batch<'a>, r: usize) -> &'a [f64] {
-    &batch.y[r * batch.samples..(r + 1) * batch.samples]
+impl Fitter {
+    /// Fits every record of a batch.
+    ///
+    /// The band is as given, or chosen on the first record free of missing values and used for all.
+    ///
+    /// # Errors
+    /// As [`Fitter::fit`]; [`Error::Cancelled`] and [`Error::Internal`] from the threads.
+    pub fn fit_many(
+        &self,
+        batch: &Batch<'_>,
+        thread_count: usize,
+        progress: &mut dyn FnMut(usize, usize) -> Control,
+    ) -> Result<(Many, Design), Error> {
+        let inputs = self.o.structure.numerators.len();
+        batch.check(self.records[0].samples, inputs)?;
+        let replicates = batch.y.len();
+        let sound = |r: &usize| batch.y[*r].iter().all(|v| v.is_finite());
+        let chooser = match self.o.band_is_sought() {
+            true => (0..replicates).find(sound).unwrap_or(0),
+            false => 0,
+        };
+        let shared = self.shared(&batch.record(chooser, inputs))?;
+        let (d, lines) = (&shared.design, shared.design.lines()[0]);
+        let options = super::Options { wanted: Wanted::Covariance, ..self.o.options };
+        let once = batch.shares_inputs(inputs);
+        // Memory, and whether the inputs that all share are in it.
+        let make = || (shared.workers.lend(), false);
+        let work = |(worker, loaded): &mut (Lent<'_, Worker>, bool),
+                    chunk: usize,
+                    stop: &AtomicBool| {
+            let w = worker.get_or(|| shared.worker());
+            let mut out = Many::default();
+            let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(replicates));
+            for first in (from..to).step_by(LANES) {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                let count = (to - first).min(LANES);
+                for (k, plan) in shared.plans.iter().enumerate() {
+                    if k > 0 && once && *loaded {
+                        continue;
+                    }
+                    for lane in 0..LANES {
+                        // Spare lanes repeat the last record: finite work, thrown away.
+                        let r = first + lane.min(count - 1);
+                        let from = match (k, once) {
+                            (0, _) => batch.y[r],
+                            (_, true) => batch.u[k - 1],
+                            (_, false) => batch.u[r * inputs + k - 1],
+                        };
+                        for (to, value) in w.samples.iter_mut().zip(from) {
+                            to.0[lane] = *value;
+                        }
+                    }
+                    plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, &mut w.scratch[k])?;
+                    load(&mut w.space, k, lines, &w.re, &w.im);
+                }
+                *loaded = true;
+                let live = std::array::from_fn(|lane| lane < count);
+                let outcome = estimate(self.isa, d, &mut w.space, live, Start::Wls, &options);
+                for lane in 0..count {
+                    out.push(d, &w.space, lane, &outcome);
+                }
+            }
+            Ok(out)
+        };
+        let chunks = replicates.div_ceil(CHUNK);
+        let visits = (shared.plans[0].samples() * (1 + inputs))
+            .saturating_add(lines.last.saturating_mul(options.maxiter));
+        let short = chunks == 1 && replicates.saturating_mul(visits) <= SHORT;
+        let parts =
+            threads::run(if short { 0 } else { thread_count }, chunks, progress, make, work)?;
+        let mut all = Many::default();
+        all.theta.reserve(replicates * d.parameters());
+        for part in parts {
+            all.append(part?);
+        }
+        Ok((all, d.clone()))
+    }
 }
 
 impl Many {
     /// Adds one lane's results.
-    fn push(
-        &mut self,
-        d: &Design,
-        w: &Workspace,
-        lane: usize,
-        outcome: &Outcome,
-        covariance: bool,
-    ) {
+    fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
         self.theta.extend(w.theta(d, lane));
-        if covariance {
-            self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
-            self.bse_hc3.extend(w.bse_hc3(d, lane));
-        }
+        self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
+        self.bse_hc3.extend(w.bse_hc3(d, lane));
         self.status.push(outcome.status[lane]);
         self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
         self.nit.push(outcome.nit[lane]);

@@ -2,21 +2,25 @@
 
 mod awls;
 pub(crate) mod batch;
+mod default_band;
 mod design;
-pub(crate) mod fit;
+mod fit;
+pub(crate) mod fitter;
 mod ls;
 mod ml;
 mod pass;
 mod qr_step;
+mod spare;
 mod sums;
 mod uncertainty;
 mod window;
 mod wls;
 mod workspace;
 
-pub use batch::{Batch, Many, fit_many};
+pub use batch::{Batch, Many};
 pub use design::Design;
-pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time, fit};
+pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time};
+pub use fitter::Fitter;
 pub use workspace::Workspace;
 
 use crate::error::Status;

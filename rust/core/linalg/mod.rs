@@ -1,4 +1,5 @@
 //! Small systems of equations: eight at once without pivoting, and one at a time by Householder QR.
 
+pub(crate) mod condition;
 pub mod lanes;
 pub mod qr;

@@ -1,8 +1,10 @@
 //! A study laid out: noise-free coefficients once, one design an estimator, nothing left to do but draw and fit.
 
+use std::sync::Arc;
+
 use crate::error::Error;
 use crate::estimate::batch::Shared;
-use crate::estimate::{FitOptions, RecordView, Time};
+use crate::estimate::{FitOptions, Fitter, RecordView, Time};
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
 
@@ -36,7 +38,7 @@ pub struct Group {
 
 /// One estimator of one group: its problem and where its coefficients come from.
 pub(crate) struct Task {
-    pub shared: Shared,
+    pub shared: Arc<Shared>,
     pub options: FitOptions,
     pub truth: Vec<f64>,
     /// Parameters of the estimators before it.
@@ -73,11 +75,8 @@ impl GroupPlan {
     }
 
     pub fn new(g: &Group, draw: Draw, isa: Isa) -> Result<GroupPlan, Error> {
-        let record = RecordView {
-            y: &g.y,
-            u: g.u.iter().map(Vec::as_slice).collect(),
-            time: Time::Even(g.dt),
-        };
+        let record = RecordView { y: &g.y, u: g.u.iter().map(Vec::as_slice).collect() };
+        let sampling = [(g.y.len(), Time::Even(g.dt))];
         let mut sources: Vec<Source> = Vec::new();
         let mut tasks = Vec::with_capacity(g.estimators.len());
         // The widest estimator of each rule and window decides how far its source reaches.
@@ -90,7 +89,7 @@ impl GroupPlan {
                     o.structure.parameters()
                 )));
             }
-            shared.push(Shared::new(&record, o, isa)?);
+            shared.push(Fitter::new(o.clone(), &sampling, isa)?.shared(&record)?);
         }
         let alike = |a: &CoefficientPlan, b: &CoefficientPlan| {
             a.kind() == b.kind() && a.intervals() == b.intervals()

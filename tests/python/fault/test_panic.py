@@ -10,7 +10,7 @@ from modfun import _core
 from modfun.errors import InternalError, SpecError
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("threads", [0, 1, 2, 5])
 def test_a_panicking_worker_gives_internal_error(threads):
     started = time.monotonic()
     with pytest.raises(InternalError, match="chunk 3 of 1000: asked to panic"):

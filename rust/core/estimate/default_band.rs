@@ -1,0 +1,110 @@
+//! The lines of a fit that was given none: wide enough for the estimate, and not an error bar wider.
+
+use super::Start;
+use super::fit::BandRule;
+use super::fitter::{Desk, Fitter, Problem, Range};
+use super::uncertainty::{Information, mend_inverse};
+use crate::error::Error;
+
+/// Standard errors may grow by this factor when the default band is narrowed.
+const TOLERANCE: f64 = 1.01;
+
+/// Costs that differ by less, in parts of themselves, are those of one minimum.
+const SAME: f64 = 1e-9;
+
+/// Which lines a fit uses.
+pub(crate) struct Choice {
+    /// First and last of each record.
+    pub ranges: Vec<Range>,
+    /// The rule's account, where it chose.
+    pub rule: Option<BandRule>,
+    /// Where to start from, if not from `wls`.
+    pub theta: Option<Vec<f64>>,
+}
+
+impl Fitter {
+    /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
+    /// fewest lines that keep every standard error within 1 % of the wide one's at equal σ.
+    pub(crate) fn default_band(&self, desk: &mut Desk, wide: Vec<Range>) -> Result<Choice, Error> {
+        let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
+        let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
+        let mut all = self.problem(desk, &wide)?;
+        let (first_cost, first) = all.trial(self, Start::Wls);
+        let mut rule = BandRule {
+            wide: last(&wide),
+            narrow: last(&narrow),
+            costs: [first_cost, f64::INFINITY],
+            chosen: last(&wide),
+        };
+        let mut best = first;
+        if let Some(start) = (narrow != wide).then(|| self.start(desk, &narrow)).flatten() {
+            let (cost, second) = all.trial(self, Start::Theta(&start));
+            rule.costs[1] = cost;
+            if cost < first_cost * (1.0 + SAME) {
+                best = second;
+            } else if let Some(theta) = &best {
+                // The workspace must stand at the estimate that is kept.
+                all.trial(self, Start::Theta(theta));
+            }
+        }
+        let ranges = match best {
+            Some(_) => self.narrowest(&mut all, &wide),
+            None => wide,
+        };
+        rule.chosen = last(&ranges);
+        desk.keep(all);
+        Ok(Choice { ranges, rule: Some(rule), theta: best })
+    }
+
+    /// The estimate of the narrow fit, where there is one.
+    fn start(&self, desk: &mut Desk, narrow: &[Range]) -> Option<Vec<f64>> {
+        let mut few = self.problem(desk, narrow).ok()?;
+        let (_, theta) = few.trial(self, Start::Wls);
+        desk.keep(few);
+        theta
+    }
+
+    /// The fewest lines whose standard errors at equal σ stay within the tolerance; standard errors
+    /// fall as lines join, so halving finds them.
+    fn narrowest(&self, problem: &mut Problem, wide: &[Range]) -> Vec<Range> {
+        let (d, w) = (&problem.design, &mut problem.space);
+        let omega0 = || self.records.iter().map(|r| r.window.omega0);
+        let longest = omega0().fold(f64::INFINITY, f64::min);
+        let edge =
+            wide.iter().zip(omega0()).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
+        let up_to = |steps: usize| -> Vec<Range> {
+            let highest = steps as f64 * longest;
+            wide.iter()
+                .zip(omega0())
+                .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
+                .collect()
+        };
+        let top = (edge / longest + 0.5) as usize;
+        let p = d.parameters();
+        let mut errors = |ranges: &[Range]| -> Option<Vec<f64>> {
+            let mut equations = 0;
+            for ((r, range), lines) in w.records.iter_mut().zip(ranges).zip(d.lines()) {
+                r.limit = (range.1 + 1).saturating_sub(lines.first).min(r.lines);
+                equations += 2 * r.limit - usize::from(lines.first == 0);
+            }
+            if equations <= d.parameters() + d.transient * w.records.len() {
+                return None;
+            }
+            self.isa.run(Information { design: d, space: w, covariance: true });
+            mend_inverse(d, w, 0);
+            Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
+        };
+        let Some(reference) = errors(wide) else { return wide.to_vec() };
+        let mut good = |steps: usize| {
+            let limit = TOLERANCE * TOLERANCE;
+            errors(&up_to(steps))
+                .is_some_and(|v| v.iter().zip(&reference).all(|(v, r)| *v > 0.0 && *v <= limit * r))
+        };
+        let (mut low, mut high) = (0, top);
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            if good(middle) { high = middle } else { low = middle }
+        }
+        if high == top { wide.to_vec() } else { up_to(high) }
+    }
+}

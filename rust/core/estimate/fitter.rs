@@ -1,0 +1,322 @@
+//! A structure, a method and a way of sampling made ready: what the samples do not change is made once, for
+//! any number of fits.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::batch::Shared;
+use super::default_band::Choice;
+use super::fit::{BandRule, Fit, FitOptions, RecordView, Time};
+use super::spare::Spare;
+use super::uncertainty::Residuals;
+use super::window::{Window, coefficient_plans};
+use super::{Design, Options, Start, Wanted, Workspace, estimate};
+use crate::error::{Error, Status};
+use crate::linalg::condition::condition_bound;
+use crate::modulation::Lines;
+use crate::simd::{Isa, LANES, Wide};
+use crate::spectrum::{CoefficientPlan, Scratch};
+
+/// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
+const PROBLEMS: usize = 4;
+/// Bands lately chosen for batches that are kept.
+const BANDS: usize = 4;
+
+/// First and last line of a record.
+pub(crate) type Range = (usize, usize);
+
+/// How one record becomes coefficients.
+pub(crate) struct RecordPlan {
+    pub samples: usize,
+    /// `None` for uneven samples.
+    dt: Option<f64>,
+    pub window: Window,
+    /// One a channel, output first.
+    plans: Vec<CoefficientPlan>,
+    /// As given, else up to the widest line of the default rule.
+    pub range: Range,
+    /// Highest line of the narrow fit of the default rule.
+    pub narrow: usize,
+}
+
+/// Everything about fits of one kind that their samples do not change.
+///
+/// Several threads may use it at the same time; no bit depends on that, nor on the fits before.
+pub struct Fitter {
+    pub(crate) o: FitOptions,
+    pub(crate) isa: Isa,
+    pub(crate) records: Vec<RecordPlan>,
+    desks: Spare<Desk>,
+    shared: Mutex<Vec<Arc<Shared>>>,
+}
+
+/// Memory of one fit.
+pub(crate) struct Desk {
+    /// Of each record, each channel.
+    spectra: Vec<Vec<Spectrum>>,
+    /// Power of two at the size of each channel over all records.
+    units: Vec<f64>,
+    problems: Vec<Problem>,
+}
+
+/// Coefficients of one channel.
+struct Spectrum {
+    scratch: Scratch,
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+/// A choice of lines with its workspace.
+pub(crate) struct Problem {
+    ranges: Vec<Range>,
+    pub design: Design,
+    /// The design's scales before a record's units.
+    scale: Vec<f64>,
+    pub space: Workspace,
+}
+
+/// A single fit is lane 0 of eight.
+const LIVE: [bool; LANES] = {
+    let mut live = [false; LANES];
+    live[0] = true;
+    live
+};
+
+impl Fitter {
+    /// Makes ready for records of these lengths (in samples) and instants.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
+    pub fn new(o: FitOptions, sampling: &[(usize, Time<'_>)], isa: Isa) -> Result<Fitter, Error> {
+        o.check()?;
+        if sampling.is_empty() {
+            return Err(Error::Data("fitting: no record was given".into()));
+        }
+        let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
+        if o.structure.parameters() > most {
+            // Said before anything of that size is laid out.
+            return Err(Error::Data(format!(
+                "fitting: {} parameters from at most {most} samples a record; take fewer poles and zeros",
+                o.structure.parameters()
+            )));
+        }
+        let plan = |(samples, time): &(usize, Time<'_>)| {
+            let window = Window::new(*samples, *time, &o)?;
+            let (wide, narrow) = o.default_lines(window.intervals);
+            let range = window.given(&o)?.unwrap_or((0, wide));
+            let plans = coefficient_plans(&o, *time, window, range.1)?;
+            let dt = if let Time::Even(dt) = time { Some(*dt) } else { None };
+            Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
+        };
+        let records = sampling.iter().map(plan).collect::<Result<_, Error>>()?;
+        Ok(Fitter { o, isa, records, desks: Spare::new(), shared: Mutex::new(Vec::new()) })
+    }
+
+    /// Fits one structure to one record, or to several as one problem.
+    ///
+    /// # Errors
+    /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`] of the
+    /// result.
+    pub fn fit(&self, records: &[RecordView<'_>]) -> Result<Fit, Error> {
+        let mut desk = self.desks.lend();
+        let desk = desk.get_or(|| self.desk());
+        let Choice { ranges, rule, theta } = self.choose(desk, records)?;
+        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        self.finish(desk, &ranges, start, rule)
+    }
+
+    /// Loads the records and says which lines to use: as given, or by the default rule.
+    fn choose(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<Choice, Error> {
+        self.load(desk, records)?;
+        let ranges = self.records.iter().map(|r| r.range).collect();
+        match self.o.band_is_sought() {
+            true => self.default_band(desk, ranges),
+            false => Ok(Choice { ranges, rule: None, theta: None }),
+        }
+    }
+
+    /// What the records of a batch share: lines as given, or those the default rule finds on one record.
+    pub(crate) fn shared(&self, record: &RecordView<'_>) -> Result<Arc<Shared>, Error> {
+        let ([own], Some(dt)) = (self.records.as_slice(), self.records.first().and_then(|r| r.dt))
+        else {
+            return Err(Error::Spec(
+                "fitting a batch: its records are fitted one by one and need one even step".into(),
+            ));
+        };
+        let range = match self.o.band_is_sought() {
+            true => {
+                let mut desk = self.desks.lend();
+                let desk = desk.get_or(|| self.desk());
+                self.choose(desk, std::slice::from_ref(record))?.ranges[0]
+            }
+            false => own.range,
+        };
+        let mut kept = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = kept.iter().find(|s| s.range == range) {
+            return Ok(found.clone());
+        }
+        let plans = match range == own.range {
+            true => own.plans.clone(),
+            false => coefficient_plans(&self.o, Time::Even(dt), own.window, range.1)?,
+        };
+        let made = Arc::new(Shared::new(self.design(&[range])?, plans, range));
+        kept.truncate(BANDS - 1);
+        kept.insert(0, made.clone());
+        Ok(made)
+    }
+
+    /// The problem on some lines.
+    fn design(&self, ranges: &[Range]) -> Result<Design, Error> {
+        let o = &self.o;
+        let lines: Vec<Lines> = ranges
+            .iter()
+            .zip(&self.records)
+            .map(|((first, last), r)| Lines {
+                first: *first,
+                last: *last,
+                omega0: r.window.omega0,
+                unit_variance: r.plans[0].unit_variance(),
+            })
+            .collect();
+        Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)
+    }
+
+    fn desk(&self) -> Desk {
+        let spectrum = |plan: &CoefficientPlan| {
+            let none = vec![0.0; plan.harmonics() + 1];
+            Spectrum { scratch: plan.scratch(), re: none.clone(), im: none }
+        };
+        let spectra = |r: &RecordPlan| r.plans.iter().map(spectrum).collect();
+        Desk {
+            spectra: self.records.iter().map(spectra).collect(),
+            units: Vec::new(),
+            problems: Vec::new(),
+        }
+    }
+
+    /// Coefficients of all channels, and their units.
+    fn load(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<(), Error> {
+        if records.len() != self.records.len() {
+            return Err(Error::Data(format!(
+                "fitting: {} records were given where {} were announced",
+                records.len(),
+                self.records.len()
+            )));
+        }
+        let inputs = self.o.structure.numerators.len();
+        for ((record, plan), spectra) in records.iter().zip(&self.records).zip(&mut desk.spectra) {
+            if record.u.len() != inputs {
+                return Err(Error::Data(format!(
+                    "fitting: the structure has {inputs} inputs but a record has {}",
+                    record.u.len()
+                )));
+            }
+            let channels = std::iter::once(&record.y).chain(&record.u);
+            for ((plan, samples), s) in plan.plans.iter().zip(channels).zip(spectra) {
+                plan.run_in(self.isa, samples, &mut s.re, &mut s.im, &mut s.scratch)?;
+            }
+        }
+        let size = |k: usize| {
+            let parts = desk.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
+            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        let power = |x: f64| f64::from_bits(x.to_bits() & (0x7ff << 52));
+        let unit = |k| Some(power(size(k))).filter(|p| p.is_normal()).unwrap_or(1.0);
+        desk.units = (0..=inputs).map(unit).collect();
+        Ok(())
+    }
+
+    /// The problem on lines (first, last) a record, its workspace loaded. Put it back with
+    /// [`Desk::keep`].
+    pub(crate) fn problem(&self, desk: &mut Desk, ranges: &[Range]) -> Result<Problem, Error> {
+        let mut problem = match desk.problems.iter().position(|p| p.ranges == ranges) {
+            Some(at) => desk.problems.remove(at),
+            None => {
+                let design = self.design(ranges)?;
+                let (scale, space) = (design.scale.clone(), Workspace::new(&design));
+                Problem { ranges: ranges.to_vec(), design, scale, space }
+            }
+        };
+        problem.load(desk);
+        Ok(problem)
+    }
+
+    /// The estimate on the chosen lines with everything a user sees.
+    fn finish(
+        &self,
+        desk: &mut Desk,
+        ranges: &[Range],
+        start: Start<'_>,
+        band_rule: Option<BandRule>,
+    ) -> Result<Fit, Error> {
+        let mut problem = self.problem(desk, ranges)?;
+        let (d, w) = (&problem.design, &mut problem.space);
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
+        let outcome = estimate(self.isa, d, w, LIVE, start, &options);
+        let p = d.parameters();
+        let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();
+        let gram: Vec<f64> =
+            (0..p * p).map(|k| w.gram[k].0[0] / (root[k / p] * root[k % p])).collect();
+        let degrees_of_freedom = d.degrees_of_freedom();
+        let plain_sigma = (w.cost(0) / degrees_of_freedom as f64).sqrt();
+        let mut residuals = Vec::new();
+        self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
+        let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
+        let fit = Fit {
+            theta: w.theta(d, 0).collect(),
+            cov_nonrobust: w.cov_nonrobust(d, 0),
+            cov_hc3: w.cov_hc3(d, 0),
+            condition_bound: condition_bound(&gram, p),
+            gram,
+            cost: w.cost(0) * d.cost_unit() * d.cost_unit(),
+            degrees_of_freedom,
+            sigma: plain_sigma * d.cost_unit(),
+            status: outcome.status[0],
+            nit: outcome.nit[0],
+            lines: d.lines(),
+            residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
+            band_rule,
+        };
+        desk.keep(problem);
+        Ok(fit)
+    }
+}
+
+impl Desk {
+    /// Keeps a problem for the next fit, the latest first.
+    pub(crate) fn keep(&mut self, problem: Problem) {
+        self.problems.truncate(PROBLEMS - 1);
+        self.problems.insert(0, problem);
+    }
+}
+
+impl Problem {
+    /// Writes a desk's coefficients into the workspace, in the desk's units.
+    fn load(&mut self, desk: &Desk) {
+        self.design.scale.copy_from_slice(&self.scale);
+        self.design.set_units(&desk.units);
+        for (k, (spectra, range)) in desk.spectra.iter().zip(self.design.lines()).enumerate() {
+            for ((signal, s), unit) in spectra.iter().enumerate().zip(&desk.units) {
+                let (re, im) = self.space.signal_mut(k, signal);
+                let from = s.re[range.first..].iter().zip(&s.im[range.first..]);
+                for ((re, im), (from_re, from_im)) in re.iter_mut().zip(im).zip(from) {
+                    *re = Wide::splat(from_re / unit);
+                    *im = Wide::splat(from_im / unit);
+                }
+            }
+            // The band rule may have asked for fewer.
+            self.space.records[k].limit = self.space.records[k].lines;
+        }
+    }
+
+    /// Runs without covariance: cost, θ, and whether it may be used.
+    pub(crate) fn trial(&mut self, fitter: &Fitter, start: Start<'_>) -> (f64, Option<Vec<f64>>) {
+        let (d, w) = (&self.design, &mut self.space);
+        let options = Options { wanted: Wanted::Cost, ..fitter.o.options };
+        let outcome = estimate(fitter.isa, d, w, LIVE, start, &options);
+        let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
+        match usable {
+            true => (w.cost(0) * d.cost_unit() * d.cost_unit(), Some(w.theta(d, 0).collect())),
+            false => (f64::INFINITY, None),
+        }
+    }
+}
