@@ -16,7 +16,7 @@ from .extras import optional
 from .options import Options
 from .prepared import prepare, refuse_standing
 from .records import Batch, Record
-from .results import Fit, band_of
+from .results import Fit
 from .structures import TransferFunction
 from .tables import Table, nearest
 
@@ -143,24 +143,26 @@ def fit_batch(
     y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
     one = data if isinstance(data, Batch) else data[0]
     refuse_standing(made, one.outputs, one.inputs, [y[0][0]], [u[0]])
-    show = _Progress(progress, len(y))
-    found = made.core.fit_many(y, u, threads=threads, progress=show if show.on else None)
-    show.end()
+    show = _Progress(len(y)) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
+    found = made.core.fit_many(y, u, threads=threads, progress=show)
+    if show is not None:
+        show.end()
     status = found["status"]
-    if status.min() == _NONFINITE and not any(np.isfinite(samples).all() for samples in y):
+    if status[0] == _NONFINITE and not any(np.isfinite(samples).all() for samples in y):
         raise DataError(
             f"fit_many: every record holds values that are not finite, record 0 at sample "
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
+    (low, high), omega0 = found["lines"][0], found["omega0"][0]
     return FitMany(
         params=found["theta"],
         bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],
-        status=_WORDS[status],
+        status=_WORDS.take(status),
         cost=found["cost"],
-        nit=np.asarray(found["nit"], dtype=np.intp),
+        nit=found["nit"],
         param_names=made.param_names,
         df_resid=found["df_resid"],
-        band=band_of(found["lines"], found["omega0"]),
+        band=(low * omega0, high * omega0),
         structure=structure,
         options=options,
     )
@@ -198,8 +200,7 @@ def collect(fits: list[Fit], structure: TransferFunction, options: Options) -> F
 class _Progress:
     """One line on standard error, rewritten; silent for the first half second."""
 
-    def __init__(self, asked: str | bool, total: int) -> None:
-        self.on = sys.stderr.isatty() if asked == "auto" else bool(asked)
+    def __init__(self, total: int) -> None:
         self.start = time.monotonic()
         self.total = total
         self.shown = False

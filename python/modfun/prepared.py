@@ -112,7 +112,7 @@ def refuse_standing(
 
 def _stands(values: F64) -> bool:
     # The ends differ as a rule, which is said at once.
-    return bool(values[0] == values[-1]) and bool(np.ptp(values) == 0)
+    return values.item(0) == values.item(-1) and bool(np.ptp(values) == 0)
 
 
 def _made(

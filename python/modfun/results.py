@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -27,12 +27,6 @@ __all__ = ["Fit"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
-
-
-def band_of(lines: Sequence[tuple[int, int]], omega0: Sequence[float]) -> tuple[float, float]:
-    """Lowest and highest frequency of some lines, rad/s (over all records)."""
-    pairs = [(lo * w, hi * w) for (lo, hi), w in zip(lines, omega0, strict=True)]
-    return min(p[0] for p in pairs), max(p[1] for p in pairs)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,7 +234,8 @@ class Fit:
     @property
     def band(self) -> tuple[float, float]:
         """Lowest and highest frequency used, rad/s (over all records)."""
-        return band_of(self.lines, self.omega0)
+        pairs = [(lo * w, hi * w) for (lo, hi), w in zip(self.lines, self.omega0, strict=True)]
+        return min(p[0] for p in pairs), max(p[1] for p in pairs)
 
     @property
     def harmonics(self) -> int:
