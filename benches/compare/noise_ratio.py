@@ -27,17 +27,19 @@ def study(replicates, threads=1, draw="samples", **estimator):
     dt = DURATION / INTERVALS
     y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=dt, intervals=INTERVALS)
     t = dt * np.arange(INTERVALS + 1)
+    options = {**COMMON, "method": "awls", "tol": 1e-9, "maxiter": 50, **estimator}
+    own = {
+        "options": options, "truth": np.array([3.0, 8.0, 5.0]), "cov_type": None, "position": 0,
+        "columns": [0, 1, 2],
+    }  # fmt: skip
     group = {
         "group": 0, "dt": dt, "y": y, "u": np.sin(t**2 / 5)[None], "free": np.zeros((0, y.size)),
-        "sigma": np.array([0.2 * np.sqrt(np.mean(y**2))]), "truth": [np.array([3.0, 8.0, 5.0])],
+        "sigma": np.array([0.2 * np.sqrt(np.mean(y**2))]), "estimators": [own],
     }  # fmt: skip
-    options = {**COMMON, "method": "awls", "tol": 1e-9, "maxiter": 50, **estimator}
+    laid_out = _core.Study([group], (1, 3), draw=draw, level=0.95)
 
     def run():
-        return _core.monte_carlo(
-            [group], [[options]], seed=1, first=0, replicates=replicates, draw=draw, cov_type=None,
-            level=0.95, samples=False, threads=threads, progress=None,
-        )  # fmt: skip
+        return laid_out.part(seed=1, first=0, replicates=replicates, samples=False, threads=threads)
 
     return run
 

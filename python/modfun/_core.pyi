@@ -1,30 +1,37 @@
 """The compiled core: C-contiguous float64 in, NumPy arrays and plain objects out."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypedDict, Unpack, final
+from typing import Any, Self, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "STREAM_VERSION",
     "Fitter",
+    "Study",
     "__version__",
     "_panic_for_tests",
     "_wait_for_tests",
     "coefficients",
+    "count_errors",
+    "figures",
     "gauss_legendre",
-    "monte_carlo",
+    "merge_moments",
     "noise_level",
     "normals",
     "quadrature_weights",
+    "quantiles",
     "simulate",
     "thread_count",
 ]
 
 __version__: str
+STREAM_VERSION: int
 
 _F64 = NDArray[np.float64]
 _C128 = NDArray[np.complex128]
+_I64 = NDArray[np.int64]
 
 # From samples to Fourier coefficients ----------------------------------------------------------
 
@@ -82,7 +89,7 @@ class Fitter:
         samples: Sequence[int],
         time: Sequence[float | _F64],
         **options: Unpack[_Options],
-    ) -> Fitter: ...
+    ) -> Self: ...
     def fit(self, y: Sequence[_F64], u: Sequence[_F64]) -> dict[str, Any]: ...
     def fit_many(
         self,
@@ -101,17 +108,23 @@ def _wait_for_tests(threads: int, progress: Callable[[int, int], None] | None = 
 
 # Monte Carlo -----------------------------------------------------------------------------------
 
-def monte_carlo(
-    groups: Sequence[dict[str, Any]],
-    estimators: Sequence[Sequence[dict[str, Any]]],
-    *,
-    seed: int,
-    first: int,
-    replicates: int,
-    draw: str,
-    cov_type: str | None,
-    level: float,
-    samples: bool,
-    threads: int | None,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[list[list[dict[str, Any]]]]: ...
+@final
+class Study:
+    def __new__(
+        cls, groups: Sequence[dict[str, Any]], shape: tuple[int, int], *, draw: str, level: float
+    ) -> Self: ...
+    def part(
+        self,
+        *,
+        seed: int,
+        first: int,
+        replicates: int,
+        samples: bool,
+        threads: int,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict[str, Any]: ...
+
+def merge_moments(before: _F64, next: _F64) -> _F64: ...
+def figures(moments: _F64) -> dict[str, _F64]: ...
+def count_errors(errors: _F64, truth: _F64, figures: Sequence[int]) -> tuple[_F64, _I64, _I64]: ...
+def quantiles(bins: _I64, counts: _I64, truth: _F64, share: float) -> _F64: ...

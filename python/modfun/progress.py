@@ -24,15 +24,18 @@ class Progress:
         rich on a terminal where it is installed, otherwise plain lines); True shows them at once.
     what : str
         What is being done, the first words shown.
+    unit : str
+        What is counted; with it the rate and the time left are shown.
     """
 
-    def __init__(self, asked: str | bool, what: str) -> None:
+    def __init__(self, asked: str | bool, what: str, unit: str = "") -> None:
         if not isinstance(asked, bool) and asked != "auto":
             raise SpecError(f'progress={asked!r} must be "auto", True or False')
         self.on = asked is not False
         self._patience = 0.0 if asked is True else SILENT
-        self._what = what
+        self._what, self._unit = what, unit
         self._start = time.monotonic()
+        self._first: int | None = None
         self._last = -float("inf")
         self._bar: Any = None
         self._task: Any = None
@@ -46,18 +49,35 @@ class Progress:
             self._bar.stop()
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how far it is."""
+        """Show how far it is; what the first call says was done before the clock began."""
         now = time.monotonic()
+        if self._first is None:
+            self._first, self._start = done, now
         if not self.on or now - self._start < self._patience:
             return
+        speed = self._speed(done, total, now - self._start)
         if self._bar is None and not self._plain:
             self._open(total)
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total)
+            self._bar.update(self._task, completed=done, total=total, speed=speed)
         elif now - self._last >= LINE_EVERY:
             self._last = now
             percent = 100 * done / max(total, 1)
-            print(f"{self._what}: {done} of {total} ({percent:.0f} %)", file=sys.stderr, flush=True)
+            self.say(f"{done} of {total} ({percent:.0f} %){speed}")
+
+    def say(self, text: str) -> None:
+        """Print a line, unless nothing is to be shown."""
+        if self.on:
+            print(f"{self._what}: {text}", file=sys.stderr, flush=True)
+
+    def _speed(self, done: int, total: int, seconds: float) -> str:
+        """Rate and time left, once they can be told."""
+        made = done - (self._first or 0)
+        if not self._unit or made <= 0 or seconds <= 0:
+            return ""
+        left = int(seconds * max(total - done, 0) / made)
+        clock = f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02}"
+        return f", {made / seconds:.3g} {self._unit}/s, {clock} left"
 
     def _open(self, total: int) -> None:
         try:
@@ -69,10 +89,9 @@ class Progress:
         self._bar = rich.Progress(
             rich.TextColumn("{task.description}"),
             rich.BarColumn(),
-            rich.TaskProgressColumn(),
-            rich.TimeRemainingColumn(),
+            rich.TextColumn("{task.percentage:.0f} %{task.fields[speed]}"),
             console=Console(stderr=True),
             transient=True,
         )
-        self._task = self._bar.add_task(self._what, total=total)
+        self._task = self._bar.add_task(self._what, total=total, speed="")
         self._bar.start()

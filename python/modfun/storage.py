@@ -92,27 +92,32 @@ def fit_from_dict(values: Any) -> Fit:
         raise DataError(f"loading a fit: the file is damaged ({type(error).__name__}: {error})") from None
 
 
-def load(path: str | Path) -> Fit:
-    """Read a fit that was written with `Fit.save`.
+def load(path: str | Path) -> Any:
+    """Read a fit that was written with `Fit.save`, or the directory of a study.
 
     Parameters
     ----------
     path : str or Path
-        The JSON file.
+        The JSON file, or the `directory` of `MonteCarlo.run`.
 
     Returns
     -------
-    Fit
-        Equal to the saved one but for the samples: give a record to `predict`, `score` and the like.
+    Fit or Results
+        A fit equals the saved one but for the samples: give a record to `predict`, `score` and the like.
+        Results are those of the run, `Results.replicate` included.
 
     Raises
     ------
     SpecError
-        No such file.
+        No such file, or no directory of a study.
     DataError
-        Not a saved fit, or a damaged one.
+        Something else, a damaged file, or a study with parts missing.
     """
     place = Path(path)
+    if place.is_dir():
+        from .study_shards import load
+
+        return load(place)
     if not place.is_file():
         raise SpecError(f"load: there is no file {str(place)!r}")
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from .simulation import Experiment, experiment
 from .structures import TransferFunction
 from .tables import nearest
 
-__all__ = ["Axis", "Contender", "Group", "axis", "contenders", "groups", "levels"]
+__all__ = ["Axis", "Contender", "Group", "Plan", "axis", "contenders", "groups", "levels"]
 
 F64 = NDArray[np.float64]
 Rule = Callable[[Record, np.random.Generator], Any]
@@ -32,7 +33,6 @@ class Axis:
 
     name: str
     labels: tuple[Any, ...]
-    values: tuple[Any, ...]
     given: bool
 
     def index(self, label: Any) -> int:
@@ -46,16 +46,16 @@ class Axis:
         return [str(label) for label in self.labels]
 
 
-def axis(name: str, given: Any) -> Axis:
-    """An axis from a dict of names, or a single value."""
+def axis(name: str, given: Any) -> tuple[Axis, tuple[Any, ...]]:
+    """An axis and its values from a dict of names, or a single value."""
     if not isinstance(given, Mapping):
-        return Axis(name, ("",), (given,), False)
+        return Axis(name, ("",), False), (given,)
     if not given:
         raise SpecError(f"MonteCarlo: {name}={{}} is an empty axis; give at least one name and value")
     for label in given:
         if not isinstance(label, str) or not label.strip():
             raise SpecError(f"MonteCarlo: {name} has the name {label!r}; names of an axis are texts")
-    return Axis(name, tuple(given), tuple(given.values()), True)
+    return Axis(name, tuple(given), True), tuple(given.values())
 
 
 def levels(nsr: Any) -> Axis:
@@ -78,7 +78,7 @@ def levels(nsr: Any) -> Axis:
             )
     if len(set(flat)) < len(flat):
         raise SpecError("MonteCarlo: nsr names a level twice; give each once")
-    return Axis("nsr", flat, flat, values.ndim == 1)
+    return Axis("nsr", flat, values.ndim == 1)
 
 
 # Groups ------------------------------------------------------------------------------------------
@@ -124,18 +124,18 @@ class Group:
 
 
 def groups(
-    systems: Axis,
-    inputs: Axis,
-    states: Axis,
-    noise: Axis,
+    systems: Sequence[Any],
+    inputs: Sequence[Any],
+    states: Sequence[Any],
+    nsr: Axis,
     *,
     duration: float,
     intervals: int,
     intersample: str | Sequence[str],
-) -> list[Group]:
+) -> tuple[Group, ...]:
     """Simulate every combination of system, input and initial state, each once."""
     found: list[Group] = []
-    for system in systems.values:
+    for system in systems:
         if not isinstance(system, LTI):
             raise SpecError(
                 f"MonteCarlo: system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
@@ -143,17 +143,17 @@ def groups(
             )
         if system.shape[0] != 1:
             raise SpecError(f"MonteCarlo: the system has {system.shape[0]} outputs; this version takes one")
-        for given in inputs.values:
+        for given in inputs:
             rest = experiment(
                 system, input=given, duration=duration, intervals=intervals, intersample=intersample
             )
-            if not rest.rms[0] > 0 and any(noise.values):
+            if not rest.rms[0] > 0 and any(nsr.labels):
                 raise DataError(
                     "MonteCarlo: the response from rest is zero, so that nsr, noise relative to it, says "
                     "nothing; give an input that moves the output"
                 )
             kinds = (intersample,) * len(rest.u) if isinstance(intersample, str) else tuple(intersample)
-            for state in states.values:
+            for state in states:
                 fixed, free = _state(state, rest)
                 found.append(
                     Group(
@@ -165,7 +165,7 @@ def groups(
                         y=np.ascontiguousarray(rest.y[0] + fixed @ rest.free[:, 0]),
                     )
                 )
-    return found
+    return tuple(found)
 
 
 def _state(given: Any, rest: Experiment) -> tuple[F64, F64]:
@@ -238,9 +238,66 @@ class Contender:
         return {**_core_structure(own.model, group), **own.options.core()}
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A study laid out: what its numbers depend on and its results are named by; it can go to any process.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        System, input, initial state, nsr.
+    groups : tuple of Group
+    contenders : tuple of Contender
+    seed : int
+    """
+
+    axes: tuple[Axis, ...]
+    groups: tuple[Group, ...]
+    contenders: tuple[Contender, ...]
+    seed: int
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of all structures: a1, a2, …, then the numerators input by input."""
+        names = {name for g in self.groups for c in self.contenders for name in c.names(g)}
+
+        def key(name: str) -> tuple[str, str, int]:
+            letter, _, channel = name.partition("[")
+            return letter[0], channel, int(letter[1:])
+
+        return tuple(sorted(names, key=key))
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Sizes (group, level, estimator, parameter) of all figures."""
+        return len(self.groups), len(self.axes[3].labels), len(self.contenders), len(self.parameters)
+
+    def columns(self, contender: Contender, group: Group) -> list[int]:
+        """Positions of an estimator's parameters among all."""
+        return [self.parameters.index(name) for name in contender.names(group)]
+
+    def sigma(self, group: Group) -> F64:
+        """Noise standard deviation at each level of a group."""
+        return np.array(self.axes[3].labels) * float(group.rest.rms[0])
+
+    @cached_property
+    def truth(self) -> F64:
+        """True parameters (group, level, estimator, parameter), nan where unknown or not a parameter."""
+        array = np.full(self.shape, np.nan)
+        for g in self.groups:
+            for k, c in enumerate(self.contenders):
+                array[g.index, :, k, self.columns(c, g)] = c.truth[g.index][:, None]
+        return array
+
+    def generator(self, replicate: int, group: Group) -> np.random.Generator:
+        """Random numbers for functions, addressed by seed, replicate and group."""
+        bits = np.random.Philox(key=[self.seed, group.index], counter=[0, 0, replicate, 0])
+        return np.random.Generator(bits)
+
+
 def contenders(
     given: Any, options: Mapping[str, Any], model: TransferFunction | None, found: Sequence[Group]
-) -> list[Contender]:
+) -> tuple[Contender, ...]:
     """Check the estimators of a study and make them ready for its groups."""
     words = WORDS["method"]
     if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
@@ -300,7 +357,7 @@ def contenders(
                 tuple(_truth(e.model, g) for e, g in zip(own, found, strict=True)),
             )
         )
-    return made
+    return tuple(made)
 
 
 def _truth(structure: TransferFunction, group: Group) -> F64:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,9 @@ from .bounds import crlb
 from .errors import DataError, ModfunWarning, SpecError
 from .extras import optional
 from .records import Record
-from .study_plan import Axis, Contender, Group
-from .study_summary import STATUS, USED, Summary
+from .study_plan import Axis, Contender, Group, Plan
+from .study_tally import STATUS, USED, Tally
 from .tables import Table, nearest
-
-if TYPE_CHECKING:
-    from .studies import MonteCarlo
 
 __all__ = ["Results"]
 
@@ -65,10 +62,10 @@ class Results:
     samples : ndarray, (cell…, estimator, replicate, parameter), or None
         Estimates, nan where there is none; None unless kept.
     seconds : dict of str to float
-        Time of each estimator, noise included. Methods in the compiled core share their noise; their
-        common time is split as they take alone.
+        Time of each estimator, noise included, of all processes together. Methods in the compiled core
+        share their noise; their common time is split as they take alone.
     messages : Table
-        What functions raised: cell, estimator, replicate, text.
+        What functions raised: cell, estimator, replicate, text; of the first hundred. `status` counts all.
     replicates : int
     """
 
@@ -92,65 +89,36 @@ class Results:
     messages: Table
     replicates: int
     draw: str
-    _study: MonteCarlo = field(repr=False)
+    _plan: Plan = field(repr=False)
 
     @classmethod
     def collect(
-        cls,
-        study: MonteCarlo,
-        cells: Mapping[tuple[int, int, str], Summary],
-        seconds: dict[str, float],
-        messages: Sequence[Mapping[str, Any]],
-        draw: str,
+        cls, plan: Plan, tally: Tally, replicates: int, draw: str, samples: F64 | None = None
     ) -> Results:
-        """Results from the summaries by (group, level, estimator)."""
-        names = _parameters(study)
-        given = [a for a in study.axes if a.given]
-        axes = {a.name: a.labels for a in given} | {"estimator": study.estimators, "parameter": names}
-        count = len(study.contenders)
-        levels = len(study.axes[3].values)
-        full = (len(study.groups), levels, count)
-        kept = all(one.theta is not None for one in cells.values())
-        places = {
-            (g.index, c.name): [names.index(n) for n in c.names(g)]
-            for g in study.groups
-            for c in study.contenders
-        }
-
-        def fill(attribute: str, *more: int) -> F64:
-            array = np.full((*full, *more, len(names)), np.nan)
-            for (g, level, name), one in cells.items():
-                where = (g, level, study.estimators.index(name))
-                array[where][..., places[g, name]] = getattr(one, attribute)
-            return _floats(array, given)
-
-        def counts(of: Any, kind: type) -> Any:
-            array: NDArray[Any] = np.zeros(full, dtype=kind)
-            for (g, level, name), one in cells.items():
-                array[g, level, study.estimators.index(name)] = of(one)
-            return _shaped(array, given)
-
-        truth = np.full((*full, len(names)), np.nan)
-        for g in study.groups:
-            for k, c in enumerate(study.contenders):
-                truth[g.index, :, k, places[g.index, c.name]] = c.truth[g.index][:, None]
-        figures = (
-            "bias", "bias_mcse", "sd", "sd_mcse", "rmse", "rmse_mcse", "median", "median_mcse",
-            "coverage", "coverage_mcse",
-        )  # fmt: skip
+        """Results from sums; samples are (replicate, group, level, estimator, parameter)."""
+        given = [a for a in plan.axes if a.given]
+        names = tuple(c.name for c in plan.contenders)
+        axes = {a.name: a.labels for a in given} | {"estimator": names, "parameter": plan.parameters}
+        by_word = {word: _shaped(tally.status[..., k], given) for k, word in enumerate(STATUS)}
+        found = {name: _shaped(values, given) for name, values in tally.figures(plan.truth).items()}
+        if samples is not None:
+            sizes = [len(a.labels) for a in given]
+            samples = samples.reshape(len(samples), *sizes, *samples.shape[3:])
+            samples = np.moveaxis(samples, 0, -2)
+            samples.flags.writeable = False
         return cls(
             axes=axes,
-            truth=_floats(truth, given),
-            **{name: fill(name) for name in figures},
-            failures=counts(lambda one: one.status[USED:].sum(), np.int64),
-            status={word: counts(lambda one, k=k: one.status[k], np.int64) for k, word in enumerate(STATUS)},
-            nit=counts(lambda one: one.nit, np.float64),
-            samples=fill("theta", study.replicates) if kept else None,
-            seconds=seconds,
-            messages=_messages(study, messages),
-            replicates=study.replicates,
+            truth=_shaped(plan.truth, given),
+            **found,
+            failures=_shaped(tally.status[..., USED:].sum(axis=-1), given),
+            status=by_word,
+            nit=_shaped(tally.nit, given),
+            samples=samples,
+            seconds=dict(zip(names, tally.seconds.tolist(), strict=True)),
+            messages=_messages(plan, tally),
+            replicates=replicates,
             draw=draw,
-            _study=study,
+            _plan=plan,
         )
 
     @property
@@ -171,15 +139,12 @@ class Results:
         structure does not hold the system. No estimator need reach it in a narrow band, and a biased one
         may pass it.
         """
-        study = self._study
-        levels = np.array(study.axes[3].values)
-        array = np.full(
-            (len(study.groups), levels.size, len(study.contenders), len(self.param_names)), np.nan
-        )
+        plan = self._plan
+        array = np.full(plan.shape, np.nan)
         known: dict[Any, F64] = {}
-        for g in study.groups:
+        for g in plan.groups:
             rec = g.record(g.rest.y[0])
-            for k, c in enumerate(study.contenders):
+            for k, c in enumerate(plan.contenders):
                 key = (g.index, c.structures[g.index], c.trend)
                 if key not in known:
                     try:
@@ -188,9 +153,9 @@ class Results:
                         ).sd
                     except (SpecError, DataError):
                         known[key] = np.full(len(c.names(g)), np.nan)
-                where = [self.param_names.index(n) for n in c.names(g)]
-                array[g.index, :, k, where] = known[key][:, None] * study.sigma(g)
-        return _floats(array, [a for a in study.axes if a.given])
+                array[g.index, :, k, plan.columns(c, g)] = known[key][:, None] * plan.sigma(g)
+        bound: F64 = _shaped(array, [a for a in plan.axes if a.given])
+        return bound
 
     # Tables ----------------------------------------------------------------------------------------
 
@@ -262,7 +227,7 @@ class Results:
             yield where, tuple(labels[k] for labels, k in zip(used, where, strict=True))
 
     def _title(self) -> str:
-        return f"{self.replicates} replicates, seed {self._study.seed}"
+        return f"{self.replicates} replicates, seed {self._plan.seed}"
 
     def to_pandas(self) -> Any:
         """The rows of `table` as a pandas.DataFrame (extra ``pandas``)."""
@@ -286,7 +251,7 @@ class Results:
         return xarray.Dataset(
             variables,
             coords={name: list(labels) for name, labels in self.axes.items()},
-            attrs={"replicates": self.replicates, "seed": self._study.seed},
+            attrs={"replicates": self.replicates, "seed": self._plan.seed},
         )
 
     # One replicate ---------------------------------------------------------------------------------
@@ -312,7 +277,7 @@ class Results:
         SpecError
             A cell that is not in the study, or noise that was drawn as coefficients.
         """
-        study = self._study
+        plan = self._plan
         if self.draw == "coefficients":
             raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
                             "draw='samples'")  # fmt: skip
@@ -322,18 +287,18 @@ class Results:
             )
         if not 0 <= number < self.replicates:
             raise SpecError(f"replicate: {number} is outside of 0 to {self.replicates - 1}")
-        known = [a.name for a in study.axes]
+        known = [a.name for a in plan.axes]
         for name in cell:
             if name not in known:
                 raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")
-        at = [_position(a, cell) for a in study.axes]
-        group = study.groups[int(np.ravel_multi_index(at[:3], [len(a.values) for a in study.axes[:3]]))]
-        sigma = study.sigma(group)[at[3]]
-        rec = group.record(group.outputs(study.seed, int(number), [float(sigma)])[0])
+        at = [_position(a, cell) for a in plan.axes]
+        group = plan.groups[int(np.ravel_multi_index(at[:3], [len(a.labels) for a in plan.axes[:3]]))]
+        sigma = plan.sigma(group)[at[3]]
+        rec = group.record(group.outputs(plan.seed, int(number), [float(sigma)])[0])
         fits: dict[str, Any] = {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModfunWarning)
-            for c in study.contenders:
+            for c in plan.contenders:
                 fits[c.name] = self._estimate(c, group, rec, int(number))
         return rec, fits
 
@@ -341,7 +306,7 @@ class Results:
         if contender.call is None:
             return contender.estimators[group.index](rec)
         try:
-            return contender.call(rec, self._study.generator(number, group))
+            return contender.call(rec, self._plan.generator(number, group))
         except Exception as error:
             return error
 
@@ -360,46 +325,32 @@ class Results:
 
 def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
     if axis.name not in cell:
-        if len(axis.values) == 1:
+        if len(axis.labels) == 1:
             return 0
         labels = ", ".join(map(repr, axis.labels))
         raise SpecError(f"replicate: which {axis.name}? Give {axis.name}= one of {labels}")
     return axis.index(cell[axis.name])
 
 
-def _parameters(study: MonteCarlo) -> tuple[str, ...]:
-    """Names of all structures: a1, a2, …, then the numerators input by input."""
-    names = {name for g in study.groups for c in study.contenders for name in c.names(g)}
-
-    def key(name: str) -> tuple[str, str, int]:
-        letter, _, channel = name.partition("[")
-        return letter[0], channel, int(letter[1:])
-
-    return tuple(sorted(names, key=key))
-
-
-def _floats(array: F64, given: Sequence[Axis]) -> F64:
-    shaped: F64 = _shaped(array, given)
-    return shaped
-
-
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:
     """(group, level, estimator, …) as (cell…, estimator, …), read only."""
-    shape = tuple(len(a.values) for a in given)
-    shaped = array.reshape(*shape, *array.shape[2:])
+    shaped = array.reshape(*(len(a.labels) for a in given), *array.shape[2:])
     shaped.flags.writeable = False
     return shaped
 
 
-def _messages(study: MonteCarlo, found: Sequence[Mapping[str, Any]]) -> Table:
-    sizes = [len(a.values) for a in study.axes[:3]]
-    columns: dict[str, list[Any]] = {a.name: [] for a in study.axes if a.given}
+def _messages(plan: Plan, tally: Tally) -> Table:
+    sizes = [len(a.labels) for a in plan.axes[:3]]
+    columns: dict[str, list[Any]] = {a.name: [] for a in plan.axes if a.given}
     columns |= {"estimator": [], "replicate": [], "text": []}
-    for one in found:
+    for one in tally.raised:
         at = (*np.unravel_index(one["group"], sizes), one["level"])
-        for a, k in zip(study.axes, at, strict=True):
+        for a, k in zip(plan.axes, at, strict=True):
             if a.given:
                 columns[a.name].append(a.labels[int(k)])
-        for name in ("estimator", "replicate", "text"):
-            columns[name].append(one[name])
-    return Table(columns, title=f"{len(found)} replicates raised an exception")
+        columns["estimator"].append(plan.contenders[one["estimator"]].name)
+        columns["replicate"].append(one["replicate"])
+        columns["text"].append(one["text"])
+    count = int(tally.status[..., STATUS.index("raised")].sum())
+    first = f", the first {len(tally.raised)} are" if count > len(tally.raised) else ""
+    return Table(columns, title=f"{count} replicates raised an exception{first}")

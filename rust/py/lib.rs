@@ -7,6 +7,7 @@ mod fit;
 mod random;
 mod signals;
 mod study;
+mod tally;
 
 use pyo3::prelude::*;
 
@@ -14,8 +15,13 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = true)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("STREAM_VERSION", modfun::rng::STREAM_VERSION)?;
     module.add_class::<fit::Fitter>()?;
-    module.add_function(wrap_pyfunction!(study::monte_carlo, module)?)?;
+    module.add_class::<study::Study>()?;
+    module.add_function(wrap_pyfunction!(tally::merge_moments, module)?)?;
+    module.add_function(wrap_pyfunction!(tally::figures, module)?)?;
+    module.add_function(wrap_pyfunction!(tally::count_errors, module)?)?;
+    module.add_function(wrap_pyfunction!(tally::quantiles, module)?)?;
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;

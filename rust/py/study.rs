@@ -1,17 +1,19 @@
-//! `monte_carlo`: a study laid out by Python, run by the core.
+//! `Study`: a Monte Carlo study laid out once, run by the core for any range of replicates.
 
-use modfun::estimate::{FitOptions, Wanted};
-use modfun::monte_carlo::{Cell, Draw, Group, Intervals, Plan, Run};
+use modfun::estimate::Wanted;
+use modfun::monte_carlo::histogram::BINS;
+use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run};
 use modfun::simd::Isa;
 use modfun::{Error, Status};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 
-use crate::arrays::{matrix, slice, vector};
+use crate::arrays::{slice, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
 use crate::fit::Given;
+use crate::tally::numbers;
 
 /// What all cells with the same noise-free record share, as Python gives it.
 #[derive(FromPyObject)]
@@ -29,11 +31,49 @@ struct GivenGroup<'py> {
     #[pyo3(item)]
     sigma: PyReadonlyArray1<'py, f64>,
     #[pyo3(item)]
-    truth: Vec<PyReadonlyArray1<'py, f64>>,
+    estimators: Vec<GivenContender<'py>>,
+}
+
+/// An estimator and where its numbers go.
+#[derive(FromPyObject)]
+struct GivenContender<'py> {
+    #[pyo3(item)]
+    options: Given,
+    #[pyo3(item)]
+    truth: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    cov_type: Option<String>,
+    /// Position among all estimators of the study.
+    #[pyo3(item)]
+    position: usize,
+    /// Position of each parameter among all parameters of the study.
+    #[pyo3(item)]
+    columns: Vec<usize>,
+}
+
+impl GivenContender<'_> {
+    fn contender(&self) -> PyResult<Contender> {
+        let intervals = match self.cov_type.as_deref() {
+            None => Intervals::None,
+            Some("HC3") => Intervals::Hc3,
+            Some("nonrobust") => Intervals::Nonrobust,
+            Some(other) => {
+                let text = format!("cov_type=\"{other}\" is not \"HC3\" or \"nonrobust\"");
+                return Err(refused(&text));
+            }
+        };
+        let truth = slice(&self.truth, "truth")?.to_vec();
+        if self.columns.len() != truth.len() {
+            let (columns, values) = (self.columns.len(), truth.len());
+            return Err(refused(&format!("{columns} columns for {values} true values")));
+        }
+        let options = self.options.options(Wanted::Theta).map_err(to_python)?;
+        Ok(Contender { options, truth, intervals })
+    }
 }
 
 impl GivenGroup<'_> {
-    fn group(&self, estimators: &[Given]) -> PyResult<Group> {
+    fn group(&self) -> PyResult<Group> {
         let samples = self.y.as_array().len();
         let rows = |array: &PyReadonlyArray2<'_, f64>, name: &str| -> PyResult<Vec<Vec<f64>>> {
             let values = slice(array, name)?;
@@ -45,20 +85,6 @@ impl GivenGroup<'_> {
             }
             Ok(values.chunks_exact(samples.max(1)).map(<[f64]>::to_vec).collect())
         };
-        if self.truth.len() != estimators.len() {
-            return Err(to_python(Error::Spec(format!(
-                "planning a study: {} sets of true values for {} estimators",
-                self.truth.len(),
-                estimators.len()
-            ))));
-        }
-        let estimators: Vec<(FitOptions, Vec<f64>)> = estimators
-            .iter()
-            .zip(&self.truth)
-            .map(|(e, truth)| {
-                Ok((e.options(Wanted::Theta).map_err(to_python)?, slice(truth, "truth")?.to_vec()))
-            })
-            .collect::<PyResult<_>>()?;
         Ok(Group {
             group: self.group,
             dt: self.dt,
@@ -66,124 +92,209 @@ impl GivenGroup<'_> {
             u: rows(&self.u, "u")?,
             free: rows(&self.free, "free")?,
             sigma: slice(&self.sigma, "sigma")?.to_vec(),
-            estimators,
+            estimators: self
+                .estimators
+                .iter()
+                .map(GivenContender::contender)
+                .collect::<PyResult<_>>()?,
         })
     }
 }
 
-/// Runs a study; results by group, level and estimator.
-#[pyfunction]
-#[pyo3(signature = (groups, estimators, *, seed, first, replicates, draw, cov_type, level, samples,
-                    threads, progress=None))]
-#[allow(clippy::too_many_arguments)]
-pub fn monte_carlo<'py>(
-    py: Python<'py>,
-    groups: Vec<Bound<'py, PyAny>>,
-    estimators: Vec<Vec<Given>>,
-    seed: u64,
-    first: u64,
-    replicates: usize,
-    draw: &str,
-    cov_type: Option<&str>,
-    level: f64,
-    samples: bool,
-    threads: Option<usize>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyList>> {
-    let refused = |text: String| to_python(Error::Spec(format!("running a study: {text}")));
-    let draw = match draw {
-        "samples" => Draw::Samples,
-        "coefficients" => Draw::Coefficients,
-        other => {
-            return Err(refused(format!(
-                "draw=\"{other}\" is not \"samples\" or \"coefficients\""
-            )));
-        }
-    };
-    let intervals = match cov_type {
-        None => Intervals::None,
-        Some("HC3") => Intervals::Hc3,
-        Some("nonrobust") => Intervals::Nonrobust,
-        Some(other) => {
-            return Err(refused(format!("cov_type=\"{other}\" is not \"HC3\" or \"nonrobust\"")));
-        }
-    };
-    if groups.len() != estimators.len() {
-        return Err(refused(format!(
-            "{} groups but {} estimator lists",
-            groups.len(),
-            estimators.len()
-        )));
-    }
-    let covariance = intervals != Intervals::None;
-    let laid_out: Vec<Group> = groups
-        .iter()
-        .zip(&estimators)
-        .map(|(g, e)| g.extract::<GivenGroup<'_>>()?.group(e))
-        .collect::<PyResult<_>>()?;
-    let thread_count = modfun::threads::count(threads).map_err(to_python)?;
-    let plan = Plan::new(&laid_out, draw, Isa::detect()).map_err(to_python)?;
-    let quantiles = half_widths(py, &plan, level, covariance)?;
-    let run = Run { seed, first, replicates, intervals, samples };
-    let results = enter(py, progress, |report| plan.run(&run, &quantiles, thread_count, report))?;
-    let out = PyList::empty(py);
-    for ((cells, designs), group) in results.into_iter().zip(plan.designs()).zip(&laid_out) {
-        let levels = PyList::empty(py);
-        let mut cells = cells.into_iter();
-        for _ in &group.sigma {
-            let row = PyList::empty(py);
-            for ((cell, d), (_, truth)) in
-                cells.by_ref().zip(&designs).take(designs.len()).zip(&group.estimators)
-            {
-                let lines = d.lines().first().map(|l| (l.first, l.last));
-                let one = dictionary(py, cell, truth)?;
-                one.set_item("lines", lines)?;
-                one.set_item("df_resid", d.degrees_of_freedom())?;
-                row.append(one)?;
-            }
-            levels.append(row)?;
-        }
-        out.append(levels)?;
-    }
-    Ok(out)
+fn refused(text: &str) -> PyErr {
+    to_python(Error::Spec(format!("planning a study: {text}")))
 }
 
-/// Student's t quantiles at each design's degrees of freedom, from SciPy.
-fn half_widths(py: Python<'_>, plan: &Plan, level: f64, wanted: bool) -> PyResult<Vec<Vec<f64>>> {
-    if !wanted {
-        return Ok(plan.designs().iter().map(|g| vec![0.0; g.len()]).collect());
+/// Places of one group's numbers in arrays (group, level, estimator, parameter).
+struct Places {
+    levels: usize,
+    /// Position and columns of each of the group's estimators.
+    estimators: Vec<(usize, Vec<usize>)>,
+}
+
+/// A study laid out: what no replicate changes is evaluated, the rest is drawn and fitted by `part`.
+#[pyclass(frozen, module = "modfun._core")]
+pub struct Study {
+    plan: Plan,
+    quantiles: Vec<Vec<f64>>,
+    places: Vec<Places>,
+    estimators: usize,
+    parameters: usize,
+}
+
+#[pymethods]
+impl Study {
+    /// Arrays have `shape` = (estimators, parameters) beyond group and level.
+    #[new]
+    #[pyo3(signature = (groups, shape, *, draw, level))]
+    fn new(
+        py: Python<'_>,
+        groups: Vec<Bound<'_, PyAny>>,
+        shape: (usize, usize),
+        draw: &str,
+        level: f64,
+    ) -> PyResult<Study> {
+        let draw = match draw {
+            "samples" => Draw::Samples,
+            "coefficients" => Draw::Coefficients,
+            other => {
+                let text = format!("draw=\"{other}\" is not \"samples\" or \"coefficients\"");
+                return Err(refused(&text));
+            }
+        };
+        let given: Vec<GivenGroup<'_>> =
+            groups.iter().map(|g| g.extract()).collect::<PyResult<_>>()?;
+        let laid_out: Vec<Group> = given.iter().map(GivenGroup::group).collect::<PyResult<_>>()?;
+        let places: Vec<Places> = given
+            .iter()
+            .zip(&laid_out)
+            .map(|(given, group)| Places {
+                levels: group.sigma.len(),
+                estimators: given
+                    .estimators
+                    .iter()
+                    .map(|e| (e.position, e.columns.clone()))
+                    .collect(),
+            })
+            .collect();
+        let (estimators, parameters) = shape;
+        let inside = |p: &Places| {
+            let levels = places.first().map_or(0, |first| first.levels);
+            p.levels == levels
+                && p.estimators
+                    .iter()
+                    .all(|(e, columns)| *e < estimators && columns.iter().all(|c| *c < parameters))
+        };
+        if !places.iter().all(inside) {
+            let text = format!("numbers of a group lie outside of the shape {shape:?}");
+            return Err(refused(&text));
+        }
+        let plan = enter(py, None, |_| Plan::new(&laid_out, draw, Isa::detect()))?;
+        let quantiles = half_widths(py, &plan, &laid_out, level)?;
+        Ok(Study { plan, quantiles, places, estimators, parameters })
+    }
+
+    /// Sums over replicates `first..first + replicates`, each a flat array in the order group, level,
+    /// estimator, parameter; with `samples` the estimates, the replicate before all of these.
+    #[pyo3(signature = (*, seed, first, replicates, samples, threads, progress=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn part<'py>(
+        &self,
+        py: Python<'py>,
+        seed: u64,
+        first: u64,
+        replicates: usize,
+        samples: bool,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let run = Run { seed, first, replicates, samples };
+        let sums = enter(py, progress, |report| {
+            let results = self.plan.run(&run, &self.quantiles, threads, report)?;
+            Ok(self.sums(&run, &results))
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("moments", vector(py, sums.moments))?;
+        out.set_item("covered", vector(py, sums.covered))?;
+        out.set_item("status", vector(py, sums.status))?;
+        out.set_item("iterations", vector(py, sums.iterations))?;
+        out.set_item("bins", vector(py, sums.bins))?;
+        out.set_item("counts", vector(py, sums.counts))?;
+        out.set_item("samples", samples.then(|| vector(py, sums.samples)))?;
+        Ok(out)
+    }
+}
+
+/// Flat arrays of a part.
+struct Sums {
+    moments: Vec<f64>,
+    covered: Vec<i64>,
+    status: Vec<i64>,
+    iterations: Vec<i64>,
+    bins: Vec<i64>,
+    counts: Vec<i64>,
+    samples: Vec<f64>,
+}
+
+impl Study {
+    fn sums(&self, run: &Run, results: &[Vec<Cell>]) -> Sums {
+        let rows: usize = self.places.iter().map(|p| p.levels * self.estimators).sum();
+        let figures = rows * self.parameters;
+        let mut sums = Sums {
+            moments: vec![0.0; figures * numbers(&<_>::default()).len()],
+            covered: vec![0; figures],
+            status: vec![0; rows * Status::ALL.len()],
+            iterations: vec![0; rows],
+            bins: Vec::new(),
+            counts: Vec::new(),
+            samples: vec![f64::NAN; if run.samples { figures * run.replicates } else { 0 }],
+        };
+        let mut first_row = 0;
+        for (cells, places) in results.iter().zip(&self.places) {
+            let positions = (0..places.levels)
+                .flat_map(|level| places.estimators.iter().map(move |place| (level, place)));
+            for (cell, (level, (position, columns))) in cells.iter().zip(positions) {
+                let row = first_row + level * self.estimators + position;
+                sums.add(cell, row, columns, self.parameters, figures);
+            }
+            first_row += places.levels * self.estimators;
+        }
+        sums.sort();
+        sums
+    }
+}
+
+impl Sums {
+    fn add(
+        &mut self,
+        cell: &Cell,
+        row: usize,
+        columns: &[usize],
+        parameters: usize,
+        figures: usize,
+    ) {
+        let states = Status::ALL.len();
+        for (to, count) in self.status[row * states..].iter_mut().zip(&cell.status) {
+            *to = *count as i64;
+        }
+        self.iterations[row] = cell.iterations as i64;
+        for (k, column) in columns.iter().enumerate() {
+            let figure = row * parameters + column;
+            let five = numbers(&cell.moments[k]);
+            self.moments[figure * five.len()..][..five.len()].copy_from_slice(&five);
+            self.covered[figure] = cell.covered[k] as i64;
+            for (bin, count) in &cell.bins[k] {
+                self.bins.push((figure * BINS + usize::from(*bin)) as i64);
+                self.counts.push(*count as i64);
+            }
+            let of_this = cell.samples.iter().skip(k).step_by(columns.len());
+            for (to, value) in self.samples.iter_mut().skip(figure).step_by(figures).zip(of_this) {
+                *to = *value;
+            }
+        }
+    }
+
+    /// Bins in order, wherever their estimators and parameters stand.
+    fn sort(&mut self) {
+        let mut pairs: Vec<(i64, i64)> =
+            self.bins.iter().copied().zip(self.counts.iter().copied()).collect();
+        pairs.sort_unstable();
+        (self.bins, self.counts) = pairs.into_iter().unzip();
+    }
+}
+
+/// Student's t quantiles at each design's degrees of freedom, from SciPy; 0 where nothing is covered.
+fn half_widths(
+    py: Python<'_>,
+    plan: &Plan,
+    groups: &[Group],
+    level: f64,
+) -> PyResult<Vec<Vec<f64>>> {
+    let wanted = |e: &Contender| e.intervals != Intervals::None;
+    if !groups.iter().flat_map(|g| &g.estimators).any(wanted) {
+        return Ok(groups.iter().map(|g| vec![0.0; g.estimators.len()]).collect());
     }
     let quantile = py.import("scipy.special")?.getattr("stdtrit")?;
     let of = |df: usize| quantile.call1((df as f64, 0.5 + level / 2.0))?.extract::<f64>();
     plan.designs().iter().map(|g| g.iter().map(|d| of(d.degrees_of_freedom())).collect()).collect()
-}
-
-fn dictionary<'py>(py: Python<'py>, cell: Cell, truth: &[f64]) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    let all = || cell.parameters.iter();
-    let shifted =
-        |errors: Vec<f64>| vector(py, errors.iter().zip(truth).map(|(e, t)| e + t).collect());
-    out.set_item("count", cell.parameters.first().map_or(0, |p| p.moments.count))?;
-    let outcomes = Status::ALL.iter().map(|s| cell.outcomes.count(*s) as i64).collect();
-    out.set_item("status", vector(py, outcomes))?;
-    out.set_item("bias", vector(py, all().map(|p| p.moments.bias()).collect()))?;
-    out.set_item("bias_mcse", vector(py, all().map(|p| p.moments.bias_se()).collect()))?;
-    out.set_item("mean", shifted(all().map(|p| p.moments.bias()).collect()))?;
-    out.set_item("sd", vector(py, all().map(|p| p.moments.sd()).collect()))?;
-    out.set_item("sd_mcse", vector(py, all().map(|p| p.moments.sd_se()).collect()))?;
-    out.set_item("rmse", vector(py, all().map(|p| p.moments.rmse()).collect()))?;
-    out.set_item("rmse_mcse", vector(py, all().map(|p| p.moments.rmse_se()).collect()))?;
-    let coverage = || all().map(|p| if p.hc3.count > 0 { p.hc3 } else { p.nonrobust });
-    out.set_item("covered", vector(py, coverage().map(|c| c.share()).collect()))?;
-    out.set_item("covered_mcse", vector(py, coverage().map(|c| c.share_se()).collect()))?;
-    out.set_item("median", shifted(cell.median))?;
-    out.set_item("nit", cell.iterations as f64 / cell.outcomes.total().max(1) as f64)?;
-    let rows = cell.samples.status.len();
-    if rows > 0 {
-        out.set_item("theta", matrix(py, cell.samples.theta, rows)?)?;
-        out.set_item("bse", matrix(py, cell.samples.bse, rows)?)?;
-        let each = cell.samples.status.iter().map(|s| *s as u8).collect();
-        out.set_item("status_each", vector(py, each))?;
-    }
-    Ok(out)
 }

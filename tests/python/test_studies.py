@@ -146,7 +146,7 @@ def test_without_coverage_there_is_none() -> None:
 
 def test_a_band_left_out_is_chosen_once_and_used() -> None:
     made = study(estimators=["ls", "ml"], trend=None)
-    ls, ml = made.contenders
+    ls, ml = made.plan.contenders
     assert ls.estimators[0].options.harmonics == 9  # M = 3 times the number of unknowns
     chosen = ml.estimators[0].options.harmonics
     assert chosen is not None

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::{ALL, DURATION, INTERVALS, METHODS, OPTIONS};
 use modfun::Status;
 use modfun::estimate::{Band, FitOptions, Start, Workspace, estimate};
-use modfun::monte_carlo::{Draw, Group, Intervals, Plan, Run};
+use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run};
 use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
 use modfun::simd::{Isa, Wide};
@@ -109,7 +109,7 @@ fn plan(draw: Draw) -> Plan {
             band: Band::Harmonics(6),
             options: OPTIONS,
         };
-        (options, vec![3.0, 8.0, 5.0])
+        Contender { options, truth: vec![3.0, 8.0, 5.0], intervals: Intervals::Hc3 }
     });
     let dt = DURATION / INTERVALS as f64;
     let group = Group {
@@ -129,8 +129,7 @@ fn study() {
     for draw in [Draw::Samples, Draw::Coefficients] {
         let plan = plan(draw);
         let count = |replicates| {
-            let run =
-                Run { seed: 1, first: 0, replicates, intervals: Intervals::Hc3, samples: false };
+            let run = Run { seed: 1, first: 0, replicates, samples: false };
             let quantiles = [vec![2.0; METHODS.len()]];
             let go = || plan.run(&run, &quantiles, 1, &mut |_, _| Control::Continue).unwrap();
             go();

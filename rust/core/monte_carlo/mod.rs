@@ -1,8 +1,10 @@
-//! Monte Carlo studies: many replicates of one experiment, drawn, estimated and summarised in lanes.
+//! Monte Carlo studies: many replicates of one experiment, drawn, estimated and summed up in lanes.
 
+mod draw;
+pub mod histogram;
+pub mod moments;
 mod plan;
 mod run;
-pub mod summary;
 
-pub use plan::{Draw, Group};
-pub use run::{Cell, Intervals, Plan, Run, Samples};
+pub use plan::{Contender, Draw, Group, Intervals, Plan};
+pub use run::{Cell, Run};

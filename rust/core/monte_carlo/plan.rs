@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Error;
 use crate::estimate::batch::Shared;
-use crate::estimate::{FitOptions, Fitter, RecordView, Time};
+use crate::estimate::{Design, FitOptions, Fitter, Options, RecordView, Time, Wanted};
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
 
@@ -15,6 +15,28 @@ pub enum Draw {
     Samples,
     /// The Fourier coefficients themselves, with the exact covariance that the rule gives them.
     Coefficients,
+}
+
+/// Which intervals are counted as covering the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Intervals {
+    /// None, and no covariance is computed.
+    None,
+    /// From classical standard errors.
+    Nonrobust,
+    /// From HC3 standard errors.
+    Hc3,
+}
+
+/// An estimator of a study.
+#[derive(Debug, Clone)]
+pub struct Contender {
+    /// Structure, method and options.
+    pub options: FitOptions,
+    /// True parameters; 0 where unknown, so that errors are estimates.
+    pub truth: Vec<f64>,
+    /// What coverage counts.
+    pub intervals: Intervals,
 }
 
 /// What all cells with the same noise-free record share.
@@ -32,15 +54,16 @@ pub struct Group {
     pub free: Vec<Vec<f64>>,
     /// Noise standard deviations, one a level.
     pub sigma: Vec<f64>,
-    /// Estimators with the true parameters, NaN where unknown.
-    pub estimators: Vec<(FitOptions, Vec<f64>)>,
+    /// Estimators, all of which see the same noise.
+    pub estimators: Vec<Contender>,
 }
 
 /// One estimator of one group: its problem and where its coefficients come from.
 pub(crate) struct Task {
     pub shared: Arc<Shared>,
-    pub options: FitOptions,
+    pub options: Options,
     pub truth: Vec<f64>,
+    pub intervals: Intervals,
     /// Parameters of the estimators before it.
     pub offset: usize,
     /// Which of the group's output plans it uses.
@@ -68,7 +91,37 @@ pub(crate) struct GroupPlan {
     pub tasks: Vec<Task>,
 }
 
+/// A study laid out; it can be run for any range of replicates, again and again.
+pub struct Plan {
+    pub(crate) groups: Vec<GroupPlan>,
+    pub(crate) draw: Draw,
+    pub(crate) isa: Isa,
+}
+
+impl Plan {
+    /// Evaluates what no replicate changes.
+    ///
+    /// # Errors
+    /// As a fit of each group's noise-free record.
+    pub fn new(groups: &[Group], draw: Draw, isa: Isa) -> Result<Plan, Error> {
+        let groups =
+            groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
+        Ok(Plan { groups, draw, isa })
+    }
+
+    /// The design of each group's estimators: lines and degrees of freedom.
+    #[must_use]
+    pub fn designs(&self) -> Vec<Vec<&Design>> {
+        self.groups.iter().map(|g| g.tasks.iter().map(|t| &t.shared.design).collect()).collect()
+    }
+}
+
 impl GroupPlan {
+    /// Tasks of the cells: levels times estimators, estimators fastest.
+    pub fn cells(&self) -> impl Iterator<Item = &Task> {
+        self.sigma.iter().flat_map(|_| &self.tasks)
+    }
+
     /// Parameters of all estimators together.
     pub fn parameters(&self) -> usize {
         self.tasks.iter().map(|t| t.truth.len()).sum()
@@ -81,15 +134,15 @@ impl GroupPlan {
         let mut tasks = Vec::with_capacity(g.estimators.len());
         // The widest estimator of each rule and window decides how far its source reaches.
         let mut shared = Vec::with_capacity(g.estimators.len());
-        for (o, truth) in &g.estimators {
-            if truth.len() != o.structure.parameters() {
+        for Contender { options, truth, .. } in &g.estimators {
+            if truth.len() != options.structure.parameters() {
                 return Err(Error::Spec(format!(
                     "planning a study: {} true values for {} parameters",
                     truth.len(),
-                    o.structure.parameters()
+                    options.structure.parameters()
                 )));
             }
-            shared.push(Fitter::new(o.clone(), &sampling, isa)?.shared(&record)?);
+            shared.push(Fitter::new(options.clone(), &sampling, isa)?.shared(&record)?);
         }
         let alike = |a: &CoefficientPlan, b: &CoefficientPlan| {
             a.kind() == b.kind() && a.intervals() == b.intervals()
@@ -115,7 +168,7 @@ impl GroupPlan {
                 source.root = covariance_root(&source.plan)?;
             }
         }
-        for (shared, (o, truth)) in shared.into_iter().zip(&g.estimators) {
+        for (shared, own) in shared.into_iter().zip(&g.estimators) {
             let source = sources.iter().position(|s| alike(&s.plan, &shared.plans[0])).unwrap_or(0);
             let inputs = shared.plans[1..]
                 .iter()
@@ -125,8 +178,15 @@ impl GroupPlan {
             let offset = tasks.iter().map(|t: &Task| t.truth.len()).sum();
             tasks.push(Task {
                 shared,
-                options: o.clone(),
-                truth: truth.clone(),
+                options: Options {
+                    wanted: match own.intervals {
+                        Intervals::None => Wanted::Theta,
+                        Intervals::Nonrobust | Intervals::Hc3 => Wanted::Covariance,
+                    },
+                    ..own.options.options
+                },
+                truth: own.truth.clone(),
+                intervals: own.intervals,
                 offset,
                 source,
                 inputs,

@@ -1,30 +1,20 @@
-//! Runs a study: draw, transform once, estimate for every level and method, count.
+//! Runs replicates of a study: draw, transform once, estimate for every level and method, count.
 
-use super::plan::{Draw, Group, GroupPlan, Source, Task};
-use super::summary::{Histogram, Moments, Outcomes, ParameterSummary};
+use super::draw::{Noisy, colour};
+use super::histogram::{Histogram, Occupied};
+use super::moments::Moments;
+use super::plan::{Draw, GroupPlan, Intervals, Plan, Task};
 use crate::error::{Error, Status};
 use crate::estimate::batch::{CHUNK, load};
-use crate::estimate::{Design, Options, Outcome, Start, Wanted, Workspace, estimate};
-use crate::modulation::Lines;
+use crate::estimate::{Outcome, Start, Workspace, estimate};
 use crate::rng::{self, Purpose};
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::simd::{LANES, Wide};
 use crate::spectrum::Scratch;
 use crate::threads::{self, Control};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Which intervals are counted as covering the truth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Intervals {
-    /// None, and no covariance is computed.
-    None,
-    /// From classical standard errors.
-    Nonrobust,
-    /// From HC3 standard errors.
-    Hc3,
-}
-
-/// Which replicates, and what is kept of them.
+/// Which replicates, and whether each of them is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
     /// The key of all random streams.
@@ -33,68 +23,36 @@ pub struct Run {
     pub first: u64,
     /// How many.
     pub replicates: usize,
-    /// What coverage counts.
-    pub intervals: Intervals,
     /// Whether every estimate is kept.
     pub samples: bool,
 }
 
-/// Estimates of one cell, replicate after replicate.
-#[derive(Debug, Clone, Default)]
-pub struct Samples {
-    /// Parameters.
-    pub theta: Vec<f64>,
-    /// Standard errors that the intervals use; empty without intervals.
-    pub bse: Vec<f64>,
-    /// Outcomes.
-    pub status: Vec<Status>,
-}
-
-/// Results of one group, level and estimator.
+/// Sums over the replicates of one group, level and estimator; those of a parameter in its order.
 #[derive(Debug, Clone, Default)]
 pub struct Cell {
-    /// Errors and coverage of each parameter, over fits that gave finite estimates.
-    pub parameters: Vec<ParameterSummary>,
-    /// Median error of each parameter, to 0.4 % of itself.
-    pub median: Vec<f64>,
-    /// All fits by their status.
-    pub outcomes: Outcomes,
+    /// Moments of the errors of fits that gave finite estimates.
+    pub moments: Vec<Moments>,
+    /// Intervals that held the truth, of as many as there are errors.
+    pub covered: Vec<u64>,
+    /// Occupied bins of the errors.
+    pub bins: Vec<Vec<Occupied>>,
+    /// All fits by their status, in the order of [`Status::ALL`].
+    pub status: [u64; Status::ALL.len()],
     /// Iterations of all replicates together.
     pub iterations: u64,
-    /// Every estimate, if asked for.
-    pub samples: Samples,
+    /// Every estimate, replicate after replicate and NaN where there is none, if asked for.
+    pub samples: Vec<f64>,
 }
 
-/// A study laid out; it can be run for any range of replicates.
-pub struct Plan {
-    groups: Vec<GroupPlan>,
-    draw: Draw,
-    isa: Isa,
+/// Histograms of a group, while its chunks are being worked on, and what remains of them.
+#[derive(Default)]
+struct Counted {
+    chunks: usize,
+    open: Vec<Histogram>,
+    bins: Vec<Vec<Occupied>>,
 }
 
 impl Plan {
-    /// Evaluates what no replicate changes.
-    ///
-    /// # Errors
-    /// As a fit of each group's noise-free record.
-    pub fn new(groups: &[Group], draw: Draw, isa: Isa) -> Result<Plan, Error> {
-        let groups =
-            groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
-        Ok(Plan { groups, draw, isa })
-    }
-
-    /// The design of each group's estimators: lines and degrees of freedom.
-    #[must_use]
-    pub fn designs(&self) -> Vec<Vec<&Design>> {
-        self.groups.iter().map(|g| g.tasks.iter().map(|t| &t.shared.design).collect()).collect()
-    }
-
-    /// Tasks of a group's cells: levels times estimators, estimators fastest.
-    fn cells(&self, group: usize) -> impl Iterator<Item = &Task> {
-        let g = &self.groups[group];
-        g.sigma.iter().flat_map(|_| &g.tasks)
-    }
-
     /// Runs replicates; results by group, then level times estimator with estimators fastest.
     ///
     /// `quantiles` holds, for each group and estimator, the half width of an interval in standard
@@ -110,20 +68,16 @@ impl Plan {
         progress: &mut dyn FnMut(usize, usize) -> Control,
     ) -> Result<Vec<Vec<Cell>>, Error> {
         let chunks = run.replicates.div_ceil(CHUNK);
-        let histograms: Vec<Mutex<Vec<Histogram>>> = (0..self.groups.len())
-            .map(|g| {
-                let truths = self.cells(g).flat_map(|t| &t.truth);
-                Mutex::new(truths.map(|t| Histogram::new(*t)).collect())
-            })
-            .collect();
+        let counted: Vec<Mutex<Counted>> = self.groups.iter().map(|_| Mutex::default()).collect();
         let work = |w: &mut Option<Worker>, index: usize, stop: &AtomicBool| {
-            // Group after group, so that a worker prepares for each about once.
+            // Group after group, so that a worker prepares for each about once and few groups are open.
             let (group, chunk) = (index / chunks, index % chunks);
+            let g = &self.groups[group];
             let mut worker = match w.take() {
                 Some(worker) if worker.group == group => worker,
-                _ => Worker::new(&self.groups[group], group),
+                _ => Worker::new(g, group),
             };
-            let mut cells = vec![Cell::default(); self.cells(group).count()];
+            let mut cells: Vec<Cell> = g.cells().map(Cell::new).collect();
             worker.errors.iter_mut().for_each(Vec::clear);
             let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(run.replicates);
             for first in range.clone().step_by(LANES) {
@@ -133,17 +87,15 @@ impl Plan {
                 let count = (range.end - first).min(LANES);
                 self.block(&mut worker, run, first as u64, count, &quantiles[group], &mut cells)?;
             }
-            let mut counted = histograms[group].lock().unwrap_or_else(PoisonError::into_inner);
-            let mut errors = worker.errors.iter().zip(counted.iter_mut());
-            for (cell, task) in cells.iter_mut().zip(self.cells(group)) {
-                cell.parameters.resize(task.truth.len(), ParameterSummary::default());
-                for (parameter, (errors, histogram)) in cell.parameters.iter_mut().zip(&mut errors)
-                {
-                    parameter.moments = Moments::of(errors);
-                    errors.iter().for_each(|e| histogram.push(*e));
-                }
+            let mut errors = worker.errors.iter();
+            for moments in cells.iter_mut().flat_map(|cell| &mut cell.moments) {
+                *moments = errors.next().map_or_else(Moments::default, |e| Moments::of(e));
             }
-            drop(counted);
+            counted[group].lock().unwrap_or_else(PoisonError::into_inner).add(
+                g,
+                &worker.errors,
+                chunks,
+            );
             *w = Some(worker);
             Ok(cells)
         };
@@ -159,11 +111,11 @@ impl Plan {
                 all.iter_mut().zip(part).for_each(|(all, one)| all.append(one));
             }
         }
-        for (cells, histograms) in results.iter_mut().zip(&histograms) {
-            let counted = histograms.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut medians = counted.iter().map(Histogram::median);
+        for (cells, counted) in results.iter_mut().zip(counted) {
+            let mut bins =
+                counted.into_inner().unwrap_or_else(PoisonError::into_inner).bins.into_iter();
             for cell in cells {
-                cell.median = medians.by_ref().take(cell.parameters.len()).collect();
+                cell.bins = bins.by_ref().take(cell.moments.len()).collect();
             }
         }
         Ok(results)
@@ -190,27 +142,16 @@ impl Plan {
                 let source = &g.sources[task.source];
                 let (noise, initial) = (&w.noise[task.source], &w.initial[..]);
                 self.isa.run(Noisy { source, noise, initial, sigma: *sigma, lines, space });
-                let options = Options {
-                    wanted: match run.intervals {
-                        Intervals::None => Wanted::Theta,
-                        _ => Wanted::Covariance,
-                    },
-                    ..task.options.options
-                };
-                let outcome = estimate(self.isa, d, space, live, Start::Wls, &options);
-                let index = level * g.tasks.len() + k;
+                let outcome = estimate(self.isa, d, space, live, Start::Wls, &task.options);
                 let first_error = level * g.parameters() + task.offset;
                 let errors = &mut w.errors[first_error..first_error + task.truth.len()];
-                cells[index].add(
-                    run,
-                    task,
-                    space,
-                    &outcome,
-                    count,
-                    quantiles[k],
-                    errors,
-                    &mut w.row,
-                );
+                let cell = &mut cells[level * g.tasks.len() + k];
+                for lane in 0..count {
+                    cell.add(task, space, &outcome, lane, quantiles[k], errors, &mut w.row);
+                    if run.samples {
+                        cell.keep(&w.row[..task.truth.len()], outcome.status[lane]);
+                    }
+                }
             }
         }
         Ok(())
@@ -235,6 +176,23 @@ impl Plan {
             }
         }
         Ok(())
+    }
+}
+
+impl Counted {
+    /// Counts a chunk's errors; after the last of `chunks` only occupied bins remain.
+    fn add(&mut self, g: &GroupPlan, errors: &[Vec<f64>], chunks: usize) {
+        if self.chunks == 0 {
+            self.open = g.cells().flat_map(|t| &t.truth).map(|t| Histogram::new(*t)).collect();
+        }
+        for (histogram, errors) in self.open.iter_mut().zip(errors) {
+            errors.iter().for_each(|e| histogram.push(*e));
+        }
+        self.chunks += 1;
+        if self.chunks == chunks {
+            self.bins = self.open.iter().map(Histogram::occupied).collect();
+            self.open = Vec::new();
+        }
     }
 }
 
@@ -295,128 +253,63 @@ impl Worker {
     }
 }
 
-/// Y = Y₀ + Σ z F + σE on the used lines.
-struct Noisy<'a> {
-    source: &'a Source,
-    noise: &'a (Vec<Wide>, Vec<Wide>),
-    initial: &'a [Wide],
-    sigma: f64,
-    lines: Lines,
-    space: &'a mut Workspace,
-}
-
-impl Kernel for Noisy<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let Noisy { source, noise, initial, sigma, lines, space } = self;
-        let (to_re, to_im) = space.signal_mut(0, 0);
-        let used = lines.first..=lines.last;
-        add_noise::<L>(to_re, &source.y.0[used.clone()], &noise.0[used.clone()], sigma);
-        add_noise::<L>(to_im, &source.y.1[used.clone()], &noise.1[used.clone()], sigma);
-        for (z, free) in initial.iter().zip(&source.free) {
-            add_free::<L>(to_re, &free.0[used.clone()], z);
-            add_free::<L>(to_im, &free.1[used.clone()], z);
-        }
-    }
-}
-
-#[inline(always)]
-fn add_noise<L: Lanes>(to: &mut [Wide], clean: &[f64], noise: &[Wide], sigma: f64) {
-    for ((to, clean), noise) in to.iter_mut().zip(clean).zip(noise) {
-        L::splat(sigma).mul_add(L::load(noise), L::splat(*clean)).store(to);
-    }
-}
-
-#[inline(always)]
-fn add_free<L: Lanes>(to: &mut [Wide], free: &[f64], z: &Wide) {
-    for (to, free) in to.iter_mut().zip(free) {
-        L::splat(*free).mul_add(L::load(z), L::load(to)).store(to);
-    }
-}
-
-/// Coefficients with the rule's own covariance from independent normals.
-fn colour(isa: Isa, source: &Source, normals: &[Wide], re: &mut [Wide], im: &mut [Wide]) {
-    struct Colour<'a>(&'a Source, &'a [Wide], &'a mut [Wide], &'a mut [Wide]);
-    impl Kernel for Colour<'_> {
-        type Output = ();
-        #[inline(always)]
-        fn run<L: Lanes>(self) {
-            let size = 2 * self.0.plan.harmonics() + 1;
-            for i in 0..size {
-                let mut sum = L::splat(0.0);
-                for (root, z) in self.0.root[i * size..=i * size + i].iter().zip(self.1) {
-                    sum = L::splat(*root).mul_add(L::load(z), sum);
-                }
-                let to = if i == 0 || i % 2 == 1 {
-                    &mut self.2[i.div_ceil(2)]
-                } else {
-                    &mut self.3[i / 2]
-                };
-                sum.store(to);
-            }
-        }
-    }
-    isa.run(Colour(source, normals, re, im));
-}
-
 impl Cell {
-    /// Counts the live lanes of a block.
+    /// Nothing counted yet.
+    fn new(task: &Task) -> Cell {
+        let p = task.truth.len();
+        Cell { moments: vec![Moments::default(); p], covered: vec![0; p], ..Cell::default() }
+    }
+
+    /// Counts one lane; its estimate stands first in `row`.
     #[allow(clippy::too_many_arguments)]
     fn add(
         &mut self,
-        run: &Run,
         task: &Task,
         space: &Workspace,
         outcome: &Outcome,
-        count: usize,
+        lane: usize,
         quantile: f64,
         errors: &mut [Vec<f64>],
         row: &mut Vec<f64>,
     ) {
-        let (d, p) = (&task.shared.design, task.truth.len());
-        self.parameters.resize(p, ParameterSummary::default());
-        for lane in 0..count {
-            let status = outcome.status[lane];
-            self.outcomes.push(status);
-            self.iterations += u64::from(outcome.nit[lane]);
-            row.clear();
-            row.extend(space.theta(d, lane));
-            match run.intervals {
-                Intervals::None => {}
-                Intervals::Nonrobust => row.extend(space.bse_nonrobust(d, lane)),
-                Intervals::Hc3 => row.extend(space.bse_hc3(d, lane)),
-            }
-            let (theta, bse) = row.split_at(p);
-            if run.samples {
-                self.samples.theta.extend_from_slice(theta);
-                self.samples.bse.extend_from_slice(bse);
-                self.samples.status.push(status);
-            }
-            if !matches!(status, Status::Ok | Status::MaxIter) {
-                continue;
-            }
-            for (k, (value, truth)) in theta.iter().zip(&task.truth).enumerate() {
-                let error = value - truth;
-                errors[k].push(error);
-                if let Some(bse) = bse.get(k) {
-                    let coverage = match run.intervals {
-                        Intervals::Nonrobust => &mut self.parameters[k].nonrobust,
-                        _ => &mut self.parameters[k].hc3,
-                    };
-                    coverage.push(error.abs() <= quantile * bse);
-                }
-            }
+        let d = &task.shared.design;
+        let status = outcome.status[lane];
+        self.status[status as usize] += 1;
+        self.iterations += u64::from(outcome.nit[lane]);
+        row.clear();
+        row.extend(space.theta(d, lane));
+        match task.intervals {
+            Intervals::None => {}
+            Intervals::Nonrobust => row.extend(space.bse_nonrobust(d, lane)),
+            Intervals::Hc3 => row.extend(space.bse_hc3(d, lane)),
         }
+        if !found(status) {
+            return;
+        }
+        let (theta, bse) = row.split_at(task.truth.len());
+        for (k, (value, truth)) in theta.iter().zip(&task.truth).enumerate() {
+            let error = value - truth;
+            errors[k].push(error);
+            self.covered[k] += u64::from(bse.get(k).is_some_and(|b| error.abs() <= quantile * b));
+        }
+    }
+
+    /// Keeps an estimate.
+    fn keep(&mut self, theta: &[f64], status: Status) {
+        self.samples.extend(theta.iter().map(|v| if found(status) { *v } else { f64::NAN }));
     }
 
     /// Adds a later chunk.
     fn append(&mut self, mut later: Cell) {
-        self.parameters.iter_mut().zip(&later.parameters).for_each(|(all, one)| all.merge(one));
-        self.outcomes.merge(&later.outcomes);
+        self.moments.iter_mut().zip(&later.moments).for_each(|(all, one)| all.merge(one));
+        self.covered.iter_mut().zip(&later.covered).for_each(|(all, one)| *all += one);
+        self.status.iter_mut().zip(&later.status).for_each(|(all, one)| *all += one);
         self.iterations += later.iterations;
-        self.samples.theta.append(&mut later.samples.theta);
-        self.samples.bse.append(&mut later.samples.bse);
-        self.samples.status.append(&mut later.samples.status);
+        self.samples.append(&mut later.samples);
     }
+}
+
+/// Whether there is an estimate to count.
+fn found(status: Status) -> bool {
+    matches!(status, Status::Ok | Status::MaxIter)
 }

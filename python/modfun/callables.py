@@ -1,0 +1,90 @@
+"""Functions of the user that leave the process: whether they can, their names and their sources."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pickle
+import types
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from .errors import SpecError
+
+__all__ = ["address", "at", "importable", "source"]
+
+
+def importable(call: Any, what: str, why: str) -> None:
+    """Refuse what another process could not import.
+
+    Parameters
+    ----------
+    call : callable
+    what, why : str
+        For the message: whose it is, and what needs it to be importable.
+
+    Raises
+    ------
+    SpecError
+        A lambda, a function inside of a function, or an object that cannot be pickled.
+    """
+    try:
+        pickle.dumps(call)
+    except Exception as error:
+        raise SpecError(
+            f"run: {what} is {_said(call)}, which {why} could not import ({error}); define it with def at "
+            "the top of a module"
+        ) from None
+
+
+def address(call: Any) -> str:
+    """Where a function or class can be imported from, as "module:qualname".
+
+    Raises
+    ------
+    SpecError
+        It cannot: a lambda, a function inside of a function, an instance.
+    """
+    module, name = getattr(call, "__module__", None), getattr(call, "__qualname__", None)
+    if isinstance(module, str) and isinstance(name, str) and "<" not in name:
+        return f"{module}:{name}"
+    raise SpecError(
+        f"run: {_said(call)} has no name to import it by, which a study directory needs; define it with def "
+        "at the top of a module, or make it a dataclass defined there"
+    )
+
+
+def at(place: str) -> Any:
+    """What stands at "module:qualname"; raises ImportError or AttributeError where nothing does."""
+    module, _, name = place.partition(":")
+    found: Any = importlib.import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
+    return found
+
+
+def source(call: Any) -> list[Any]:
+    """What a function computes with, as plain values: its text; of an object its class and fields."""
+    if not isinstance(call, types.FunctionType | types.BuiltinFunctionType | type):
+        state = {f.name: getattr(call, f.name) for f in fields(call)} if is_dataclass(call) else vars(call)
+        return [source(type(call)), sorted((name, repr(value)) for name, value in state.items())]
+    try:
+        return [inspect.getsource(call)]
+    except (OSError, TypeError):  # typed into an interpreter, or compiled
+        code = getattr(call, "__code__", None)
+        return _code(code) if code is not None else [f"{call.__module__}:{call.__qualname__}"]
+
+
+def _code(code: types.CodeType) -> list[Any]:
+    constants = [_code(c) if isinstance(c, types.CodeType) else repr(c) for c in code.co_consts]
+    return [code.co_code.hex(), list(code.co_names), constants]
+
+
+def _said(call: Callable[..., Any]) -> str:
+    name = getattr(call, "__qualname__", None)
+    if name is None:
+        return f"a {type(call).__name__}"
+    if "<lambda>" in name:
+        return "a lambda"
+    return f"the function {name}, defined inside of another," if "<locals>" in name else f"{name}"

@@ -1,0 +1,219 @@
+"""Who computes the parts of a study: threads of this process, an executor, or a map-like function."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import Any, Protocol
+
+from .errors import ModfunError, SpecError
+from .study_tally import Tally
+from .study_work import Part, Work, compute
+
+__all__ = ["Engine", "Store", "engine", "tallies"]
+
+Answer = tuple[Part, Tally]
+
+BYTES = 2**28  # of estimates that may be on their way at once
+UNKNOWN = 64  # tasks in flight where an executor does not tell how many workers it has
+SLICE = 0.1  # seconds between two looks for Ctrl-C
+
+
+class Engine(Protocol):
+    """Computes parts; answers come in any order."""
+
+    window: int
+
+    def begin(self, part: Part) -> None:
+        """Take on a part."""
+
+    def answer(self) -> Answer:
+        """Wait for any of the parts begun."""
+
+    def stop(self) -> None:
+        """Give up what was begun."""
+
+
+class Store(Protocol):
+    """Keeps parts."""
+
+    def holds(self, part: Part) -> bool:
+        """Whether this very part is there, undamaged."""
+
+    def load(self, part: Part) -> Tally:
+        """A part that is there."""
+
+    def save(self, part: Part, tally: Tally) -> None:
+        """Keep a part."""
+
+
+class Threads:
+    """One part after another, each on all threads of this process."""
+
+    window = 1
+
+    def __init__(self, work: Work, threads: int, progress: Callable[[float], None]) -> None:
+        self._work, self._threads, self._progress = work, threads, progress
+        self._part: Part | None = None
+
+    def begin(self, part: Part) -> None:
+        self._part = part
+
+    def answer(self) -> Answer:
+        part, self._part = self._part, None
+        assert part is not None
+
+        def within(done: int, total: int) -> None:
+            self._progress(part.first + part.replicates * done / max(total, 1))
+
+        return part, compute(self._work, part, self._threads, within)
+
+    def stop(self) -> None:
+        self._part = None
+
+
+class Submitted:
+    """Each part a task of one thread, given to an executor."""
+
+    def __init__(self, work: Work, executor: Any) -> None:
+        workers = getattr(executor, "_max_workers", None)
+        self.window = _window(work, 2 * workers if isinstance(workers, int) else UNKNOWN)
+        self._task = partial(_task, work)
+        self._executor = executor
+        self._done: SimpleQueue[Any] = SimpleQueue()
+        self._futures: set[Any] = set()
+
+    def begin(self, part: Part) -> None:
+        try:
+            future = self._executor.submit(self._task, part)
+        except RuntimeError as error:
+            raise _died(error) from error
+        self._futures.add(future)
+        future.add_done_callback(self._done.put)
+
+    def answer(self) -> Answer:
+        while True:
+            try:
+                future = self._done.get(timeout=SLICE)
+                break
+            except Empty:
+                continue
+        self._futures.discard(future)
+        try:
+            answer: Answer = future.result()
+        except ModfunError:
+            raise
+        except Exception as error:
+            raise _died(error) from error
+        return answer
+
+    def stop(self) -> None:
+        for future in self._futures:
+            future.cancel()
+
+
+class Mapped:
+    """Each part a task of one thread, given to a function f(function, iterable) -> iterable."""
+
+    def __init__(self, work: Work, call: Callable[..., Iterable[Answer]]) -> None:
+        self.window = _window(work, UNKNOWN)
+        self._task = partial(_task, work)
+        self._call = call
+        self._batch: list[Part] = []
+        self._answers: Iterator[Answer] = iter(())
+
+    def begin(self, part: Part) -> None:
+        self._batch.append(part)
+
+    def answer(self) -> Answer:
+        if self._batch:
+            batch, self._batch = self._batch, []
+            self._answers = iter(self._call(self._task, batch))
+        try:
+            return next(self._answers)
+        except StopIteration:
+            raise SpecError(
+                "run: executor= returned fewer results than it was given parts; a map-like function returns "
+                "function(item) of each item"
+            ) from None
+
+    def stop(self) -> None:
+        self._batch = []
+
+
+def engine(work: Work, executor: Any, threads: int, progress: Callable[[float], None]) -> Engine:
+    """The engine for `executor=`; None: threads of this process."""
+    if executor is None:
+        return Threads(work, threads, progress)
+    _ = work.key  # made once here, not in every process
+    if hasattr(executor, "submit"):
+        return Submitted(work, executor)
+    if callable(executor):
+        return Mapped(work, executor)
+    raise SpecError(
+        f"run: executor is a {type(executor).__name__}; give an executor (with submit, as those of "
+        "concurrent.futures), or a map-like function f(function, iterable)"
+    )
+
+
+def tallies(
+    wanted: Iterable[Part], workers: Engine | None, store: Store | None
+) -> Generator[Answer, None, None]:
+    """Every wanted part in order: from the store if it is there, else computed and stored.
+
+    Parts are begun as far ahead as the engine's window; what is computed out of order waits.
+    """
+    left = iter(wanted)
+    ahead: deque[Part] = deque()
+    begun: set[int] = set()
+    ready: dict[int, Tally] = {}
+    try:
+        while True:
+            while len(ahead) < (workers.window if workers is not None else 1):
+                part = next(left, None)
+                if part is None:
+                    break
+                ahead.append(part)
+                if workers is not None and not (store is not None and store.holds(part)):
+                    workers.begin(part)
+                    begun.add(part.number)
+            if not ahead:
+                return
+            head = ahead.popleft()
+            while workers is not None and head.number in begun:
+                part, tally = workers.answer()
+                begun.discard(part.number)
+                if store is not None:
+                    store.save(part, tally)
+                ready[part.number] = tally
+            if head.number in ready:
+                yield head, ready.pop(head.number)
+            else:
+                assert store is not None
+                yield head, store.load(head)
+    finally:
+        if workers is not None:
+            workers.stop()
+
+
+def _task(work: Work, part: Part) -> Answer:
+    return part, compute(work, part)
+
+
+def _window(work: Work, wanted: int) -> int:
+    """Tasks in flight, fewer where their estimates would fill the memory."""
+    if not work.samples:
+        return wanted
+    size = 8 * work.part
+    for length in work.plan.shape:
+        size *= length
+    return max(2, min(wanted, BYTES // size))
+
+
+def _died(error: BaseException) -> ModfunError:
+    return ModfunError(
+        f"run: a worker of executor= did not give its part back ({type(error).__name__}: {error}); parts "
+        "finished before are kept if directory= was given: run again to go on with a new executor"
+    )

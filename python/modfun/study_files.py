@@ -1,0 +1,154 @@
+"""Files of a study directory: written whole or not at all, and checked to the last bit when read."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModfunError
+from .study_work import Part
+
+__all__ = ["SampleFile", "packed", "read_part", "unpacked", "write", "write_part"]
+
+F64 = NDArray[np.float64]
+HEADER = 128  # bytes before the numbers of a sample file, enough for any number of replicates
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name, flush it to the disk, rename it.
+
+    Raises
+    ------
+    ModfunError
+        The disk does not take it; what was there before is still there.
+    """
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(scratch, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(scratch, path)
+    except OSError as error:
+        with suppress(OSError):
+            scratch.unlink()
+        raise _unwritten(path, error) from error
+    with suppress(OSError):  # some file systems do not flush a directory
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Arrays by name as bytes, the same for the same arrays."""
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def unpacked(data: bytes) -> dict[str, NDArray[Any]]:
+    """What `packed` was given."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+# Parts -------------------------------------------------------------------------------------------
+
+
+def write_part(path: Path, study: str, part: Part, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """One line that says what it is and what its bytes must be, then the arrays."""
+    payload = packed(arrays)
+    write(path, _title(study, part, payload) + payload)
+
+
+def read_part(path: Path, study: str, number: int, size: int) -> tuple[Part, dict[str, NDArray[Any]]] | None:
+    """Part and arrays, or None where the file is missing, damaged, cut short, or of something else."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    title, _, payload = data.partition(b"\n")
+    try:
+        part = Part(number, number * size, int(title.split()[-2]))
+    except (ValueError, IndexError):
+        return None
+    if title + b"\n" != _title(study, part, payload):
+        return None
+    return part, unpacked(payload)
+
+
+def _title(study: str, part: Part, payload: bytes) -> bytes:
+    said = hashlib.sha256(payload).hexdigest()
+    return f"modfun part 1 {study} {part.number} {part.replicates} {said}\n".encode()
+
+
+# Estimates ---------------------------------------------------------------------------------------
+
+
+class SampleFile:
+    """A .npy file of estimates (replicate, …) that grows part by part and is never in memory."""
+
+    def __init__(self, path: Path, sizes: tuple[int, ...]) -> None:
+        self.path, self.sizes = path, sizes
+        self._row = 8 * int(np.prod(sizes))
+
+    def grow(self, rows: int) -> None:
+        """Make place for so many replicates; it never shrinks."""
+        try:
+            with open(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
+                size = os.fstat(file.fileno()).st_size
+                rows = max(rows, (size - HEADER) // self._row)
+                file.truncate(HEADER + rows * self._row)
+                file.write(self._header(rows))
+        except OSError as error:
+            raise _unwritten(self.path, error) from error
+
+    def put(self, first: int, samples: F64) -> None:
+        """Write the replicates from `first` on, through to the disk."""
+        data = np.ascontiguousarray(samples, "<f8").data.cast("B")
+        try:
+            with open(self.path, "r+b", buffering=0) as file:
+                at = HEADER + first * self._row
+                while data:
+                    done = os.pwrite(file.fileno(), data, at)
+                    at, data = at + done, data[done:]
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise _unwritten(self.path, error) from error
+
+    def rows(self, count: int) -> F64:
+        """The first replicates, mapped from the file."""
+        return np.memmap(self.path, "<f8", "r", offset=HEADER, shape=(count, *self.sizes))
+
+    def digest(self, part: Part) -> bytes | None:
+        """Checksum of a part's estimates; None where they are not all there."""
+        try:
+            with open(self.path, "rb") as file:
+                file.seek(HEADER + part.first * self._row)
+                data = file.read(part.replicates * self._row)
+        except OSError:
+            return None
+        return hashlib.sha256(data).digest() if len(data) == part.replicates * self._row else None
+
+    def _header(self, rows: int) -> bytes:
+        words = {"descr": "<f8", "fortran_order": False, "shape": (rows, *self.sizes)}
+        text = repr(words).encode().ljust(HEADER - 11) + b"\n"
+        return b"\x93NUMPY\x01\x00" + (HEADER - 10).to_bytes(2, "little") + text
+
+
+def _unwritten(path: Path, error: OSError) -> ModfunError:
+    return ModfunError(
+        f"run: {str(path)!r} cannot be written ({error.strerror or error}); parts finished before are kept: "
+        "make room or allow writing, and run again to go on"
+    )

@@ -1,0 +1,198 @@
+"""A run of a study from its first part to its results: engine, directory, shard, stopping rule."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from contextlib import closing
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .callables import importable
+from .errors import ModfunWarning, SpecError
+from .progress import Progress
+from .study_engine import engine, tallies
+from .study_plan import Plan
+from .study_results import Results
+from .study_tally import USED, Tally
+from .study_work import Work, parts
+
+if TYPE_CHECKING:
+    from .study_directory import Directory
+
+__all__ = ["collected", "run"]
+
+F64 = NDArray[np.float64]
+FIGURES = ("bias", "sd", "rmse", "median", "coverage")
+
+
+def run(
+    work: Work,
+    most: int,
+    until: Mapping[str, float] | None,
+    *,
+    threads: int,
+    executor: Any,
+    directory: str | Path | None,
+    shard: tuple[int, int] | None,
+    progress: str | bool,
+) -> Results | None:
+    """Run a study; see `MonteCarlo.run`."""
+    _check(work, until, executor, directory, shard)
+    size = work.part
+    store: Directory | None = None
+    least = 0
+    if directory is not None:
+        from .study_directory import Directory
+
+        store = Directory.open(directory, work)
+        least = store.replicates
+        if until is None:
+            store.want(most)
+            most = store.replicates
+    samples = _room(work, most) if work.samples and store is None else None
+    with Progress(progress, ", ".join(c.name for c in work.plan.contenders), unit="replicates") as bar:
+        workers = engine(work, executor, threads, lambda done: bar(int(done), most))
+        if shard is not None:
+            assert store is not None
+            own = islice(parts(size, most), *_slice(shard))
+            with closing(tallies(own, workers, store)) as found:
+                for part, _ in found:
+                    bar(part.first + part.replicates, most)
+            missing = len(store.missing())
+            if missing:
+                bar.say(f"shard {shard[0]} of {shard[1]} is done; {missing} parts of others are missing")
+                return None
+            return collected(store, work.plan, work.draw, work.samples)
+        total: Tally | None = None
+        done = 0
+        with closing(tallies(parts(size, most), workers, store)) as found:
+            for part, tally in found:
+                if samples is not None:
+                    samples[part.first : part.first + part.replicates] = tally.samples
+                total = tally if total is None else total.merge(tally)
+                done = part.first + part.replicates
+                bar(done, most)
+                if until is not None and done >= least and _met(total, work.plan, until):
+                    break
+    assert total is not None
+    if until is not None and not _met(total, work.plan, until):
+        warnings.warn(
+            f"run: until={dict(until)} is not reached after {done} replicates; allow more with replicates=",
+            ModfunWarning,
+            stacklevel=3,
+        )
+    if store is not None:
+        store.want(done)
+        samples = store.sampled(work.plan) if work.samples else None
+    return _results(work.plan, work.draw, total, done, samples)
+
+
+def collected(store: Directory, plan: Plan, draw: str, samples: bool) -> Results:
+    """Results of a directory whose parts are all there."""
+    total: Tally | None = None
+    for _, tally in tallies(store.parts, None, store):
+        total = tally if total is None else total.merge(tally)
+    if total is None:
+        raise SpecError(f"{str(store.path)!r} holds no replicates yet; run the study with this directory=")
+    return _results(plan, draw, total, store.replicates, store.sampled(plan) if samples else None)
+
+
+def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 | None) -> Results:
+    found = Results.collect(plan, total, replicates, draw, samples)
+    ran = total.status.sum(axis=-1)
+    for k, c in enumerate(plan.contenders):
+        texts = [one["text"] for one in total.raised if one["estimator"] == k]
+        if texts and not np.any(ran[:, :, k] - total.status[:, :, k, USED:].sum(axis=-1)):
+            warnings.warn(
+                f"run: {c.name} failed in every replicate; the first said: {texts[0]}",
+                ModfunWarning,
+                stacklevel=4,
+            )
+    return found
+
+
+def _met(total: Tally, plan: Plan, until: Mapping[str, float]) -> bool:
+    """Whether every figure asked for is known well enough."""
+    found = total.figures(plan.truth)
+    for name, limit in until.items():
+        errors = found[f"{name}_mcse"][~np.isnan(plan.truth)]
+        errors = errors[~np.isnan(errors)]
+        if not errors.size:
+            raise SpecError(f"run: until={dict(until)!r}: this study has no {name} whose error could be seen")
+        if errors.max() > limit:
+            return False
+    return True
+
+
+def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directory: Any, shard: Any) -> None:
+    """Refuse what does not go together, before anything runs."""
+    if until is not None:
+        sound = isinstance(until, Mapping) and until and all(name in FIGURES for name in until)
+        if not sound or not all(isinstance(v, int | float) and v > 0 for v in until.values()):
+            raise SpecError(
+                f"run: until={until!r}; give the largest Monte Carlo standard error of one or more figures "
+                f"({', '.join(FIGURES)}), as {{'bias': 0.001}}"
+            )
+        if shard is not None:
+            raise SpecError("run: until= needs all parts in one run, shard= does a share; give replicates=")
+        if work.samples and directory is None:
+            raise SpecError(
+                "run: until= does not know how many samples to keep in memory; give directory=, or "
+                "replicates= without until="
+            )
+    if shard is not None:
+        if directory is None:
+            raise SpecError("run: shard= leaves its parts in a directory for the others; give directory=")
+        _slice(shard)
+    for c in work.plan.contenders:
+        if c.call is not None and executor is not None and not _here(executor):
+            importable(c.call, f"the estimator {c.name!r}", "the processes of executor=")
+        if c.call is not None and directory is not None:
+            importable(c.call, f"the estimator {c.name!r}", "a reader of directory=")
+
+
+def _slice(shard: Any) -> tuple[int, None, int]:
+    """The parts of a shard (k, n), as arguments of islice."""
+    try:
+        k, n = (int(v) for v in shard)
+        if not 0 <= k < n:
+            raise ValueError
+    except (TypeError, ValueError):
+        raise SpecError(f"run: shard={shard!r} must be (k, n) with 0 <= k < n, as (3, 64)") from None
+    return k, None, n
+
+
+def _here(executor: Any) -> bool:
+    """Whether it runs in this process."""
+    if executor is map:
+        return True
+    from concurrent.futures import ThreadPoolExecutor
+
+    return isinstance(executor, ThreadPoolExecutor)
+
+
+def _room(work: Work, replicates: int) -> F64:
+    """Memory for all estimates, refused where it cannot be had."""
+    size = 8 * replicates * int(np.prod(work.plan.shape))
+    free = _available()
+    if free is not None and size > free:
+        raise SpecError(
+            f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB and "
+            f"{free / 2**30:.1f} GiB of memory are free; give directory=, which keeps them in a file, or "
+            "fewer replicates"
+        )
+    return np.full((replicates, *work.plan.shape), np.nan)
+
+
+def _available() -> int | None:
+    """Bytes of memory that may still be used, where the system tells."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        return None

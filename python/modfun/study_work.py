@@ -1,0 +1,216 @@
+"""One task of a study: what every process needs for any part of it, and how a part is computed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, reduce
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .callables import source
+from .study_called import LEVEL, called
+from .study_plan import Contender, Group, Plan
+from .study_tally import STATUS, Tally
+
+__all__ = ["Part", "Work", "compute", "parts"]
+
+F64 = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+CHUNK = 512  # replicates the core gives to a thread at once
+PART = 2e9  # ns of one thread that a part should take
+CALLED = 64  # replicates of a part where functions of the user run: nobody knows how slow they are
+LARGEST = 2**27  # bytes of estimates that a part may have
+
+
+class Part(NamedTuple):
+    """Replicates `first` to `first + replicates` of all groups."""
+
+    number: int
+    first: int
+    replicates: int
+
+
+def parts(size: int, replicates: int) -> Iterator[Part]:
+    """The parts of so many replicates, the last one shorter where they do not divide."""
+    for number in count():
+        first = number * size
+        if first >= replicates:
+            return
+        yield Part(number, first, min(size, replicates - first))
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A study as it is run: picklable, and equal where all numbers are.
+
+    Attributes
+    ----------
+    plan : Plan
+    draw : {"samples", "coefficients"}
+    coverage : bool
+    samples : bool
+        Whether every estimate is kept; changes no number.
+    """
+
+    plan: Plan
+    draw: str
+    coverage: bool
+    samples: bool
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Work) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def called(self) -> bool:
+        """Whether functions of the user take part."""
+        return any(c.call is not None for c in self.plan.contenders)
+
+    @cached_property
+    def part(self) -> int:
+        """Replicates of a part: about two seconds of one thread, by sizes alone so that all agree on it."""
+        if self.called:
+            return CALLED
+        one = sum(_nanoseconds(self, g) for g in self.plan.groups)
+        most = min(PART / one, LARGEST / (8 * np.prod(self.plan.shape)))
+        return CHUNK << int(np.log2(max(most / CHUNK, 1.0)))
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of all that changes numbers, and of nothing else."""
+        digest = hashlib.sha256()
+
+        def add(value: Any) -> None:
+            if isinstance(value, np.ndarray):
+                value = np.ascontiguousarray(value)
+                digest.update(f"{value.dtype.str}{value.shape}".encode())
+                digest.update(value.tobytes())
+            else:
+                digest.update(json.dumps(value).encode())
+            digest.update(b"\n")
+
+        plan = self.plan
+        add(["modfun study", _core.STREAM_VERSION, plan.seed, self.part, self.draw, self.coverage, LEVEL])
+        for g in plan.groups:
+            add([g.index, g.rest.dt, g.intersample])
+            for array in (g.y, g.rest.u, g.free, plan.sigma(g)):
+                add(array)
+            for c in plan.contenders:
+                add(c.names(g))
+                add(c.truth[g.index])
+                add(source(c.call) if c.call is not None else [c.core(g), self._cov_type(c)])
+        return digest.hexdigest()
+
+    def core(self, groups: Sequence[Group], chosen: Sequence[int]) -> _core.Study:
+        """Some groups and estimators laid out in the compiled core."""
+        plan = self.plan
+        given = [
+            {
+                "group": g.index,
+                "dt": g.rest.dt,
+                "y": g.y,
+                "u": g.rest.u,
+                "free": g.free,
+                "sigma": plan.sigma(g),
+                "estimators": [
+                    {
+                        "options": plan.contenders[k].core(g),
+                        "truth": np.nan_to_num(plan.contenders[k].truth[g.index]),  # 0 where unknown
+                        "cov_type": self._cov_type(plan.contenders[k]),
+                        "position": k,
+                        "columns": plan.columns(plan.contenders[k], g),
+                    }
+                    for k in chosen
+                ],
+            }
+            for g in groups
+        ]
+        return _core.Study(given, plan.shape[2:], draw=self.draw, level=LEVEL)
+
+    def _cov_type(self, contender: Contender) -> str | None:
+        return contender.estimators[0].options.cov_type if self.coverage else None
+
+
+def compute(work: Work, part: Part, threads: int = 1, progress: Progress | None = None) -> Tally:
+    """Sums over a part; the same bits for any number of threads, in any process."""
+    tallies = []
+    if any(c.call is None for c in work.plan.contenders):
+        tallies.append(_compiled(work, part, threads, progress))
+    if work.called:
+        plan, (_, first, replicates) = work.plan, part
+        tallies.append(called(plan, first, replicates, work.coverage, work.samples, progress))
+    return reduce(Tally.beside, tallies)
+
+
+def _compiled(work: Work, part: Part, threads: int, progress: Progress | None) -> Tally:
+    """The estimators of the compiled core, all on the same noise."""
+    shape = work.plan.shape
+    study, shares = _laid_out(work)
+    start = time.perf_counter()
+    found = study.part(
+        seed=work.plan.seed, first=part.first, replicates=part.replicates, samples=work.samples,
+        threads=threads, progress=progress,
+    )  # fmt: skip
+    spent = time.perf_counter() - start
+    moments = found["moments"].reshape(*shape, 5)
+    status = np.zeros((*shape[:3], len(STATUS)), np.int64)
+    status[..., :-1] = found["status"].reshape(*shape[:3], -1)
+    return Tally(
+        moments=moments,
+        intervals=moments[..., 0].astype(np.int64) * work.coverage,
+        covered=found["covered"].reshape(shape),
+        status=status,
+        fits=status.sum(axis=-1),
+        iterations=found["iterations"].reshape(shape[:3]),
+        bins=found["bins"],
+        counts=found["counts"],
+        seconds=spent * shares,
+        samples=found["samples"].reshape(-1, *shape) if work.samples else None,
+    )
+
+
+@lru_cache(maxsize=2)
+def _laid_out(work: Work) -> tuple[_core.Study, F64]:
+    """The study in the core, kept by the process, and the share of each estimator in its time.
+
+    Estimators share their noise and its sums; a short run of each alone tells who costs what.
+    """
+    plan = work.plan
+    chosen = [k for k, c in enumerate(plan.contenders) if c.call is None]
+    shares = np.zeros(len(plan.contenders))
+    for k in chosen:
+        alone = work.core(plan.groups[:1], [k]) if len(chosen) > 1 else None
+        shares[k] = 1.0 if alone is None else min(_timed(alone, plan.seed) for _ in range(2))
+    return work.core(plan.groups, chosen), shares / shares.sum()
+
+
+def _timed(study: _core.Study, seed: int) -> float:
+    start = time.perf_counter()
+    study.part(seed=seed, first=0, replicates=CHUNK, samples=False, threads=1)
+    return time.perf_counter() - start
+
+
+def _nanoseconds(work: Work, group: Group) -> float:
+    """Roughly what one replicate of a group takes on one thread."""
+    samples = group.y.size
+    duration = samples * group.rest.dt
+    fits, widest = 0.0, 0.0
+    for c in work.plan.contenders:
+        options = c.estimators[group.index].options
+        top = (options.harmonics or 0) + c.structures[group.index].poles
+        lines = top if options.band is None else options.band[1] * duration / (2 * np.pi)
+        passes = {"ls": 1, "wls": 1, "awls": 5, "ml": 7}[options.method] + 2 * work.coverage
+        fits += 100 + passes * lines * (2 + 0.5 * len(c.truth[group.index]) ** 2)
+        widest = max(widest, lines)
+    return 2 * samples + 0.1 * samples * widest + len(work.plan.axes[3].labels) * fits

@@ -1,0 +1,213 @@
+"""Studies give the same bits for any engine and instruction set; the stopping rule; what is refused."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import textwrap
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import modfun as mf
+import numpy as np
+import pytest
+from study_cases import backwards, dies, mine, part_size, same, small_parts, study
+
+SPAWN, FORK = (multiprocessing.get_context(kind) for kind in ("spawn", "fork"))
+
+
+@pytest.fixture(autouse=True)
+def parts_of_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
+    small_parts(monkeypatch)
+    # A spawned process reads the size of parts from the work it is given.
+
+
+@pytest.fixture(scope="module")
+def reference() -> mf.Results:
+    with pytest.MonkeyPatch.context() as patch:
+        small_parts(patch)
+        return study().run(threads=1, keep="samples", progress=False)
+
+
+def test_a_part_is_a_whole_number_of_chunks_by_sizes_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert part_size(study()) == part_size(study(replicates=1, seed=9)) == 512
+    monkeypatch.undo()
+    light, heavy = part_size(study(nsr=0.1)), part_size(study(intervals=4096, nsr=[0.1, 0.2, 0.3]))
+    assert light > 8 * heavy >= 8 * 512
+    assert light % 512 == 0
+    assert part_size(study(estimators={"mine": mine})) == 64
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_threads(reference: mf.Results, threads: int) -> None:
+    assert same(study().run(threads=threads, keep="samples", progress=False), reference)
+
+
+@pytest.mark.parametrize("context", [SPAWN, FORK], ids=["spawn", "fork"])
+def test_processes(reference: mf.Results, context: Any) -> None:
+    with ProcessPoolExecutor(2, mp_context=context) as pool:
+        found = study().run(executor=pool, keep="samples", progress=False)
+    assert same(found, reference)
+    assert found.seconds["ml"] > 0
+
+
+@pytest.mark.parametrize("executor", [map, backwards])
+def test_functions_as_map(reference: mf.Results, executor: Any) -> None:
+    assert same(study().run(executor=executor, keep="samples", progress=False), reference)
+
+
+def test_a_map_of_a_pool(reference: mf.Results) -> None:
+    with FORK.Pool(2) as pool:
+        assert same(study().run(executor=pool.imap_unordered, keep="samples", progress=False), reference)
+
+
+def test_functions_of_the_user_anywhere() -> None:
+    made = study(system=mf.tf([1], [1, 1]), estimators={"ml": "ml", "mine": mine}, replicates=150, nsr=0.2)
+    here = made.run(progress=False, keep="samples")
+    assert 0 < here.status["raised"][1] < 30
+    assert len(here.messages) == here.status["raised"][1]
+    with ProcessPoolExecutor(2, mp_context=SPAWN) as pool, ThreadPoolExecutor(2) as threads:
+        for executor in (pool, threads):
+            there = made.run(executor=executor, progress=False, keep="samples")
+            assert same(here, there)
+            assert here.messages == there.messages
+    local = study(system=mf.tf([1], [1, 1]), estimators={"x": lambda rec, rng: [1.0, 1.0]}, replicates=10)
+    with ThreadPoolExecutor(1) as threads:
+        assert local.run(executor=threads, progress=False).failures.sum() == 0
+    with pytest.raises(mf.SpecError, match=r"'x' is a lambda, which the processes of executor="):
+        local.run(executor=backwards, progress=False)
+
+
+def test_texts_are_capped_and_all_counted() -> None:
+    def never(rec: mf.Record, rng: np.random.Generator) -> list[float]:
+        raise ValueError("no" * 5000)
+
+    with pytest.warns(mf.ModfunWarning, match="failed in every replicate; the first said: ValueError: nono"):
+        res = study(estimators={"never": never}, replicates=200, nsr=0.1).run(progress=False)
+    assert res.status["raised"].sum() == 400
+    assert len(res.messages) == 100
+    assert max(map(len, res.messages["text"])) <= 2000
+
+
+def test_instruction_sets() -> None:
+    code = """
+        import numpy as np, sys
+        from study_cases import *
+        res = study(replicates=700, estimators=["ls", "wls", "awls", "ml"]).run(progress=False)
+        for name in FIGURES:
+            sys.stdout.buffer.write(np.ascontiguousarray(getattr(res, name)).tobytes())
+    """
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)],
+            env={**os.environ, **forced},
+            cwd=Path(__file__).parent,
+            check=True,
+            capture_output=True,
+        ).stdout
+        for forced in ({"MODFUN_ISA": "plain"}, {"MODFUN_ISA": "avx2"}, {})
+    ]
+    assert len(outputs[0]) > 1000
+    assert outputs[0] == outputs[1] == outputs[2]
+
+
+def test_fork_after_use(reference: mf.Results) -> None:
+    assert study().run(threads=2, progress=False).replicates == reference.replicates
+    with FORK.Pool(1) as pool:
+        answer = pool.apply_async(_bias, ())
+        np.testing.assert_array_equal(answer.get(timeout=30), reference.bias)
+
+
+def _bias() -> Any:
+    return study().run(threads=2, progress=False).bias
+
+
+# The stopping rule -------------------------------------------------------------------------------
+
+
+def test_until_stops_at_the_same_part_for_all(tmp_path: Path) -> None:
+    made = study(nsr=0.4, system=mf.tf([5], [1, 3, 8]), replicates=50)
+    one = made.run(until={"bias": 0.02, "coverage": 0.02}, progress=False)
+    assert one.replicates % 512 == 0
+    assert one.replicates > 512
+    assert max(one.bias_mcse.max() / 0.02, one.coverage_mcse.max() / 0.02) <= 1
+    before = made.run(replicates=one.replicates - 512, progress=False)
+    assert max(before.bias_mcse.max() / 0.02, before.coverage_mcse.max() / 0.02) > 1
+    with ProcessPoolExecutor(2, mp_context=FORK) as pool:
+        assert same(one, made.run(until={"bias": 0.02, "coverage": 0.02}, executor=pool, progress=False))
+    kept = made.run(until={"bias": 0.02, "coverage": 0.02}, directory=tmp_path / "s", progress=False)
+    assert same(one, kept)
+    assert same(one, mf.load(tmp_path / "s"))
+
+
+def test_until_that_is_never_met_says_so() -> None:
+    made = study(replicates=600)
+    with pytest.warns(mf.ModfunWarning, match="not reached after 700 replicates"):
+        made.run(until={"sd": 1e-9}, replicates=700, progress=False)
+    for until in ({}, {"mean": 1.0}, {"bias": 0.0}, ["bias"], {"bias": "x"}):
+        with pytest.raises(mf.SpecError, match="until="):
+            made.run(until=until, progress=False)  # type: ignore[arg-type]
+    with pytest.raises(mf.SpecError, match="no coverage"):
+        made.run(until={"coverage": 0.1}, coverage=False, progress=False)
+    with pytest.raises(mf.SpecError, match="directory="):
+        made.run(until={"bias": 0.1}, keep="samples", progress=False)
+
+
+# What goes wrong ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("context", [SPAWN, FORK], ids=["spawn", "fork"])
+def test_a_worker_that_dies(context: Any) -> None:
+    made = study(estimators={"dies": dies}, replicates=200)
+    with (
+        ProcessPoolExecutor(2, mp_context=context) as pool,
+        pytest.raises(mf.ModfunError, match=r"BrokenProcessPool.*are kept if directory= was given"),
+    ):
+        made.run(executor=pool, progress=False)
+
+
+class Counting(Executor):
+    """Runs at once, and counts what is on its way."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Any] = []
+        self.most = 0
+
+    def submit(self, function: Any, /, *given: Any, **words: Any) -> Any:
+        future: Future[Any] = Future()
+        self.waiting.append((future, function, given))
+        self.most = max(self.most, len(self.waiting))
+        if len(self.waiting) == 64:  # the window of an executor that does not tell its size
+            for one, call, values in self.waiting[::-1]:
+                one.set_result(call(*values))
+            self.waiting = []
+        return future
+
+
+def test_tasks_in_flight_are_bounded_and_may_come_in_any_order() -> None:
+    made = study(replicates=3 * 64 * 512, nsr=0.1, system=mf.tf([1], [1, 1]), estimators=["ls"], harmonics=6)
+    executor = Counting()
+    found = made.run(executor=executor, progress=False)
+    assert executor.most == 64
+    assert same(found, made.run(progress=False))
+
+
+@pytest.mark.parametrize(
+    ("options", "cure"),
+    [
+        ({"executor": 3}, "with submit"),
+        ({"executor": lambda f, items: []}, "fewer results"),
+        ({"shard": (0, 2)}, "give directory="),
+        ({"shard": (2, 2), "directory": "x"}, "0 <= k < n"),
+        ({"shard": 3, "directory": "x"}, "0 <= k < n"),
+        ({"shard": (0, 2), "directory": "x", "until": {"bias": 1.0}}, "until="),
+        ({"replicates": 0}, "whole number from 1"),
+        ({"replicates": 10**9, "keep": "samples"}, "GiB of memory are free; give directory="),
+    ],
+)
+def test_bad_runs(options: dict[str, Any], cure: str) -> None:
+    with pytest.raises(mf.SpecError, match=cure):
+        study().run(progress=False, **options)
