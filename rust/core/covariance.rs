@@ -9,15 +9,25 @@ use crate::simd::{Lanes, Wide};
 /// an undamped mode stays finite. Relative to the line itself, so that wide bands keep their weights.
 pub(crate) const FLOOR: f64 = 1e-9;
 
-/// A polynomial with descending coefficients at s = ix by Horner's rule; `lead` stands before them.
+/// A polynomial with descending coefficients at s = ix; `monic`: a leading one stands before them.
+///
+/// Even and odd powers by Horner's rule in −x²: real and imaginary part.
 #[inline(always)]
-pub(crate) fn polynomial<L: Lanes>(lead: f64, descending: &[Wide], x: f64) -> (L, L) {
-    let x = L::splat(x);
-    let (mut re, mut im) = (L::splat(lead), L::splat(0.0));
-    for c in descending {
-        (re, im) = ((-im).mul_add(x, L::load(c)), re * x);
+pub(crate) fn polynomial<L: Lanes>(monic: bool, descending: &[Wide], x: f64) -> (L, L) {
+    let square = L::splat(-x * x);
+    let degree = descending.len();
+    let mut parts = [L::splat(0.0); 2];
+    if monic {
+        parts[degree % 2] = L::splat(1.0);
     }
-    (re, im)
+    for (j, c) in descending.iter().enumerate() {
+        let part = (degree - 1 - j) % 2;
+        // The first coefficient of a part starts it.
+        let starts = j + usize::from(monic) < 2;
+        let c = L::load(c);
+        parts[part] = if starts { c } else { parts[part].mul_add(square, c) };
+    }
+    (parts[0], parts[1] * L::splat(x))
 }
 
 /// |A|² as the variance of a line uses it: never below the floor that its size sets.
@@ -43,7 +53,7 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> (f64, f64, f64) {
             let c = [Wide::splat(3.0), Wide::splat(8.0)];
-            let a = polynomial::<L>(1.0, &c, self.0);
+            let a = polynomial::<L>(true, &c, self.0);
             let v = variance::<L>(a, &c, self.0);
             let mut out = [Wide::ZERO; 3];
             a.0.store(&mut out[0]);
@@ -66,7 +76,7 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> f64 {
             let c = [Wide::ZERO, Wide::splat(1.0)];
-            let a = polynomial::<L>(1.0, &c, 1.0);
+            let a = polynomial::<L>(true, &c, 1.0);
             let mut out = Wide::ZERO;
             variance::<L>(a, &c, 1.0).store(&mut out);
             out.0[0]

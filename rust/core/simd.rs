@@ -51,6 +51,9 @@ pub trait Lanes:
     /// The unsigned 64-bit integers of the same lanes.
     type Bits: LaneBits;
 
+    /// Whether kernels for fixed small sizes are worth their code.
+    const HINTS: bool;
+
     /// The same value in all lanes.
     fn splat(x: f64) -> Self;
     /// Reads a memory block.
@@ -67,6 +70,11 @@ pub trait Lanes:
     fn max(self, b: Self) -> Self;
     /// `a` where `self < than`, else `b` (also where the comparison meets a NaN).
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self;
+    /// `a` where this mask is 1, `b` where it is 0.
+    #[inline(always)]
+    fn choose(self, a: Self, b: Self) -> Self {
+        Self::splat(0.5).select_lt(self, a, b)
+    }
     /// The bit pattern.
     fn to_bits(self) -> Self::Bits;
     /// From the bit pattern.

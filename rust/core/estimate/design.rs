@@ -1,9 +1,9 @@
 //! The plan of one estimation problem: columns, sums, lines and scales; nothing in it depends on the data.
 
-use super::sums::{Product, SumPlan, lowest_power};
+use super::sums::{Products, SumPlan, plan_sums};
 use crate::error::Error;
 use crate::modulation::{
-    Column, Lines, Rows, Signal, difference_weights, parameter_columns, rows, target_column,
+    Column, Lines, Rows, difference_weights, parameter_columns, rows, target_column,
     transient_columns,
 };
 use crate::structure::{Method, Noise, Structure, Trend};
@@ -20,9 +20,11 @@ pub(crate) struct RecordDesign {
     pub x: Vec<f64>,
     /// max(x, that of line 1): where the size of A is judged.
     pub size_x: Vec<f64>,
+    /// Powers of x that products have, as they want them.
+    pub powers: Vec<f64>,
     /// 1/(h · unit variance): h = 1 on line 0, else ½.
     pub weight: Vec<f64>,
-    /// Real values of the transient columns on each line, `transient` a line.
+    /// Real values of the transient columns, column after column on all lines.
     pub transient: Vec<f64>,
     /// Rows of Δⁿ for `ls`.
     pub rows: Rows,
@@ -40,13 +42,12 @@ pub struct Design {
     pub(crate) columns: Vec<Column>,
     pub(crate) target: Column,
     pub(crate) transient: usize,
-    pub(crate) products: Vec<Product>,
+    parameters: usize,
+    pub(crate) products: Products,
     /// JᵀWΓ with J = Γ.
     pub(crate) symmetric: SumPlan,
     /// JᵀWΓ with J from the denoised output.
     pub(crate) instrument: SumPlan,
-    pub(crate) lowest_power: i32,
-    pub(crate) powers: usize,
     pub(crate) tile: usize,
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
@@ -77,26 +78,16 @@ impl Design {
         let target = target_column(structure);
         let band_edge = lines.iter().fold(0.0, |edge: f64, l| edge.max(l.last as f64 * l.omega0));
 
-        let lowest = lowest_power(&columns);
-        let mut products = Vec::new();
-        let with_target: Vec<Column> = columns.iter().copied().chain([target]).collect();
-        let symmetric = SumPlan::new(&columns, &with_target, true, lowest, &mut products);
-        let left: Vec<Column> = columns
-            .iter()
-            .map(|c| match c.signal {
-                Signal::Y => Column { signal: Signal::Denoised, ..*c },
-                _ => *c,
-            })
-            .collect();
-        let instrument = if method == Method::Ml && noise == Noise::Output {
-            SumPlan::new(&left, &with_target, false, lowest, &mut products)
-        } else {
-            SumPlan::default()
-        };
+        let by_model = method == Method::Ml && noise == Noise::Output;
+        let (products, symmetric, instrument) =
+            plan_sums(&columns, target, structure.numerators.len(), by_model);
 
         let records: Vec<RecordDesign> = lines
             .iter()
-            .map(|l| record_design(structure, trend, extended, l, band_edge, &columns[..transient]))
+            .map(|l| {
+                let own = &columns[..transient];
+                record_design(structure, trend, extended, l, band_edge, own, &products)
+            })
             .collect();
         let rows: usize = records.iter().map(equations).sum();
         let unknowns = structure.parameters() + transient * lines.len();
@@ -125,11 +116,10 @@ impl Design {
             noise,
             trend,
             transient,
+            parameters: structure.parameters(),
             products,
             symmetric,
             instrument,
-            lowest_power: lowest,
-            powers: (2 * n as i32 - lowest) as usize + 1,
             tile: records.iter().map(|r| r.x.len()).max().unwrap_or(0).min(TILE),
             records,
             columns,
@@ -153,7 +143,7 @@ impl Design {
     /// Number of parameters.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        self.structure.parameters()
+        self.parameters
     }
 
     /// Unknowns of one record's system: transient and θ.
@@ -236,6 +226,7 @@ fn record_design(
     lines: &Lines,
     band_edge: f64,
     transient: &[Column],
+    products: &Products,
 ) -> RecordDesign {
     // An unknown constant touches line 0 alone: it is left out.
     let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
@@ -250,8 +241,9 @@ fn record_design(
         c.sign * if c.power < 0 { -1.0 / x } else { power }
     };
     RecordDesign {
-        transient: x.iter().flat_map(|x| transient.iter().map(|c| value(*x, c))).collect(),
+        transient: transient.iter().flat_map(|c| x.iter().map(|x| value(*x, c))).collect(),
         size_x: x.iter().map(|x| x.max(x_of(1))).collect(),
+        powers: products.powers_of(&x),
         rows: rows(structure.order, lines.first, lines.last, extended),
         lines: used,
         x,

@@ -57,7 +57,7 @@ impl Kernel for LsStep<'_> {
         eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
         substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
         let p = d.parameters();
-        w.next.copy_from_slice(&w.unknowns[size - p..size]);
+        w.theta.copy_from_slice(&w.unknowns[size - p..size]);
     }
 }
 
@@ -84,7 +84,7 @@ fn columns_on_lines<L: Lanes>(d: &Design, w: &mut Workspace, k: usize) {
         let out = &mut r.differenced[m * 2 * width..(m + 1) * 2 * width];
         out.fill(Wide::ZERO);
         if d.trend == crate::structure::Trend::Linear {
-            out[width + trends - 1] = Wide::splat(rd.transient[(m + 1) * d.transient - 1]);
+            out[width + trends - 1] = Wide::splat(rd.transient[(d.transient - 1) * rd.x.len() + m]);
         }
         let theta = &d.columns[d.transient..];
         for (c, column) in theta.iter().chain([&d.target]).enumerate() {

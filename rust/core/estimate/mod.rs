@@ -6,6 +6,7 @@ mod default_band;
 mod design;
 mod fit;
 pub(crate) mod fitter;
+mod iterate;
 mod ls;
 mod ml;
 mod pass;
@@ -26,6 +27,7 @@ pub use workspace::Workspace;
 use crate::error::Status;
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
+use iterate::{Rule, iterate};
 use pass::{Factors, Prepare, Weights};
 
 /// When an iteration stops.
@@ -48,14 +50,6 @@ pub enum Wanted {
     Cost,
     /// Covariances as well.
     Covariance,
-}
-
-/// How one lane's estimation went.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Lane {
-    pub done: bool,
-    pub dependent: bool,
-    pub nit: u32,
 }
 
 /// Outcome of eight replicates; estimates stay in the workspace.
@@ -85,15 +79,13 @@ pub fn estimate(
     start: Start<'_>,
     o: &Options,
 ) -> Outcome {
-    let mut lanes = live.map(|l| Lane { done: !l, ..Lane::default() });
+    w.begin(live);
     isa.run(Prepare { design: d, space: w });
     if d.method == Method::Ls {
         isa.run(ls::LsStep { design: d, space: w });
-        w.accept(&[true; LANES]);
-        lanes.iter_mut().for_each(|l| l.done = true);
     } else {
         match start {
-            Start::Wls => wls::solve(isa, d, w, &mut lanes),
+            Start::Wls => iterate(isa, d, w, Rule::Wls, o),
             Start::Theta(theta) => {
                 for ((to, value), scale) in w.theta.iter_mut().zip(theta).zip(&d.scale) {
                     *to = Wide::splat(value / scale);
@@ -101,87 +93,64 @@ pub fn estimate(
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
         }
-        match d.method {
-            Method::Awls if d.adapts() => awls::iterate(isa, d, w, &mut lanes, o),
-            Method::Ml if d.adapts() => ml::iterate(isa, d, w, &mut lanes, o),
-            _ => lanes.iter_mut().for_each(|l| l.done = true),
-        }
+    }
+    match d.method {
+        Method::Awls if d.adapts() => iterate(isa, d, w, Rule::Awls, o),
+        Method::Ml if d.adapts() => iterate(isa, d, w, Rule::Ml, o),
+        _ => w.active = Wide::ZERO,
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
-    let status = std::array::from_fn(|k| status(w, k, &lanes[k]));
+    let status = std::array::from_fn(|k| status(w, k));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             w.forget_covariance(k);
         }
     }
-    Outcome { status, nit: lanes.map(|l| l.nit) }
+    Outcome { status, nit: w.nit.0.map(|nit| nit as u32) }
 }
 
-fn status(w: &Workspace, k: usize, lane: &Lane) -> Status {
+fn status(w: &Workspace, k: usize) -> Status {
     let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.cost.0[k].is_finite();
     if !finite {
         let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
         let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
         return if sound { Status::Rank } else { Status::NonFinite };
     }
-    match (lane.dependent, lane.done) {
+    match (w.dependent[k], w.active.0[k] == 0.0) {
         (true, _) => Status::Rank,
         (false, true) => Status::Ok,
         (false, false) => Status::MaxIter,
     }
 }
 
-/// Replaces steps that small pivots spoiled by steps from orthogonal factors, lane by lane.
-pub(crate) fn take_step(
-    d: &Design,
-    w: &mut Workspace,
-    lanes: &mut [Lane; LANES],
-    weights: Weights,
-    factors: Factors,
-) {
-    for (k, lane) in lanes.iter_mut().enumerate() {
+/// Replaces steps that small pivots spoiled by steps from orthogonal factors.
+fn mend_step(d: &Design, w: &mut Workspace, weights: Weights, factors: Factors) {
+    for lane in 0..LANES {
         // A step that is not finite shows as a move that is not.
-        if lane.done || (w.trusted.0[k] > 0.0 && w.moved.0[k].is_finite()) {
+        let sound = w.trusted.0[lane] > 0.0 && w.moved.0[lane].is_finite();
+        if sound || w.active.0[lane] == 0.0 {
             continue;
         }
-        let at = qr_step::Place { lane: k, weights, factors };
+        let at = qr_step::Place { lane, weights, factors };
         let full = w.qr.solve(d, &mut w.records, &w.theta, &mut w.next, at);
-        w.measure_move(k);
-        lane.dependent = !full;
-        if !full && factors == Factors::Data && weights == Weights::Flat {
+        w.measure_move(lane);
+        w.dependent[lane] = !full;
+        if !full && weights == Weights::Flat {
             // Dependent columns in the start: nothing to iterate from.
-            lane.done = true;
-        }
-    }
-}
-
-/// Copies the lanes `of` and leaves the others.
-fn copy_lanes(to: &mut [Wide], from: &[Wide], of: &[bool; LANES]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        for ((to, from), take) in to.0.iter_mut().zip(&from.0).zip(of) {
-            *to = if *take { *from } else { *to };
+            w.active.0[lane] = 0.0;
         }
     }
 }
 
 impl Workspace {
-    /// Makes the next iterate the current one in the lanes `of`.
-    pub(crate) fn accept(&mut self, of: &[bool; LANES]) {
-        copy_lanes(&mut self.theta, &self.next, of);
-        for r in &mut self.records {
-            copy_lanes(&mut r.transient, &r.next_transient, of);
-        }
-    }
-
-    /// Remembers the current iterate as the best so far in the lanes `of`.
-    pub(crate) fn keep(&mut self, of: &[bool; LANES]) {
-        let (theta, mut rest) = self.accepted.split_at_mut(self.theta.len());
-        copy_lanes(theta, &self.theta, of);
-        for r in &self.records {
-            let (own, others) = rest.split_at_mut(r.transient.len());
-            copy_lanes(own, &r.transient, of);
-            rest = others;
-        }
+    /// Nothing known yet: the live lanes iterate, the others do not.
+    fn begin(&mut self, live: [bool; LANES]) {
+        self.active = Wide(live.map(f64::from));
+        self.nit = Wide::ZERO;
+        self.dependent = [false; LANES];
+        self.best = Wide::splat(f64::INFINITY);
+        self.last_move = Wide::splat(f64::INFINITY);
+        self.halvings = Wide::ZERO;
     }
 
     /// The change of one lane after its step was replaced, as the kernel measures it.
@@ -199,15 +168,6 @@ impl Workspace {
             if own < most { most } else { own }
         });
         self.moved.0[k] = square / largest;
-    }
-
-    /// Moves the current iterate of one lane half way back to the best so far.
-    pub(crate) fn halve(&mut self, k: usize) {
-        let current =
-            self.theta.iter_mut().chain(self.records.iter_mut().flat_map(|r| &mut r.transient));
-        for (to, from) in current.zip(&self.accepted) {
-            to.0[k] = 0.5 * (to.0[k] + from.0[k]);
-        }
     }
 
     /// No covariance rather than a wrong one, where the parameters are not determined.

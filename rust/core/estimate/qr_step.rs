@@ -199,7 +199,7 @@ impl QrStep {
                 res.1 -= b.0.mul_add(u.1, b.1 * u.0);
             }
             for (j, column) in d.columns[..nt].iter().enumerate() {
-                let value = rd.transient[m * nt + j] * self.transient[j];
+                let value = rd.transient[j * rd.x.len() + m] * self.transient[j];
                 if column.phase % 2 == 0 { res.0 += value } else { res.1 += value }
             }
             hat.0 -= a.0.mul_add(res.0, a.1 * res.1) / square;
@@ -217,7 +217,7 @@ impl QrStep {
         };
         for (j, c) in d.columns.iter().chain([&d.target]).enumerate() {
             let (right, left) = if j < nt {
-                let value = rd.transient[m * nt + j] * root;
+                let value = rd.transient[j * rd.x.len() + m] * root;
                 let pair = if c.phase % 2 == 0 { (value, 0.0) } else { (0.0, value) };
                 (pair, pair)
             } else if c.signal == Signal::Y {

@@ -1,155 +1,155 @@
-//! The weighted sums over lines that normal matrices are made of: which are needed, and the kernel that forms them.
+//! The weighted sums over lines that normal matrices are made of: which are needed, and the kernels that form them.
 //!
-//! As s is imaginary, every entry of JᵀWΓ is ± Σ_m w x^k Re or Im of conj(V)W for two signals. Entries
-//! share sums; each distinct one is formed once.
+//! As s is imaginary, every entry of JᵀWΓ is ± Σ_m λ x^k Re or Im of conj(V)W for two signals, λ the
+//! weight of a line. Entries share sums. What does not depend on θ, x^k times the product, is written
+//! once a replicate; a step is left with λ and one multiply-add a sum and line.
 
+use super::workspace::RecordSpace;
 use crate::modulation::{Column, Signal};
 use crate::simd::{Lanes, Wide};
+use std::ops::Range;
 
-/// Re or Im of conj(left) · right on every line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Product {
-    pub left: Signal,
-    pub right: Signal,
-    pub imaginary: bool,
+/// x^power times Re or Im of conj(left)·right, on every line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Product {
+    left: Signal,
+    right: Signal,
+    imaginary: bool,
+    power: i32,
 }
 
-/// One entry of the system: row, column, which sum, and its sign.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Entry {
-    pub at: usize,
-    pub sum: usize,
-    pub sign: f64,
+/// Up to [`MOST`] products of the same two signals, which are written and summed together.
+#[derive(Debug, Clone)]
+struct Family {
+    /// The output stands on the left; the denoised output on the right.
+    output: bool,
+    beside: bool,
+    /// The right side is the output, too.
+    square: bool,
+    /// Places of the two signals in the workspace.
+    left: usize,
+    right: usize,
+    /// Place of the first among all products.
+    first: usize,
+    /// Powers of x, and 1 where the imaginary part is meant.
+    powers: Vec<i32>,
+    parts: [usize; MOST],
 }
 
-/// Sums taken together: up to four powers of one product.
+/// Products written together.
+const MOST: usize = 6;
+
+/// All products of a problem: those of the data first, then those with the denoised output.
+///
+/// They lie family after family, in each line after line.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Products {
+    families: Vec<Family>,
+    pub count: usize,
+    /// Place of x^2n |Y|², the size of the target column.
+    pub target: usize,
+}
+
+/// One entry of a system: place in the matrix, which product's sum, and its sign.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Group {
-    product: usize,
-    count: usize,
-    powers: [usize; 4],
+struct Entry {
+    at: usize,
     sum: usize,
+    sign: f64,
 }
 
-/// All sums of one kind of system.
+/// One kind of system: the families it sums, and where the sums go.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SumPlan {
-    pub groups: Vec<Group>,
-    pub entries: Vec<Entry>,
-    pub count: usize,
+    families: Range<usize>,
+    entries: Vec<Entry>,
 }
 
-/// The lowest power of x among all sums; a drift's column brings negative ones.
-pub(crate) fn lowest_power(columns: &[Column]) -> i32 {
-    2 * columns.iter().map(|c| c.power).min().unwrap_or(0).min(0)
-}
-
-impl SumPlan {
-    /// Plans the system with rows `left` and columns `right`, the last of `right` being the target
-    /// (it enters with the opposite sign, as a right side). `symmetric`: upper triangle only.
-    pub fn new(
-        left: &[Column],
-        right: &[Column],
-        symmetric: bool,
-        lowest: i32,
-        products: &mut Vec<Product>,
-    ) -> SumPlan {
-        let mut wanted: Vec<(usize, usize)> = Vec::new(); // (product, power index)
-        let mut entries: Vec<(usize, (usize, usize), f64)> = Vec::new();
-        let width = right.len();
-        for (i, l) in left.iter().enumerate() {
-            for (j, r) in right.iter().enumerate().skip(if symmetric { i } else { 0 }) {
-                let Some((product, sign)) = product_of(l, r) else { continue };
-                let index = products.iter().position(|p| *p == product).unwrap_or_else(|| {
-                    products.push(product);
-                    products.len() - 1
-                });
-                let key = (index, (l.power + r.power - lowest) as usize);
-                if !wanted.contains(&key) {
-                    wanted.push(key);
-                }
-                let target = if j + 1 == width { -1.0 } else { 1.0 };
-                entries.push((i * width + j, key, sign * target));
+/// Products and systems of a problem with these columns and so many inputs: of the data with themselves,
+/// and with `instrument` also the one whose rows are made of the denoised output.
+pub(crate) fn plan_sums(
+    columns: &[Column],
+    target: Column,
+    inputs: usize,
+    instrument: bool,
+) -> (Products, SumPlan, SumPlan) {
+    let right: Vec<Column> = columns.iter().copied().chain([target]).collect();
+    let model = |c: &Column| match c.signal {
+        Signal::Y => Column { signal: Signal::Denoised, ..*c },
+        _ => *c,
+    };
+    let left: Vec<Column> = columns.iter().map(model).collect();
+    let symmetric = pairs(columns, &right, true);
+    let instrument = if instrument { pairs(&left, &right, false) } else { Vec::new() };
+    let size =
+        Product { left: Signal::Y, right: Signal::Y, imaginary: false, power: 2 * target.power };
+    let mut all: Vec<Product> =
+        symmetric.iter().chain(&instrument).filter_map(|(_, p, _)| *p).chain([size]).collect();
+    all.sort_by_key(|p| (p.class(), p.left, p.right, p.power, p.imaginary));
+    all.dedup();
+    let place = |signal: Signal| match signal {
+        Signal::Y | Signal::Denoised => 0,
+        Signal::U(k) => 1 + k,
+        Signal::One => 1 + inputs,
+    };
+    // |Y|² but for its last power is a class, so that the steps of `ml`, which need that alone, sum one
+    // run of families.
+    let squares = all.iter().filter(|p| p.class() == 0).count();
+    let target = squares - 1;
+    let mut families: Vec<Family> = Vec::new();
+    for (first, p) in all.iter().enumerate() {
+        let before = first.checked_sub(1).map(|k| all[k]);
+        let joins = before.is_some_and(|b| (b.left, b.right) == (p.left, p.right));
+        let part = usize::from(p.imaginary);
+        match families.last_mut() {
+            Some(f) if joins && first != target && f.powers.len() < MOST => {
+                f.parts[f.powers.len()] = part;
+                f.powers.push(p.power);
             }
-        }
-        wanted.sort_unstable();
-        let mut groups: Vec<Group> = Vec::new();
-        for (sum, (product, power)) in wanted.iter().enumerate() {
-            match groups.last_mut() {
-                Some(g) if g.product == *product && g.count < 4 => {
-                    g.powers[g.count] = *power;
-                    g.count += 1;
-                }
-                _ => groups.push(Group { product: *product, count: 1, powers: [*power; 4], sum }),
-            }
-        }
-        let entries = entries
-            .into_iter()
-            .filter_map(|(at, key, sign)| {
-                wanted.binary_search(&key).ok().map(|sum| Entry { at, sum, sign })
-            })
-            .collect();
-        SumPlan { groups, entries, count: wanted.len() }
-    }
-
-    /// Adds this tile's sums: `products` and `powers` are laid out with `stride` lines a row.
-    #[inline(always)]
-    pub fn accumulate<L: Lanes>(
-        &self,
-        products: &[Wide],
-        powers: &[Wide],
-        stride: usize,
-        lines: usize,
-        sums: &mut [Wide],
-    ) {
-        for g in &self.groups {
-            let product = &products[g.product * stride..][..lines];
-            let sums = &mut sums[g.sum..g.sum + g.count];
-            match g.count {
-                1 => group::<L, 1>(g, product, powers, stride, sums),
-                2 => group::<L, 2>(g, product, powers, stride, sums),
-                3 => group::<L, 3>(g, product, powers, stride, sums),
-                _ => group::<L, 4>(g, product, powers, stride, sums),
-            }
+            _ => families.push(Family {
+                output: p.left == Signal::Y && p.right != Signal::Denoised,
+                beside: p.right == Signal::Denoised,
+                square: p.right == Signal::Y,
+                left: place(p.left),
+                right: place(p.right),
+                first,
+                powers: vec![p.power],
+                parts: [part; MOST],
+            }),
         }
     }
-
-    /// Writes the sums into the matrix.
-    #[inline(always)]
-    pub fn assemble<L: Lanes>(&self, sums: &[Wide], matrix: &mut [Wide]) {
-        for e in &self.entries {
-            (L::load(&sums[e.sum]) * L::splat(e.sign)).store(&mut matrix[e.at]);
-        }
-    }
+    let of_data = families.iter().filter(|f| !f.beside).count();
+    let from_target = families.iter().filter(|f| f.first < target).count();
+    let plan = |pairs: &[(usize, Option<Product>, f64)], families: Range<usize>| {
+        let entry = |(at, product, sign): &(usize, Option<Product>, f64)| {
+            // One sum more than there are products stays zero.
+            let sum = all.iter().position(|p| Some(*p) == *product).unwrap_or(all.len());
+            Entry { at: *at, sum, sign: *sign }
+        };
+        SumPlan { families, entries: pairs.iter().map(entry).collect() }
+    };
+    let symmetric = plan(&symmetric, 0..of_data);
+    let instrument = plan(&instrument, from_target..families.len());
+    (Products { families, count: all.len(), target }, symmetric, instrument)
 }
 
-#[inline(always)]
-fn group<L: Lanes, const N: usize>(
-    g: &Group,
-    product: &[Wide],
-    powers: &[Wide],
-    stride: usize,
-    sums: &mut [Wide],
-) {
-    // Loops rather than closures: a closure that is not inlined loses the instruction set.
-    let mut w: [&[Wide]; N] = [&[]; N];
-    let mut acc = [L::splat(0.0); N];
-    for i in 0..N {
-        w[i] = &powers[g.powers[i] * stride..][..product.len()];
-        acc[i] = L::load(&sums[i]);
-    }
-    for line in 0..product.len() {
-        let v = L::load(&product[line]);
-        for i in 0..N {
-            acc[i] = L::load(&w[i][line]).mul_add(v, acc[i]);
+/// Entries (place, product, sign) of a system with rows `left` and columns `right`, the last of which is
+/// the target: it enters with the opposite sign, as a right side. `symmetric`: upper triangle only.
+fn pairs(left: &[Column], right: &[Column], symmetric: bool) -> Vec<(usize, Option<Product>, f64)> {
+    let width = right.len();
+    let mut entries = Vec::new();
+    for (i, l) in left.iter().enumerate() {
+        for (j, r) in right.iter().enumerate().skip(if symmetric { i } else { 0 }) {
+            let target = if j + 1 == width { -1.0 } else { 1.0 };
+            let found = product_of(l, r);
+            let sign = found.map_or(1.0, |(_, sign)| sign * target);
+            entries.push((i * width + j, found.map(|(product, _)| product), sign));
         }
     }
-    for i in 0..N {
-        acc[i].store(&mut sums[i]);
-    }
+    entries
 }
 
-/// Re(conj(l) r) of two columns on a line, as a product of signals and a sign; `None` where it vanishes.
+/// Re(conj(l) r) of two columns on a line, as a product and a sign; `None` where it vanishes.
 fn product_of(l: &Column, r: &Column) -> Option<(Product, f64)> {
     // Re(i^d G) is Re G, −Im G, −Re G, Im G for d = 0, 1, 2, 3.
     let turn = (r.phase + 4 - l.phase) % 4;
@@ -165,5 +165,188 @@ fn product_of(l: &Column, r: &Column) -> Option<(Product, f64)> {
             sign = -sign;
         }
     }
-    Some((Product { left, right, imaginary }, sign))
+    Some((Product { left, right, imaginary, power: l.power + r.power }, sign))
+}
+
+impl Product {
+    /// 0: the output with itself; 1: other data; 2: with the denoised output.
+    fn class(&self) -> usize {
+        match (self.left, self.right) {
+            (_, Signal::Denoised) => 2,
+            (Signal::Y, Signal::Y) => 0,
+            _ => 1,
+        }
+    }
+}
+
+/// Which products of the data are written.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Data {
+    /// None: they are there.
+    Nothing,
+    /// Those that the output enters.
+    Outputs,
+    /// All.
+    All,
+}
+
+/// A denoised output, and what becomes of it.
+#[derive(Clone, Copy)]
+pub(crate) struct Model<'a> {
+    pub re: &'a [Wide],
+    pub im: &'a [Wide],
+    /// It stands for the output in the products of the data; otherwise beside it, in products of its own.
+    pub replaces: bool,
+}
+
+impl Products {
+    /// The factors x^k of all products on all lines of a record, as the products themselves lie.
+    pub fn powers_of(&self, x: &[f64]) -> Vec<f64> {
+        let power = |x: f64, k: i32| {
+            let size = (0..k.unsigned_abs()).fold(1.0, |p: f64, _| p * x);
+            if k < 0 { 1.0 / size } else { size }
+        };
+        let of = |f: &Family| -> Vec<f64> {
+            x.iter().flat_map(|x| f.powers.iter().map(|k| power(*x, *k))).collect()
+        };
+        self.families.iter().flat_map(of).collect()
+    }
+
+    /// Writes products on the lines `range` of a record; `powers` as [`Products::powers_of`] gives them.
+    #[inline(always)]
+    pub fn write<L: Lanes>(
+        &self,
+        r: &mut RecordSpace,
+        range: Range<usize>,
+        powers: &[f64],
+        data: Data,
+        model: Option<Model<'_>>,
+    ) {
+        let RecordSpace { re, im, products, lines, .. } = r;
+        let lines = *lines;
+        let (part, rows) = (range.len(), products.len() / self.count);
+        let (replaces, besides) = match model {
+            Some(m) => (m.replaces, !m.replaces),
+            None => (false, false),
+        };
+        for f in &self.families {
+            let replaced = replaces && f.output;
+            let of_data = !f.beside && (data == Data::All || (data == Data::Outputs && f.output));
+            if !(replaced || (besides && f.beside) || of_data) {
+                continue;
+            }
+            let (left, right) = (f.left * lines + range.start, f.right * lines + range.start);
+            let mut a = (&re[left..left + part], &im[left..left + part]);
+            let mut b = (&re[right..right + part], &im[right..right + part]);
+            if let Some(m) = model {
+                let hat = (&m.re[..part], &m.im[..part]);
+                if replaced {
+                    a = hat;
+                }
+                if f.beside || (replaced && f.square) {
+                    b = hat;
+                }
+            }
+            let count = f.powers.len();
+            let powers = &powers[f.first * lines + range.start * count..][..part * count];
+            let to = &mut products[f.first * rows..][..part * count];
+            match count {
+                1 => write_family::<L, 1>(&f.parts, a, b, powers, to),
+                2 => write_family::<L, 2>(&f.parts, a, b, powers, to),
+                3 => write_family::<L, 3>(&f.parts, a, b, powers, to),
+                4 => write_family::<L, 4>(&f.parts, a, b, powers, to),
+                5 => write_family::<L, 5>(&f.parts, a, b, powers, to),
+                _ => write_family::<L, 6>(&f.parts, a, b, powers, to),
+            }
+        }
+    }
+
+    /// Adds Σ λ · product over the lines of a tile for the families of a system; the tile that `begins`
+    /// a record starts from zero.
+    #[inline(always)]
+    pub fn accumulate<L: Lanes>(
+        &self,
+        plan: &SumPlan,
+        products: &[Wide],
+        weights: &[Wide],
+        begins: bool,
+        sums: &mut [Wide],
+    ) {
+        let (part, rows) = (weights.len(), products.len() / self.count);
+        for f in &self.families[plan.families.clone()] {
+            let count = f.powers.len();
+            let own = &products[f.first * rows..][..part * count];
+            let sums = &mut sums[f.first..f.first + count];
+            match count {
+                1 => together::<L, 1>(own, weights, begins, sums),
+                2 => together::<L, 2>(own, weights, begins, sums),
+                3 => together::<L, 3>(own, weights, begins, sums),
+                4 => together::<L, 4>(own, weights, begins, sums),
+                5 => together::<L, 5>(own, weights, begins, sums),
+                _ => together::<L, 6>(own, weights, begins, sums),
+            }
+        }
+    }
+}
+
+type Complex<'a> = (&'a [Wide], &'a [Wide]);
+
+/// Re or Im (`parts`) of conj(a)·b times `N` powers of x on each line.
+#[inline(always)]
+fn write_family<L: Lanes, const N: usize>(
+    parts: &[usize; MOST],
+    a: Complex<'_>,
+    b: Complex<'_>,
+    powers: &[f64],
+    to: &mut [Wide],
+) {
+    let (powers, to) = (powers.as_chunks::<N>().0, to.as_chunks_mut::<N>().0);
+    let mut both = [Wide::ZERO; 2];
+    for i in
+        0..to.len().min(powers.len()).min(a.0.len()).min(a.1.len()).min(b.0.len()).min(b.1.len())
+    {
+        let (p, q) = (L::load(&a.0[i]), L::load(&a.1[i]));
+        let (re, im) = (L::load(&b.0[i]), L::load(&b.1[i]));
+        p.mul_add(re, q * im).store(&mut both[0]);
+        p.mul_add(im, -(q * re)).store(&mut both[1]);
+        for k in 0..N {
+            (L::load(&both[parts[k] & 1]) * L::splat(powers[i][k])).store(&mut to[i][k]);
+        }
+    }
+}
+
+impl SumPlan {
+    /// Writes the sums into the matrix, zeros where a pair of columns has none.
+    #[inline(always)]
+    pub fn assemble<L: Lanes>(&self, sums: &[Wide], matrix: &mut [Wide]) {
+        for e in &self.entries {
+            (L::load(&sums[e.sum]) * L::splat(e.sign)).store(&mut matrix[e.at]);
+        }
+    }
+}
+
+/// Sums of `N` products, which lie line after line.
+#[inline(always)]
+fn together<L: Lanes, const N: usize>(
+    products: &[Wide],
+    weights: &[Wide],
+    begins: bool,
+    sums: &mut [Wide],
+) {
+    let products = products.as_chunks::<N>().0;
+    let mut acc = [L::splat(0.0); N];
+    if !begins {
+        for i in 0..N {
+            acc[i] = L::load(&sums[i]);
+        }
+    }
+    for (line, weight) in products.iter().zip(weights) {
+        let weight = L::load(weight);
+        for i in 0..N {
+            acc[i] = weight.mul_add(L::load(&line[i]), acc[i]);
+        }
+    }
+    for i in 0..N {
+        acc[i].store(&mut sums[i]);
+    }
 }

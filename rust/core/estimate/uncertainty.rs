@@ -111,7 +111,7 @@ fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
     let (nt, size) = (d.transient, d.size());
     let mut trusted = Wide::splat(1.0);
     for k in 0..w.records.len() {
-        record_system::<L>(d, w, k, weights, Factors::Data, false);
+        record_system::<L, false>(d, w, k, weights, Factors::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         w.unknowns[nt..size].copy_from_slice(&w.theta);
@@ -131,7 +131,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
     let mut cost = L::splat(0.0);
     w.global[..p * width].fill(Wide::ZERO);
     for k in 0..w.records.len() {
-        let (c, _) = record_system::<L>(d, w, k, weights, factors, true);
+        let c = record_system::<L, false>(d, w, k, weights, factors, true);
         cost = cost + c;
         let r = &mut w.records[k];
         for i in 0..nt {
@@ -178,7 +178,7 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     w.global[..p * (p + 1)].fill(Wide::ZERO);
     for k in 0..w.records.len() {
-        record_system::<L>(d, w, k, Weights::Flat, Factors::Data, false);
+        record_system::<L, false>(d, w, k, Weights::Flat, Factors::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
@@ -205,9 +205,9 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
     for k in 0..w.records.len() {
         for range in tiles(w.records[k].limit, d.tile) {
-            lines::<L>(d, w, k, range.clone(), weights, true);
+            lines::<L, 0>(d, w, k, range.clone(), weights, true);
             for (i, m) in range.enumerate() {
-                let weight = L::load(&w.powers[(-d.lowest_power) as usize * d.tile + i]);
+                let weight = L::load(&w.weights[i]);
                 projected_row::<L>(d, w, k, m, i);
                 instruments::<L>(d, w, k, m, weight, differenced, flat);
                 let own = transient_leverage::<L>(d, w, k, m);
@@ -257,7 +257,7 @@ fn projected_row<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: usize, i:
         };
         let (mut re, mut im) = column_value::<L>(column, rd.x[m], re, im);
         for (t, own) in d.columns[..nt].iter().enumerate() {
-            let value = L::splat(-rd.transient[m * nt + t]);
+            let value = L::splat(-rd.transient[t * rd.x.len() + m]);
             let by = L::load(&r.projection[t * p + c]);
             if own.phase % 2 == 0 {
                 re = value.mul_add(by, re);
@@ -297,7 +297,7 @@ fn instruments<L: Lanes>(
             // From the projection under the final weights to the one under flat weights.
             scale = L::splat(rd.weight[m]);
             for (t, own) in d.columns[..nt].iter().enumerate() {
-                let value = L::splat(rd.transient[m * nt + t]);
+                let value = L::splat(rd.transient[t * rd.x.len() + m]);
                 let by = L::load(&r.projection[t * p + c]) - L::load(&r.flat_projection[t * p + c]);
                 if own.phase % 2 == 0 {
                     re = value.mul_add(by, re);
@@ -322,7 +322,8 @@ fn transient_leverage<L: Lanes>(d: &Design, w: &Workspace, k: usize, m: usize) -
             if a != b {
                 continue;
             }
-            let value = L::splat(rd.transient[m * nt + i] * rd.transient[m * nt + j]);
+            let value =
+                L::splat(rd.transient[i * rd.x.len() + m] * rd.transient[j * rd.x.len() + m]);
             let by = L::load(&r.transient_inverse[i * nt + j]);
             if a == 0 {
                 own.0 = value.mul_add(by, own.0);
@@ -407,9 +408,9 @@ impl Kernel for Residuals<'_> {
         for k in 0..w.records.len() {
             let mut all = vec![[Wide::ZERO; 2]; w.records[k].limit];
             for range in tiles(w.records[k].limit, d.tile) {
-                lines::<L>(d, w, k, range.clone(), d.final_weights(), true);
+                lines::<L, 0>(d, w, k, range.clone(), d.final_weights(), true);
                 for (i, m) in range.enumerate() {
-                    let root = L::load(&w.powers[(-d.lowest_power) as usize * d.tile + i]).sqrt();
+                    let root = L::load(&w.weights[i]).sqrt();
                     (root * L::load(&w.residual_re[i])).store(&mut all[m][0]);
                     (root * L::load(&w.residual_im[i])).store(&mut all[m][1]);
                 }

@@ -2,22 +2,25 @@
 
 use super::design::Design;
 use super::qr_step::QrStep;
-use crate::simd::Wide;
+use crate::simd::{LANES, Wide};
 
 /// One record of eight replicates.
 #[derive(Debug, Clone)]
 pub(crate) struct RecordSpace {
-    /// Signals (output, then inputs) × lines.
+    /// Signals (output, inputs, the constant one) × lines.
     pub re: Vec<Wide>,
     /// Imaginary parts, alike.
     pub im: Vec<Wide>,
-    /// Products × lines of a tile.
+    /// Products on the lines of a tile, line after line.
     pub products: Vec<Wide>,
+    /// Whether the products that no output enters are those of the inputs.
+    pub inputs_ready: bool,
     /// System of this record: (transient + θ) × (one more).
     pub matrix: Vec<Wide>,
-    /// Coefficients of the transient at the current iterate, and where a step leads.
+    /// Coefficients of the transient at the current iterate, where a step leads, and at the best so far.
     pub transient: Vec<Wide>,
     pub next_transient: Vec<Wide>,
+    pub best_transient: Vec<Wide>,
     /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹: what projects the transient out of a row.
     pub projection: Vec<Wide>,
     pub flat_projection: Vec<Wide>,
@@ -35,7 +38,11 @@ pub(crate) struct RecordSpace {
 #[derive(Debug, Clone)]
 pub struct Workspace {
     pub(crate) records: Vec<RecordSpace>,
-    pub(crate) powers: Vec<Wide>,
+    /// On the lines of a tile: λ, their weights; A and 1/|A|².
+    pub(crate) weights: Vec<Wide>,
+    pub(crate) a_re: Vec<Wide>,
+    pub(crate) a_im: Vec<Wide>,
+    pub(crate) inverse_square: Vec<Wide>,
     /// Denoised output and residual on the lines of a tile.
     pub(crate) hat_re: Vec<Wide>,
     pub(crate) hat_im: Vec<Wide>,
@@ -45,9 +52,19 @@ pub struct Workspace {
     pub(crate) diagonal: Vec<Wide>,
     /// System in θ alone, summed over records.
     pub(crate) global: Vec<Wide>,
-    /// θ at the current iterate, and where a step leads.
+    /// θ at the current iterate, where a step leads, and at the best so far.
     pub(crate) theta: Vec<Wide>,
     pub(crate) next: Vec<Wide>,
+    pub(crate) best_theta: Vec<Wide>,
+    /// 1 in lanes that still iterate, else 0; iterations after the start.
+    pub(crate) active: Wide,
+    pub(crate) nit: Wide,
+    /// Lanes in which the last step by orthogonal factors met dependent columns.
+    pub(crate) dependent: [bool; LANES],
+    /// Lowest cost so far, squared move of the step before, steps halved in a row.
+    pub(crate) best: Wide,
+    pub(crate) last_move: Wide,
+    pub(crate) halvings: Wide,
     /// Scratch for one record's unknowns.
     pub(crate) unknowns: Vec<Wide>,
     pub(crate) cost: Wide,
@@ -73,7 +90,6 @@ pub struct Workspace {
     pub(crate) row_im: Vec<Wide>,
     pub(crate) z_re: Vec<Wide>,
     pub(crate) z_im: Vec<Wide>,
-    pub(crate) accepted: Vec<Wide>,
     pub(crate) qr: QrStep,
 }
 
@@ -81,7 +97,7 @@ impl Workspace {
     /// Room for one design.
     #[must_use]
     pub fn new(d: &Design) -> Workspace {
-        let signals = 1 + d.structure.numerators.len();
+        let inputs = d.structure.numerators.len();
         let (size, p, tile) = (d.size(), d.parameters(), d.tile);
         let wide = |n: usize| vec![Wide::ZERO; n];
         let ls = d.method == crate::structure::Method::Ls;
@@ -89,12 +105,18 @@ impl Workspace {
             .records
             .iter()
             .map(|r| RecordSpace {
-                re: wide(signals * r.x.len()),
-                im: wide(signals * r.x.len()),
-                products: wide(d.products.len() * tile),
+                re: {
+                    let mut re = wide((1 + inputs) * r.x.len());
+                    re.resize((2 + inputs) * r.x.len(), Wide::splat(1.0));
+                    re
+                },
+                im: wide((2 + inputs) * r.x.len()),
+                products: wide(d.products.count * r.x.len().min(tile)),
+                inputs_ready: false,
                 matrix: wide(size * (size + 1)),
                 transient: wide(d.transient),
                 next_transient: wide(d.transient),
+                best_transient: wide(d.transient),
                 projection: wide(d.transient * p),
                 flat_projection: wide(d.transient * p),
                 transient_inverse: wide(d.transient * d.transient),
@@ -107,16 +129,27 @@ impl Workspace {
         let extra = d.ls_size();
         Workspace {
             records,
-            powers: wide(d.powers * tile),
+            weights: wide(tile),
+            a_re: wide(tile),
+            a_im: wide(tile),
+            inverse_square: wide(tile),
             hat_re: wide(tile),
             hat_im: wide(tile),
             residual_re: wide(tile),
             residual_im: wide(tile),
-            sums: wide(d.symmetric.count.max(d.instrument.count)),
+            // And a zero, for entries that vanish.
+            sums: wide(d.products.count + 1),
             diagonal: wide(size.max(extra)),
             global: wide(extra * (extra + 1)),
             theta: wide(p),
             next: wide(p),
+            best_theta: wide(p),
+            active: Wide::ZERO,
+            nit: Wide::ZERO,
+            dependent: [false; LANES],
+            best: Wide::ZERO,
+            last_move: Wide::ZERO,
+            halvings: Wide::ZERO,
             unknowns: wide(size.max(extra)),
             cost: Wide::ZERO,
             target_size: Wide::ZERO,
@@ -136,7 +169,6 @@ impl Workspace {
             row_im: wide(extra + 1),
             z_re: wide(extra),
             z_im: wide(extra),
-            accepted: wide(p + d.transient * d.records.len()),
             qr: QrStep::new(d),
         }
     }
@@ -144,6 +176,7 @@ impl Workspace {
     /// Where the coefficients of one record and signal (0 the output, 1 + k input k) are written.
     pub fn signal_mut(&mut self, record: usize, signal: usize) -> (&mut [Wide], &mut [Wide]) {
         let r = &mut self.records[record];
+        r.inputs_ready &= signal == 0;
         let range = signal * r.lines..(signal + 1) * r.lines;
         (&mut r.re[range.clone()], &mut r.im[range])
     }

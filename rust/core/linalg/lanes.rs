@@ -1,4 +1,4 @@
-//! Gaussian elimination on eight small systems at once, with a verdict on every pivot.
+//! Elimination on eight small systems at once, with a verdict on every pivot.
 
 use crate::simd::{Lanes, Wide};
 use std::ops::Range;
@@ -12,6 +12,92 @@ const PIVOT: f64 = 1e-7;
 fn judge<L: Lanes>(pivot: L, before: &Wide, trusted: &mut Wide) {
     let limit = L::load(before).abs() * L::splat(PIVOT);
     pivot.select_lt(limit, L::splat(0.0), L::load(trusted)).store(trusted);
+}
+
+/// Solves a `size` × (`size` + 1) system, the last column its right side, into `x`.
+///
+/// As [`eliminate`] and [`substitute`] do, to the bit; the sizes of one and two poles in registers.
+#[inline(always)]
+pub fn solve<L: Lanes>(
+    m: &mut [Wide],
+    size: usize,
+    diagonal: &[Wide],
+    symmetric: bool,
+    x: &mut [Wide],
+    trusted: &mut Wide,
+) {
+    match (L::HINTS, size, symmetric) {
+        (true, 3, true) => solve_sized::<L, 3, true>(m, diagonal, x, trusted),
+        (true, 5, true) => solve_sized::<L, 5, true>(m, diagonal, x, trusted),
+        (true, 6, true) => solve_sized::<L, 6, true>(m, diagonal, x, trusted),
+        (true, 7, true) => solve_sized::<L, 7, true>(m, diagonal, x, trusted),
+        (true, 3, false) => solve_sized::<L, 3, false>(m, diagonal, x, trusted),
+        (true, 5, false) => solve_sized::<L, 5, false>(m, diagonal, x, trusted),
+        (true, 6, false) => solve_sized::<L, 6, false>(m, diagonal, x, trusted),
+        (true, 7, false) => solve_sized::<L, 7, false>(m, diagonal, x, trusted),
+        _ => {
+            eliminate::<L>(m, size, 0..size, diagonal, symmetric, trusted);
+            substitute::<L>(m, size, 0..size, x);
+        }
+    }
+}
+
+#[inline(always)]
+fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
+    m: &mut [Wide],
+    diagonal: &[Wide],
+    x: &mut [Wide],
+    trusted: &mut Wide,
+) {
+    let (m, diagonal, x) = (&mut m[..S * (S + 1)], &diagonal[..S], &mut x[..S]);
+    // Written out, since the number of earlier rows must be known where a row is compiled.
+    macro_rules! rows {
+        ($($i:literal)*) => {$(
+            if $i < S {
+                reduce::<L, S, $i, SYMMETRIC>(m, &diagonal[$i], trusted);
+            }
+        )*};
+    }
+    rows!(0 1 2 3 4 5 6);
+    let mut known = [L::splat(0.0); S];
+    for i in (0..S).rev() {
+        let row = &m[i * (S + 1)..][..S + 1];
+        let mut sum = L::load(&row[S]);
+        for j in i + 1..S {
+            sum = (-L::load(&row[j])).mul_add(known[j], sum);
+        }
+        known[i] = sum * L::load(&row[i]);
+        known[i].store(&mut x[i]);
+    }
+}
+
+/// Row `I` less its multiples of the rows before; its inverse pivot replaces the diagonal.
+#[inline(always)]
+fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
+    m: &mut [Wide],
+    before: &Wide,
+    trusted: &mut Wide,
+) {
+    let (above, row) = m.split_at_mut(I * (S + 1));
+    let row = &mut row[..S + 1];
+    let first = if SYMMETRIC { I } else { 0 };
+    let mut own = [L::splat(0.0); 8];
+    for j in first..=S {
+        own[j] = L::load(&row[j]);
+    }
+    for k in 0..I {
+        let up = &above[k * (S + 1)..][..S + 1];
+        let lead = if SYMMETRIC { L::load(&up[I]) } else { own[k] };
+        let factor = -(lead * L::load(&up[k]));
+        for j in if SYMMETRIC { I } else { k + 1 }..=S {
+            own[j] = factor.mul_add(L::load(&up[j]), own[j]);
+        }
+    }
+    judge::<L>(own[I], before, trusted);
+    (L::splat(1.0) / own[I]).store(&mut row[I]);
+    for j in I + 1..=S {
+        own[j].store(&mut row[j]);
+    }
 }
 
 /// Eliminates the columns `pivots` of a `size` × (`size` + 1) system, the last column its right side.

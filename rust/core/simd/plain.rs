@@ -33,6 +33,7 @@ impl<const N: usize> Neg for Plain<N> {
 
 impl<const N: usize> Lanes for Plain<N> {
     type Bits = PlainBits<N>;
+    const HINTS: bool = false;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         Plain([x; N])
@@ -45,7 +46,9 @@ impl<const N: usize> Lanes for Plain<N> {
     fn store(self, to: &mut Wide) {
         to.0[..N].copy_from_slice(&self.0);
     }
-    #[inline(always)]
+    // Without the instruction each lane is a call: once here rather than all over the kernels.
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn mul_add(self, b: Self, c: Self) -> Self {
         Plain(std::array::from_fn(|i| self.0[i].mul_add(b.0[i], c.0[i])))
     }

@@ -69,6 +69,7 @@ impl Neg for Avx512 {
 
 impl Lanes for Avx2 {
     type Bits = Avx2Bits;
+    const HINTS: bool = true;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         unsafe { Avx2(_mm256_set1_pd(x), _mm256_set1_pd(x)) }
@@ -128,6 +129,7 @@ impl Lanes for Avx2 {
 
 impl Lanes for Avx512 {
     type Bits = Avx512Bits;
+    const HINTS: bool = true;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         unsafe { Avx512(_mm512_set1_pd(x)) }
