@@ -6,9 +6,13 @@ import importlib
 import inspect
 import pickle
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import partial
+from hashlib import sha256
 from typing import Any
+
+import numpy as np
 
 from .errors import SpecError
 
@@ -66,14 +70,29 @@ def at(place: str) -> Any:
 
 def source(call: Any) -> list[Any]:
     """What a function computes with, as plain values: its text; of an object its class and fields."""
+    if isinstance(call, partial):
+        return [source(call.func), _plain(call.args), _plain(call.keywords)]
+    if isinstance(call, types.MethodType):
+        return [source(call.__func__), source(call.__self__)]
     if not isinstance(call, types.FunctionType | types.BuiltinFunctionType | type):
         state = {f.name: getattr(call, f.name) for f in fields(call)} if is_dataclass(call) else vars(call)
-        return [source(type(call)), sorted((name, repr(value)) for name, value in state.items())]
+        return [source(type(call)), _plain(dict(sorted(state.items())))]
     try:
         return [inspect.getsource(call)]
     except (OSError, TypeError):  # typed into an interpreter, or compiled
         code = getattr(call, "__code__", None)
         return _code(code) if code is not None else [f"{call.__module__}:{call.__qualname__}"]
+
+
+def _plain(value: Any) -> Any:
+    """A setting as text, whole arrays and functions included."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return [value.dtype.str, value.shape, sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+    if isinstance(value, Mapping):
+        return [[str(name), _plain(one)] for name, one in value.items()]
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return source(value) if isinstance(value, types.FunctionType | partial) else repr(value)
 
 
 def _code(code: types.CodeType) -> list[Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack, overload
 
@@ -11,23 +11,19 @@ import numpy as np
 from .errors import SpecError
 from .estimation import _threads
 from .options import Options
+from .records import Record
 from .structures import TransferFunction
-from .study_plan import Plan, axis, contenders, groups, levels
+from .study_axes import Axis, axis, levels
+from .study_contenders import Contender, contenders
+from .study_generated import Generated, cells, grid_axes
+from .study_groups import Group, groups
+from .study_plan import Plan
 from .study_results import Results
-from .study_run import run
-from .study_work import Work
+from .tables import nearest
 
 __all__ = ["MonteCarlo", "Results"]
 
 MOST = 10**9
-
-# Words of later versions; anything else unknown gets the nearest names.
-_LATER = {
-    "generate": "generators of records",
-    "truth": "generators of records",
-    "grid": "generators of records",
-    "metrics": "metrics of your own",
-}
 
 
 class RunOptions(TypedDict, total=False):
@@ -48,9 +44,9 @@ class MonteCarlo:
     """A study of estimators on simulated records.
 
     Inputs, noise-free responses (exact between the samples) and default bands are worked out here, once;
-    `run` adds noise and estimates. Noise is white, its streams addressed by seed, replicate and (system,
-    input, initial state): all noise levels and estimators see the same numbers, so that they compare
-    without the noise of the comparison.
+    `run` adds noise and estimates. Random numbers are addressed by seed, replicate and (system, input,
+    initial state), or cell of the `grid`: all noise levels and estimators see the same numbers, so that they
+    compare without the noise of the comparison.
 
     Parameters
     ----------
@@ -65,32 +61,55 @@ class MonteCarlo:
         Number of sampling intervals N; a record has N + 1 samples.
     nsr : float or list of float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest.
-    noise : {"white"}
-        What the noise is.
-    initial_state : {"zero", "random"}, array_like, or dict of name to these
+    noise : "white" or callable
+        What the noise is. ``noise(rng, y, dt)`` returns noise of unit standard deviation for each sample of
+        the noise-free output y, shape (time,); it is multiplied by nsr and the root mean square of the
+        response from rest, not scaled otherwise, and serves all noise levels.
+    initial_state : {"zero", "random"}, array_like, callable, or dict of name to these
         "random": normal in each replicate, each state with the root mean square it has in the response
-        from rest. An array: the states, of a transfer function y, y', … of the free response.
+        from rest. An array: the states, of a transfer function y, y', … of the free response. A function:
+        ``initial_state(rng)`` returns such an array.
+    generate : callable
+        Instead of all the above: ``generate(cell, rng)`` returns the Record of a replicate in a cell of
+        `grid`, a dict of its labels. One output for methods and Estimators; sampling, length and inputs may
+        differ between replicates, the names of the channels may not.
+    grid : dict of str to list of numbers or texts, optional
+        Axes of a study with `generate`; without it there is one cell.
+    truth : dict of str to float, or callable, optional
+        True parameters of a study with `generate`, or ``truth(cell)`` that returns them; without the truth
+        of a parameter its bias, median, rmse and coverage are nan.
     estimators : list of str, or dict of name to str, Estimator or callable
         Methods of `fit` ("ls", "wls", "awls", "ml"); or by name methods, Estimators, rivals, or functions
         ``mine(record, rng)`` that return a dict of parameters, an array of them in the order of
-        `TransferFunction.param_names`, or a Fit. What a function raises is a counted failure.
+        `TransferFunction.param_names` (of `truth`, where there is no structure), or a Fit.
+    metrics : dict of str to callable, optional
+        ``metric(fit, record)`` returns a number that is summed up in `Results.metrics`; fit is a Fit, or
+        what a function of yours returned. Every fit is then made in Python, at tens of microseconds.
     model : TransferFunction, optional
         Structure fitted by method names and expected of functions; default: the system's own.
     replicates : int, default 200
         Records a cell.
     seed : int, default 0
-        Together with the address of a replicate it fixes every random number.
+        Together with the address of a replicate it fixes every random number; an rng given to a function
+        of yours is a NumPy Generator with that address.
     intersample : {"smooth", "zoh", "foh"} or a sequence of them
         What the input does between its samples.
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
         cov_type. With neither band nor harmonics the band is chosen for each system and input on the
-        noise-free response and used for every replicate.
+        noise-free response, with `generate` on the first record of each cell, and used for every replicate.
 
     Raises
     ------
     SpecError, DataError
         At once, for anything that could not be run.
+
+    Notes
+    -----
+    What a function of yours raises, and what it returns that is not finite, is counted as a failure of that
+    replicate, its text kept in `Results.messages`. What is wrong in kind (no Record, another shape, a name
+    that is missing) ends the run with a SpecError. A function for other processes or for a directory must be
+    importable, and a change of its source makes another study of it.
 
     Examples
     --------
@@ -105,48 +124,48 @@ class MonteCarlo:
     def __init__(
         self,
         *,
-        system: Any,
-        input: Any,
-        duration: float,
-        intervals: int,
-        nsr: float | Sequence[float] = 0.0,
-        noise: str = "white",
-        initial_state: Any = "zero",
+        system: Any = None,
+        input: Any = None,
+        duration: float | None = None,
+        intervals: int | None = None,
+        nsr: float | Sequence[float] | None = None,
+        noise: Any = None,
+        initial_state: Any = None,
+        generate: Callable[..., Record] | None = None,
+        grid: Mapping[str, Sequence[Any]] | None = None,
+        truth: Mapping[str, float] | Callable[..., Mapping[str, float]] | None = None,
         estimators: Any,
+        metrics: Mapping[str, Callable[..., float]] | None = None,
         model: TransferFunction | None = None,
         replicates: int = 200,
         seed: int = 0,
-        intersample: str | Sequence[str] = "smooth",
+        intersample: str | Sequence[str] | None = None,
         **options: Any,
     ) -> None:
-        for name, what in _LATER.items():
-            if name in options:
-                raise SpecError(f"MonteCarlo: {name}= is not available yet; {what} come in a later version")
-        if not (isinstance(noise, str) and noise == "white"):
-            raise SpecError(
-                f"MonteCarlo: noise={noise!r} is not available yet: other noise comes in a later version; "
-                "use 'white'"
-            )
         if options:
             Options.checked("MonteCarlo", **options)
         if "method" in options:
             raise SpecError("MonteCarlo: method= is given by estimators=, as estimators=['ls', 'ml']")
         self.replicates = _whole("MonteCarlo: replicates", replicates, 1, MOST)
         seed = _whole("MonteCarlo: seed", seed, 0, 2**64 - 1)
-        (systems, of_system), (inputs, of_input), (states, of_state) = (
-            axis("system", system), axis("input", input), axis("initial_state", initial_state)
-        )  # fmt: skip
-        nsrs = levels(nsr)
-        found = groups(
-            of_system, of_input, of_state, nsrs,
-            duration=duration, intervals=intervals, intersample=intersample,
-        )  # fmt: skip
-        self.plan = Plan(
-            axes=(systems, inputs, states, nsrs),
-            groups=found,
-            contenders=contenders(estimators, options, model, found),
-            seed=seed,
-        )
+        simulated = {
+            "system": system, "input": input, "duration": duration, "intervals": intervals, "nsr": nsr,
+            "noise": noise, "initial_state": initial_state, "intersample": intersample,
+        }  # fmt: skip
+        own = {"grid": grid, "truth": truth}
+        axes: tuple[Axis, ...]
+        found: tuple[Group | Generated, ...]
+        if generate is not None:
+            _refuse(simulated, "generate= makes the records, so that {} cannot be given beside it")
+            axes = (*grid_axes(grid), levels(0.0))
+            found, firsts = cells(axes[:-1], generate, truth, seed)
+        else:
+            _refuse(own, "{} belongs to generate=, a function that makes the records")
+            axes, found = _simulated(**simulated)
+            firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
+        made = contenders(estimators, options, model, found, firsts)
+        _known_names(truth, made)
+        self.plan = Plan(axes=axes, groups=found, contenders=made, metrics=_metrics(metrics), seed=seed)
 
     @property
     def estimators(self) -> tuple[str, ...]:
@@ -229,6 +248,9 @@ class MonteCarlo:
         ModfunError
             A worker that died, a file that cannot be written: what is in the directory is kept.
         """
+        from .study_run import run  # what runs a study is not needed to import modfun
+        from .study_work import Work
+
         for name, value, words in (
             ("keep", keep, ("summary", "samples")), ("draw", draw, ("samples", "coefficients")),
         ):  # fmt: skip
@@ -236,11 +258,11 @@ class MonteCarlo:
                 raise SpecError(f"run: {name}={value!r} is unknown; choose {' or '.join(map(repr, words))}")
         if not isinstance(coverage, bool | np.bool_):
             raise SpecError(f"run: coverage={coverage!r} must be True or False")
-        users = [c.name for c in self.plan.contenders if c.call is not None]
+        users = dict.fromkeys(what for what, _ in self.plan.functions)
         if users and draw == "coefficients":
             raise SpecError(
-                f"run: draw='coefficients' makes no samples, which {', '.join(users)} would need; "
-                "use draw='samples', or a study of its own for the methods"
+                f"run: draw='coefficients' makes no samples, which {', '.join(users)} would need; use "
+                "draw='samples', or a study of its own for the methods"
             )
         most = MOST if until is not None else self.replicates
         if replicates is not None:
@@ -256,3 +278,68 @@ def _whole(name: str, value: Any, least: int, most: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise SpecError(f"{name}={value!r} must be a whole number from {least} to {most}")
     return int(value)
+
+
+def _refuse(given: Mapping[str, Any], text: str) -> None:
+    named = [f"{name}=" for name, value in given.items() if value is not None]
+    if named:
+        raise SpecError(f"MonteCarlo: {text.format(', '.join(named))}")
+
+
+def _simulated(
+    system: Any, input: Any, duration: Any, intervals: Any, nsr: Any, noise: Any, initial_state: Any,
+    intersample: Any,
+) -> tuple[tuple[Axis, ...], tuple[Group, ...]]:  # fmt: skip
+    """Axes and groups of a study of systems."""
+    needed = {"system": system, "input": input, "duration": duration, "intervals": intervals}
+    missing = [f"{name}=" for name, value in needed.items() if value is None]
+    if missing:
+        raise SpecError(
+            f"MonteCarlo: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; give it, or "
+            "generate=, a function that makes the records"
+        )
+    if not (noise is None or noise == "white" or callable(noise)):
+        raise SpecError(
+            f"MonteCarlo: noise={noise!r} is not available; use 'white', or a function of (rng, y, dt) that "
+            "returns noise of unit standard deviation for each sample of y"
+        )
+    (systems, of_system), (inputs, of_input), (states, of_state) = (
+        axis("system", system), axis("input", input),
+        axis("initial_state", "zero" if initial_state is None else initial_state),
+    )  # fmt: skip
+    nsrs = levels(0.0 if nsr is None else nsr)
+    found = groups(
+        of_system, of_input, of_state, nsrs, noise if callable(noise) else None,
+        duration=duration, intervals=intervals,
+        intersample="smooth" if intersample is None else intersample,
+    )  # fmt: skip
+    return (systems, inputs, states, nsrs), found
+
+
+def _known_names(truth: Any, made: Sequence[Contender]) -> None:
+    """Refuse true parameters that no estimator has."""
+    if not isinstance(truth, Mapping):
+        return
+    names = list(dict.fromkeys(name for c in made for own in c.params for name in own))
+    for name in truth:
+        if name not in names:
+            raise SpecError(
+                f"MonteCarlo: truth names {name!r}, which no estimator finds; {nearest(name, names)}"
+            )
+
+
+def _metrics(given: Any) -> tuple[tuple[str, Callable[..., Any]], ...]:
+    if given is None:
+        return ()
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) and name.strip() for name in given):
+        raise SpecError(
+            f"MonteCarlo: metrics={given!r}; give a dict from names to functions of (fit, record) that "
+            "return a number"
+        )
+    for name, call in given.items():
+        if not callable(call):
+            raise SpecError(
+                f"MonteCarlo: the metric {name!r} is a {type(call).__name__}; give a function of (fit, "
+                "record) that returns a number"
+            )
+    return tuple(given.items())

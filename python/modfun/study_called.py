@@ -1,10 +1,13 @@
-"""Estimators of a study that are functions of the user: replicates through them, counted as in the core."""
+"""Replicates in Python: records that functions make, estimators that are functions, metrics of any estimator.
+
+They are counted as the core counts its own.
+"""
 
 from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -13,20 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .errors import ModfunWarning, SpecError
+from .errors import ModfunWarning
 from .records import Record
 from .results import Fit
-from .study_plan import Contender, Group, Plan
+from .study_contenders import Contender
+from .study_fitted import fit_one, fit_records
+from .study_functions import Failed, attempt, generator, number, parameters
+from .study_generated import Generated
+from .study_groups import Group
+from .study_plan import Plan
 from .study_tally import STATUS, TEXTS, USED, Tally, united
 
-__all__ = ["LEVEL", "called"]
+__all__ = ["LEVEL", "called", "estimate"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bins = tuple[I64, I64]
 
 LEVEL = 0.95  # of the intervals whose coverage is counted
-LONGEST = 2000  # characters kept of one exception
 
 
 def called(
@@ -37,108 +44,172 @@ def called(
     samples: bool,
     progress: Callable[[int, int], None] | None,
 ) -> Tally:
-    """Replicates from `first` on through functions, on the very samples that the core sees."""
+    """Replicates `first` to `first + replicates` of all estimators that cannot run in the core's study."""
     tally = Tally.empty(plan.shape, replicates if samples else None)
-    users = [(k, c) for k, c in enumerate(plan.contenders) if c.call is not None]
+    here = [(k, c) for k, c in enumerate(plan.contenders) if plan.made or c.call is not None]
     raised: list[dict[str, Any]] = []
-    bins: list[tuple[I64, I64]] = []
+    bins: list[Bins] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModfunWarning)  # a study counts what a single fit would warn of
         for g in plan.groups:
             sigma = plan.sigma(g).tolist()
-            cells = {(level, k): _Cell(c, g, replicates) for level in range(len(sigma)) for k, c in users}
+            cells = {
+                (level, k): _Cell(plan, c, g, replicates) for level in range(len(sigma)) for k, c in here
+            }
             for r in range(replicates):
-                for level, y in enumerate(g.outputs(plan.seed, first + r, sigma)):
-                    rec = g.record(y)
-                    for k, _ in users:
-                        text = cells[level, k].take(r, rec, plan.generator(first + r, g))
-                        if text is not None and len(raised) < TEXTS:
-                            found = {"group": g.index, "level": level, "estimator": k, "replicate": first + r}
-                            raised.append({**found, "text": text})
+                _one(plan, g, first + r, r, sigma, cells)
                 if progress is not None:
                     progress(g.index * replicates + r + 1, len(plan.groups) * replicates)
             for (level, k), one in cells.items():
+                one.end()
                 where = g.index, level, k
-                bins.append(one.count(tally, where, plan.columns(one.contender, g), coverage))
+                bins.append(one.count(tally, where, coverage))
+                raised += [
+                    {"group": g.index, "level": level, "estimator": k, "replicate": first + r, "text": text}
+                    for r, text in one.texts
+                ]
+    raised.sort(key=lambda one: (one["group"], one["replicate"], one["level"], one["estimator"]))
     counted = reduce(united, bins, (tally.bins, tally.counts))
-    return replace(tally, bins=counted[0], counts=counted[1], raised=tuple(raised))
+    return replace(tally, bins=counted[0], counts=counted[1], raised=tuple(raised[:TEXTS]))
+
+
+def estimate(plan: Plan, contender: Contender, group: Group | Generated, rec: Record, replicate: int) -> Any:
+    """What an estimator makes of a record: a Fit, or whatever its function returned.
+
+    Raises
+    ------
+    Failed
+        With the exception as its cause.
+    """
+    if contender.call is None:
+        return attempt("", fit_one, contender.estimators[group.index], rec)
+    return attempt("", contender.call, rec, generator("estimator", plan.seed, replicate, group.index))
+
+
+def _one(
+    plan: Plan,
+    group: Group | Generated,
+    replicate: int,
+    row: int,
+    sigma: list[float],
+    cells: dict[tuple[int, int], _Cell],
+) -> None:
+    try:
+        records = group.records(plan.seed, replicate, sigma)
+    except Failed as failed:
+        for cell in cells.values():
+            cell.fail(row, str(failed))
+        return
+    for (level, _), cell in cells.items():
+        cell.take(row, replicate, records[level])
 
 
 class _Cell:
-    """Estimates of one function in one cell."""
+    """Estimates of one estimator in one cell, and metrics of them."""
 
-    def __init__(self, contender: Contender, group: Group, replicates: int) -> None:
-        self.contender = contender
+    def __init__(self, plan: Plan, contender: Contender, group: Group | Generated, replicates: int) -> None:
+        self.plan, self.contender, self.group = plan, contender, group
         self.names = contender.names(group)
         self.truth = contender.truth[group.index]
         self.theta = np.full((replicates, len(self.names)), np.nan)
         self.covered = np.full_like(self.theta, np.nan)
+        self.metrics = np.full((replicates, len(plan.metrics)), np.nan)
         self.status = np.zeros(replicates, dtype=np.uint8)
-        self.nit: list[int] = []
+        self.fits = self.iterations = 0
+        self.texts: list[tuple[int, str]] = []
         self.seconds = 0.0
+        self._waiting: list[tuple[int, Record]] = []
 
-    def take(self, replicate: int, rec: Record, rng: np.random.Generator) -> str | None:
-        """Estimate from one record; the text of what was raised, if anything was."""
-        assert self.contender.call is not None
+    def fail(self, row: int, text: str) -> None:
+        """There is no estimate."""
+        self.status[row] = STATUS.index("raised")
+        self.texts.append((row, text))
+
+    def take(self, row: int, replicate: int, rec: Record) -> None:
+        """Estimate from a record now, or where that suffices with others of its kind at the end."""
+        if self.contender.call is None and not self.plan.metrics:
+            self._waiting.append((row, rec))
+            return
         start = time.perf_counter()
         try:
-            answer = self.contender.call(rec, rng)
-        except Exception as error:
-            self.status[replicate] = STATUS.index("raised")
-            return f"{type(error).__name__}: {error}"[:LONGEST]
+            answer = estimate(self.plan, self.contender, self.group, rec, replicate)
+        except Failed as failed:
+            self.fail(row, str(failed))
+            return
         finally:
             self.seconds += time.perf_counter() - start
-        theta = _parameters(answer, self.names, self.contender.name)
-        self.theta[replicate] = theta
+        self.theta[row] = parameters(answer, self.names, self.contender.name)
         if isinstance(answer, Fit):
-            self.status[replicate] = STATUS.index(answer.status)
-            self.nit.append(answer.nit)
-            low, high = answer.interval(answer.params, answer.bse, LEVEL)
-            self.covered[replicate] = (low <= self.truth) & (self.truth <= high)
-        if not np.all(np.isfinite(theta)) and self.status[replicate] < USED:
-            self.status[replicate] = STATUS.index("nonfinite")
-        return None
+            self.status[row] = STATUS.index(answer.status)
+            self.fits, self.iterations = self.fits + 1, self.iterations + answer.nit
+            self._cover(np.array([row]), answer.bse[None], answer.df_resid)
+        if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
+            self.status[row] = STATUS.index("nonfinite")
+        if self.status[row] < USED:
+            self._measure(row, answer, rec)
 
-    def count(self, tally: Tally, where: tuple[int, int, int], columns: list[int], coverage: bool) -> Bins:
+    def _measure(self, row: int, answer: Any, rec: Record) -> None:
+        for k, (name, call) in enumerate(self.plan.metrics):
+            try:
+                what = f"metric {name!r}"
+                self.metrics[row, k] = number(attempt(what, call, answer, rec), what)
+            except Failed as failed:
+                self.texts.append((row, str(failed)))
+
+    def end(self) -> None:
+        """Fit what waits."""
+        if not self._waiting:
+            return
+        start = time.perf_counter()
+        rows = np.array([row for row, _ in self._waiting])
+        own = self.contender.estimators[self.group.index]
+        for places, found in fit_records(own, [rec for _, rec in self._waiting]):
+            mine = rows[places]
+            if isinstance(found, str):
+                self.fail(int(mine[0]), found)
+                continue
+            self.theta[mine], self.status[mine] = found.params, [STATUS.index(w) for w in found.status]
+            self.fits, self.iterations = self.fits + mine.size, self.iterations + int(found.nit.sum())
+            self._cover(mine, found.bse, found.df_resid)
+        self._waiting = []
+        self.seconds += time.perf_counter() - start
+
+    def _cover(self, rows: I64, bse: F64, df_resid: int) -> None:
+        from scipy.special import stdtrit  # scipy.stats takes seconds to load
+
+        factor = float(stdtrit(df_resid, 0.5 + LEVEL / 2)) if df_resid > 0 else np.nan
+        with np.errstate(invalid="ignore"):
+            off, reach = np.abs(self.theta[rows] - self.truth), factor * bse
+            self.covered[rows] = np.where(np.isnan(off) | np.isnan(reach), np.nan, off <= reach)
+
+    def count(self, tally: Tally, where: tuple[int, int, int], coverage: bool) -> Bins:
         """Write into the arrays of a tally; occupied bins and their counts."""
-        used = self.status < USED
-        truth = np.nan_to_num(self.truth)
-        figures = (np.ravel_multi_index(where, tally.covered.shape[:-1]) * tally.covered.shape[-1]) + columns
-        errors = np.ascontiguousarray(self.theta[used] - truth)
-        moments, bins, counts = _core.count_errors(errors, truth, figures.tolist())
-        tally.moments[where][columns] = moments
+        plan, used = self.plan, self.status < USED
+        columns = plan.columns(self.contender, self.group)
+        bins = [self._moments(tally, where, columns, self.theta[used], np.nan_to_num(self.truth))]
+        for k in range(len(plan.metrics)):
+            column = len(plan.parameters) + k
+            values = self.metrics[:, [k]]
+            bins.append(self._moments(tally, where, [column], values[~np.isnan(values[:, 0])], np.zeros(1)))
+            if tally.samples is not None:
+                tally.samples[(slice(None), *where)][:, column] = values[:, 0]
         if coverage:
             known = ~np.isnan(self.covered[used])
             tally.intervals[where][columns] = known.sum(axis=0)
             tally.covered[where][columns] = (known & (self.covered[used] == 1)).sum(axis=0)
         tally.status[where] = np.bincount(self.status, minlength=len(STATUS))
-        tally.fits[where], tally.iterations[where] = len(self.nit), sum(self.nit)
+        tally.fits[where], tally.iterations[where] = self.fits, self.iterations
         tally.seconds[where[2]] += self.seconds
         if tally.samples is not None:
-            kept = np.where(used[:, None], self.theta, np.nan)
-            tally.samples[(slice(None), *where)][:, columns] = kept
+            tally.samples[(slice(None), *where)][:, columns] = np.where(used[:, None], self.theta, np.nan)
+        return reduce(united, bins)
+
+    def _moments(
+        self, tally: Tally, where: tuple[int, int, int], columns: list[int], values: F64, truth: F64
+    ) -> Bins:
+        size = tally.covered.shape
+        figures = np.ravel_multi_index(where, size[:-1]) * size[-1] + np.array(columns)
+        errors = np.ascontiguousarray(values - truth)
+        moments, bins, counts = _core.count_errors(errors, truth, figures.tolist())
+        tally.moments[where][columns] = moments
         return bins, counts
-
-
-def _parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
-    """What a function returned, in the order of the parameter names."""
-    if isinstance(answer, Fit):
-        answer = answer.estimates()
-    if isinstance(answer, Mapping):
-        missing = [name for name in names if name not in answer]
-        if missing:
-            raise SpecError(
-                f"MonteCarlo: the estimator {who!r} returned {', '.join(map(str, answer)) or 'nothing'}; "
-                f"{', '.join(missing)} of {', '.join(names)} is missing: return all, or give model="
-            )
-        answer = [answer[name] for name in names]
-    try:
-        theta = np.asarray(answer, dtype=np.float64)
-    except (TypeError, ValueError):
-        theta = np.empty(0)
-    if theta.shape != (len(names),):
-        raise SpecError(
-            f"MonteCarlo: the estimator {who!r} returned {type(answer).__name__} of shape {theta.shape}; "
-            f"return a dict, an array of {', '.join(names)}, or a Fit"
-        )
-    return theta

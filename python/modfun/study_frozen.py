@@ -15,17 +15,19 @@ from .lti import LTI
 from .options import Options
 from .simulation import Experiment
 from .structures import TransferFunction
-from .study_plan import Axis, Contender, Group, Plan
+from .study_axes import Axis
+from .study_contenders import Contender
+from .study_generated import Generated
+from .study_groups import Group
+from .study_plan import Plan
 
 __all__ = ["freeze", "thaw"]
 
 Arrays = dict[str, NDArray[Any]]
 
 # What a study is made of, by the name that stands in the file.
-_KINDS: dict[str, type] = {
-    kind.__name__: kind
-    for kind in (Axis, Contender, Estimator, Experiment, Group, LTI, Options, Plan, TransferFunction)
-}
+_NAMED = (Axis, Contender, Estimator, Experiment, Generated, Group, LTI, Options, Plan, TransferFunction)
+_KINDS: dict[str, type] = {kind.__name__: kind for kind in _NAMED}
 
 
 class Lost:

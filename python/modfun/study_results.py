@@ -17,7 +17,11 @@ from .bounds import crlb
 from .errors import DataError, ModfunWarning, SpecError
 from .extras import optional
 from .records import Record
-from .study_plan import Axis, Contender, Group, Plan
+from .study_axes import Axis
+from .study_functions import Failed
+from .study_groups import Group
+from .study_metrics import Metric, Metrics
+from .study_plan import Plan
 from .study_tally import STATUS, USED, Tally
 from .tables import Table, nearest
 
@@ -61,11 +65,14 @@ class Results:
         Mean number of iterations.
     samples : ndarray, (cell…, estimator, replicate, parameter), or None
         Estimates, nan where there is none; None unless kept.
+    metrics : dict of str to Metric
+        What the study's `metrics` said: mean, sd and median of each over (cell…, estimator).
     seconds : dict of str to float
         Time of each estimator, noise included, of all processes together. Methods in the compiled core
         share their noise; their common time is split as they take alone.
     messages : Table
-        What functions raised: cell, estimator, replicate, text; of the first hundred. `status` counts all.
+        What functions raised, and why records or metrics are missing: cell, estimator, replicate, text; of
+        the first hundred. `status` counts all.
     replicates : int
     """
 
@@ -85,6 +92,7 @@ class Results:
     status: dict[str, I64]
     nit: F64
     samples: F64 | None
+    metrics: Metrics
     seconds: dict[str, float]
     messages: Table
     replicates: int
@@ -100,7 +108,8 @@ class Results:
         names = tuple(c.name for c in plan.contenders)
         axes = {a.name: a.labels for a in given} | {"estimator": names, "parameter": plan.parameters}
         by_word = {word: _shaped(tally.status[..., k], given) for k, word in enumerate(STATUS)}
-        found = {name: _shaped(values, given) for name, values in tally.figures(plan.truth).items()}
+        count = len(plan.parameters)  # metrics follow them
+        figures = {name: _shaped(values, given) for name, values in tally.figures(plan.truth).items()}
         if samples is not None:
             sizes = [len(a.labels) for a in given]
             samples = samples.reshape(len(samples), *sizes, *samples.shape[3:])
@@ -108,12 +117,13 @@ class Results:
             samples.flags.writeable = False
         return cls(
             axes=axes,
-            truth=_shaped(plan.truth, given),
-            **found,
+            truth=_shaped(plan.truth[..., :count], given),
+            **{name: values[..., :count] for name, values in figures.items()},
             failures=_shaped(tally.status[..., USED:].sum(axis=-1), given),
             status=by_word,
             nit=_shaped(tally.nit, given),
-            samples=samples,
+            samples=None if samples is None else samples[..., :count],
+            metrics=_metrics(plan, tally, samples, axes),
             seconds=dict(zip(names, tally.seconds.tolist(), strict=True)),
             messages=_messages(plan, tally),
             replicates=replicates,
@@ -136,13 +146,15 @@ class Results:
         """Cramér–Rao bound as standard deviations, (cell…, estimator, parameter).
 
         With the initial state (and the estimator's trend) unknown, from all samples; nan where the
-        structure does not hold the system. No estimator need reach it in a narrow band, and a biased one
-        may pass it.
+        structure does not hold the system, or the records are the user's. No estimator need reach it in a
+        narrow band, and a biased one may pass it.
         """
         plan = self._plan
-        array = np.full(plan.shape, np.nan)
+        array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
         known: dict[Any, F64] = {}
         for g in plan.groups:
+            if not isinstance(g, Group):
+                continue  # there is no system
             rec = g.record(g.rest.y[0])
             for k, c in enumerate(plan.contenders):
                 key = (g.index, c.structures[g.index], c.trend)
@@ -237,7 +249,8 @@ class Results:
         """All figures as an xarray.Dataset (extra ``xarray``).
 
         Dimensions are those of `axes`, and replicate where samples were kept; each figure has its
-        Monte Carlo standard error beside it as ``<figure>_mcse``.
+        Monte Carlo standard error beside it as ``<figure>_mcse``. Those of a metric are ``<metric>_mean``
+        and so on.
         """
         xarray = optional("xarray", "xarray", "Results.to_xarray")
         cell = tuple(name for name in self.axes if name != "parameter")
@@ -246,6 +259,10 @@ class Results:
         variables = {name: ((*cell, "parameter"), getattr(self, name)) for name in names}
         variables |= {name: (cell, getattr(self, name)) for name in ("failures", "nit")}
         variables |= {f"status_{word}": (cell, counts) for word, counts in self.status.items()}
+        for name, metric in self.metrics.items():
+            shown = [n for word in ("mean", "sd", "median") for n in (word, f"{word}_mcse")]
+            shown += ["count", "failures"]
+            variables |= {f"{name}_{figure}": (cell, getattr(metric, figure)) for figure in shown}
         if self.samples is not None:
             variables["samples"] = ((*cell, "replicate", "parameter"), self.samples)
         return xarray.Dataset(
@@ -270,13 +287,17 @@ class Results:
         -------
         record : Record
         fits : dict of str to Fit
-            By estimator; what a function returned as it is, or the exception it raised.
+            By estimator; what a function returned as it is, or the exception that was raised.
 
         Raises
         ------
         SpecError
             A cell that is not in the study, or noise that was drawn as coefficients.
+        DataError
+            A function of yours made no record in this replicate; its own exception is the cause.
         """
+        from .study_called import estimate
+
         plan = self._plan
         if self.draw == "coefficients":
             raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
@@ -292,23 +313,21 @@ class Results:
             if name not in known:
                 raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")
         at = [_position(a, cell) for a in plan.axes]
-        group = plan.groups[int(np.ravel_multi_index(at[:3], [len(a.labels) for a in plan.axes[:3]]))]
-        sigma = plan.sigma(group)[at[3]]
-        rec = group.record(group.outputs(plan.seed, int(number), [float(sigma)])[0])
+        group = plan.groups[int(np.ravel_multi_index(at[:-1], [len(a.labels) for a in plan.axes[:-1]]))]
+        sigma = float(plan.sigma(group)[at[-1]])
         fits: dict[str, Any] = {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModfunWarning)
+            try:
+                rec = group.records(plan.seed, int(number), [sigma])[0]
+            except Failed as failed:
+                raise DataError(f"replicate: {number} has no record: {failed}") from failed.__cause__
             for c in plan.contenders:
-                fits[c.name] = self._estimate(c, group, rec, int(number))
+                try:
+                    fits[c.name] = estimate(plan, c, group, rec, int(number))
+                except Failed as failed:
+                    fits[c.name] = failed.__cause__
         return rec, fits
-
-    def _estimate(self, contender: Contender, group: Group, rec: Record, number: int) -> Any:
-        if contender.call is None:
-            return contender.estimators[group.index](rec)
-        try:
-            return contender.call(rec, self._plan.generator(number, group))
-        except Exception as error:
-            return error
 
     # Looks -----------------------------------------------------------------------------------------
 
@@ -317,10 +336,13 @@ class Results:
         return plot.study(self, ax=ax)
 
     def __repr__(self) -> str:
-        return repr(self.relative())
+        return repr(self._shown())
 
     def _repr_html_(self) -> str:
-        return self.relative()._repr_html_()
+        return self._shown()._repr_html_()
+
+    def _shown(self) -> Table:
+        return self.relative() if np.any(np.isfinite(self.truth)) else self.table()
 
 
 def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
@@ -339,8 +361,29 @@ def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:
     return shaped
 
 
+def _metrics(plan: Plan, tally: Tally, samples: F64 | None, axes: dict[str, tuple[Any, ...]]) -> Metrics:
+    """Figures of the metrics, which stand behind the parameters; their truth being 0, moments are theirs."""
+    given = [a for a in plan.axes if a.given]
+    used = tally.status[..., :USED].sum(axis=-1)
+    zero = tally.figures(np.zeros(plan.shape))
+    found = {}
+    for k, (name, _) in enumerate(plan.metrics):
+        column = len(plan.parameters) + k
+        values = {n: _shaped(v[..., column], given) for n, v in zero.items()}
+        count = tally.moments[..., column, 0].astype(np.int64)
+        found[name] = Metric(
+            mean=values["bias"],
+            mean_mcse=values["bias_mcse"],
+            **{n: values[n] for n in ("sd", "sd_mcse", "median", "median_mcse")},
+            count=_shaped(count, given),
+            failures=_shaped(used - count, given),
+            samples=None if samples is None else samples[..., column],
+        )
+    return Metrics(found, axes)
+
+
 def _messages(plan: Plan, tally: Tally) -> Table:
-    sizes = [len(a.labels) for a in plan.axes[:3]]
+    sizes = [len(a.labels) for a in plan.axes[:-1]]
     columns: dict[str, list[Any]] = {a.name: [] for a in plan.axes if a.given}
     columns |= {"estimator": [], "replicate": [], "text": []}
     for one in tally.raised:
@@ -353,4 +396,4 @@ def _messages(plan: Plan, tally: Tally) -> Table:
         columns["text"].append(one["text"])
     count = int(tally.status[..., STATUS.index("raised")].sum())
     first = f", the first {len(tally.raised)} are" if count > len(tally.raised) else ""
-    return Table(columns, title=f"{count} replicates raised an exception{first}")
+    return Table(columns, title=f"{count} estimates failed with an exception{first}")

@@ -149,11 +149,11 @@ def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directo
         if directory is None:
             raise SpecError("run: shard= leaves its parts in a directory for the others; give directory=")
         _slice(shard)
-    for c in work.plan.contenders:
-        if c.call is not None and executor is not None and not _here(executor):
-            importable(c.call, f"the estimator {c.name!r}", "the processes of executor=")
-        if c.call is not None and directory is not None:
-            importable(c.call, f"the estimator {c.name!r}", "a reader of directory=")
+    for what, call in work.plan.functions:
+        if executor is not None and not _here(executor):
+            importable(call, what, "the processes of executor=")
+        if directory is not None:
+            importable(call, what, "a reader of directory=")
 
 
 def _slice(shard: Any) -> tuple[int, None, int]:

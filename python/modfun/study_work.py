@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 from . import _core
 from .callables import source
 from .study_called import LEVEL, called
-from .study_plan import Contender, Group, Plan
+from .study_contenders import Contender
+from .study_generated import Generated
+from .study_groups import Group
+from .study_plan import Plan
 from .study_tally import STATUS, Tally
 
 __all__ = ["Part", "Work", "compute", "parts"]
@@ -75,7 +78,7 @@ class Work:
     @property
     def called(self) -> bool:
         """Whether functions of the user take part."""
-        return any(c.call is not None for c in self.plan.contenders)
+        return bool(self.plan.functions)
 
     @cached_property
     def part(self) -> int:
@@ -103,16 +106,15 @@ class Work:
         plan = self.plan
         add(["modfun study", _core.STREAM_VERSION, plan.seed, self.part, self.draw, self.coverage, LEVEL])
         for g in plan.groups:
-            add([g.index, g.rest.dt, g.intersample])
-            for array in (g.y, g.rest.u, g.free, plan.sigma(g)):
-                add(array)
+            for value in (*g.described(), plan.sigma(g)):
+                add(value)
             for c in plan.contenders:
-                add(c.names(g))
+                add([c.names(g), c.described(g), self._cov_type(c) if c.call is None else None])
                 add(c.truth[g.index])
-                add(source(c.call) if c.call is not None else [c.core(g), self._cov_type(c)])
+        add([source(call) for _, call in plan.metrics])
         return digest.hexdigest()
 
-    def core(self, groups: Sequence[Group], chosen: Sequence[int]) -> _core.Study:
+    def core(self, groups: Sequence[Group | Generated], chosen: Sequence[int]) -> _core.Study:
         """Some groups and estimators laid out in the compiled core."""
         plan = self.plan
         given = [
@@ -135,6 +137,7 @@ class Work:
                 ],
             }
             for g in groups
+            if isinstance(g, Group)
         ]
         return _core.Study(given, plan.shape[2:], draw=self.draw, level=LEVEL)
 
@@ -145,10 +148,10 @@ class Work:
 def compute(work: Work, part: Part, threads: int = 1, progress: Progress | None = None) -> Tally:
     """Sums over a part; the same bits for any number of threads, in any process."""
     tallies = []
-    if any(c.call is None for c in work.plan.contenders):
+    plan, (_, first, replicates) = work.plan, part
+    if not plan.made and any(c.call is None for c in plan.contenders):
         tallies.append(_compiled(work, part, threads, progress))
     if work.called:
-        plan, (_, first, replicates) = work.plan, part
         tallies.append(called(plan, first, replicates, work.coverage, work.samples, progress))
     return reduce(Tally.beside, tallies)
 
@@ -201,16 +204,17 @@ def _timed(study: _core.Study, seed: int) -> float:
     return time.perf_counter() - start
 
 
-def _nanoseconds(work: Work, group: Group) -> float:
+def _nanoseconds(work: Work, group: Group | Generated) -> float:
     """Roughly what one replicate of a group takes on one thread."""
+    assert isinstance(group, Group)
     samples = group.y.size
     duration = samples * group.rest.dt
     fits, widest = 0.0, 0.0
     for c in work.plan.contenders:
         options = c.estimators[group.index].options
-        top = (options.harmonics or 0) + c.structures[group.index].poles
+        top = (options.harmonics or 0) + c.estimators[group.index].model.poles
         lines = top if options.band is None else options.band[1] * duration / (2 * np.pi)
         passes = {"ls": 1, "wls": 1, "awls": 5, "ml": 7}[options.method] + 2 * work.coverage
         fits += 100 + passes * lines * (2 + 0.5 * len(c.truth[group.index]) ** 2)
         widest = max(widest, lines)
-    return 2 * samples + 0.1 * samples * widest + len(work.plan.axes[3].labels) * fits
+    return 2 * samples + 0.1 * samples * widest + len(work.plan.axes[-1].labels) * fits

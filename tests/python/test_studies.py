@@ -221,7 +221,7 @@ def test_rivals_take_part() -> None:
 @pytest.mark.parametrize(
     ("changes", "cure"),
     [
-        ({"noise": "pink"}, "later version"),
+        ({"noise": "pink"}, "function of"),
         ({"generate": lambda cell, rng: None}, "generate"),
         ({"nsr": -0.1}, "at least 0"),
         ({"nsr": "loud"}, "number or a list"),
@@ -243,7 +243,7 @@ def test_rivals_take_part() -> None:
         ({"intervals": 0}, "at least 1"),
         ({"initial_state": "rest"}, "'zero', 'random'"),
         ({"initial_state": [1.0]}, "2 states"),
-        ({"initial_state": lambda rng: [0, 0]}, "later version"),
+        ({"initial_state": lambda rng: [0]}, "shape"),
         ({"estimators": []}, "list of method names"),
         ({"estimators": "ml"}, "list of method names"),
         ({"estimators": ["mle"]}, "ml"),

@@ -1,0 +1,191 @@
+"""Estimators of a study, made ready for its groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .callables import source
+from .errors import SpecError
+from .estimation import Estimator
+from .options import WORDS, Options
+from .prepared import channels, prepare
+from .records import Record
+from .structures import TransferFunction
+from .study_generated import Generated
+from .study_groups import Group
+from .tables import nearest
+
+__all__ = ["Contender", "contenders"]
+
+F64 = NDArray[np.float64]
+Rule = Callable[[Record, np.random.Generator], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """An estimator of the study, made ready for each group.
+
+    Attributes
+    ----------
+    name : str
+    call : callable or None
+        A user's estimator; None for one that runs in the compiled core.
+    estimators : tuple of Estimator
+        One a group, with the band settled; empty for a user's estimator.
+    structures : tuple of TransferFunction or None
+        What is fitted, one a group; None: a function without a structure.
+    params : tuple of tuple of str
+        Names of the parameters, one a group.
+    truth : tuple of ndarray
+        True parameters, one a group; nan where unknown.
+    """
+
+    name: str
+    call: Rule | None
+    estimators: tuple[Estimator, ...]
+    structures: tuple[TransferFunction | None, ...]
+    params: tuple[tuple[str, ...], ...]
+    truth: tuple[F64, ...]
+
+    def names(self, group: Group | Generated) -> tuple[str, ...]:
+        """Names of the parameters in a group."""
+        return self.params[group.index]
+
+    @property
+    def trend(self) -> str | None:
+        """Trend fitted beside the model (None for a user's estimator)."""
+        return self.estimators[0].options.settled().trend if self.estimators else None
+
+    def core(self, group: Group) -> dict[str, Any]:
+        """Keywords of the compiled core for this group."""
+        own = self.estimators[group.index]
+        return {**_core_structure(own.model, group.record(group.y)), **own.options.core()}
+
+    def described(self, group: Group | Generated) -> Any:
+        """All that its estimates depend on."""
+        if self.call is not None:
+            return source(self.call)
+        own = self.estimators[group.index]
+        count = len(group.inputs)
+        return [own.model.poles, own.model.numerators(count), own.model.delays(count), own.options.core()]
+
+
+def contenders(
+    given: Any,
+    options: Mapping[str, Any],
+    model: TransferFunction | None,
+    found: Sequence[Group | Generated],
+    firsts: Sequence[Record],
+) -> tuple[Contender, ...]:
+    """Check the estimators of a study and make them ready for its groups.
+
+    `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system.
+    """
+    words = WORDS["method"]
+    if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
+        raise SpecError(
+            f"MonteCarlo: estimators={given!r}; give a list of method names, as ['ls', 'ml'], or a dict from "
+            "names to estimators"
+        )
+    if not isinstance(given, Mapping):
+        for word in given:
+            if not isinstance(word, str):
+                raise SpecError(
+                    f"MonteCarlo: estimators holds {word!r}; a list names methods ({', '.join(words)}); "
+                    "estimators of your own need a name: give a dict"
+                )
+        if len(set(given)) < len(given):
+            raise SpecError(
+                f"MonteCarlo: estimators={list(given)!r} names a method twice; for two settings of "
+                "one method give a dict from names to mf.Estimator(structure, method=…, …)"
+            )
+        given = {word: word for word in given}
+    if options and not any(isinstance(value, str) for value in given.values()):
+        raise SpecError(
+            f"MonteCarlo: {', '.join(options)} would apply to method names, and there are none; write the "
+            "options into mf.Estimator(structure, …)"
+        )
+    if model is not None and not isinstance(model, TransferFunction):
+        raise SpecError(
+            f"MonteCarlo: model is a {type(model).__name__}; give a structure, "
+            "TransferFunction(poles=, zeros=)"
+        )
+    structures = tuple(_structure(g, model) for g in found)
+    made = []
+    for name, value in given.items():
+        if isinstance(value, str):
+            if value not in words:
+                raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")
+            checked = Options.checked("MonteCarlo", **{**options, "method": value})
+            if None in structures:
+                raise SpecError(
+                    f"MonteCarlo: the method {value!r} needs a structure, and generate= has no system to "
+                    "take it from; give model=mf.TransferFunction(poles=, zeros=)"
+                )
+            own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
+        elif isinstance(value, Estimator):
+            own = (value,) * len(found)
+        elif callable(value) and not isinstance(value, type):
+            made.append(_contender(str(name), value, (), structures, found))
+            continue
+        else:
+            raise SpecError(
+                f"MonteCarlo: the estimator {name!r} is a {type(value).__name__}; give a method name, an "
+                "mf.Estimator, one of mf.rivals or a function of (record, rng)"
+            )
+        settled = tuple(_settled(e, g, rec) for e, g, rec in zip(own, found, firsts, strict=True))
+        made.append(_contender(str(name), None, settled, tuple(e.model for e in own), found))
+    return tuple(made)
+
+
+def _structure(group: Group | Generated, model: TransferFunction | None) -> TransferFunction | None:
+    return TransferFunction.from_system(group.system) if model is None and isinstance(group, Group) else model
+
+
+def _contender(
+    name: str,
+    call: Rule | None,
+    estimators: tuple[Estimator, ...],
+    structures: tuple[TransferFunction | None, ...],
+    found: Sequence[Group | Generated],
+) -> Contender:
+    params = []
+    for structure, g in zip(structures, found, strict=True):
+        if isinstance(g, Generated) and structure is None and not g.known:
+            raise SpecError(
+                f"MonteCarlo: nothing says which parameters the estimator {name!r} returns; give "
+                "truth={'name': value}, nan where it is not known, or model="
+            )
+        params.append(g.names(structure))
+    truth = tuple(g.truth(s) for s, g in zip(structures, found, strict=True))
+    return Contender(name, call, estimators, structures, tuple(params), truth)
+
+
+def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
+    """The estimator with its band chosen on a record of the group, if none was given."""
+    options = own.options
+    channels(own.model, rec.outputs, rec.inputs)  # refuses what does not go together
+    if options.band is not None or options.harmonics is not None:
+        return own
+    with np.errstate(all="ignore"):
+        found = prepare(own.model, options, [rec]).core.fit([rec.y], [rec.u])
+    low, high = (int(line) for line in found["lines"][0])
+    if isinstance(group, Group):
+        return Estimator(own.model, **options.replace(harmonics=high - own.model.poles).given())
+    omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
+    return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
+
+
+def _core_structure(structure: TransferFunction, rec: Record) -> dict[str, Any]:
+    numerators, delays = channels(structure, rec.outputs, rec.inputs)
+    return {
+        "order": structure.poles,
+        "numerators": numerators,
+        "delays": delays,
+        "intersample": list(rec.intersample),
+    }

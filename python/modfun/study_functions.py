@@ -1,0 +1,144 @@
+"""Functions of the user in a study: the random numbers they get, and what becomes of what they return.
+
+What a function raises, and numbers that are not finite, may befall one replicate: they are counted, with a
+text. What is wrong in kind (no Record, another shape, a name that is missing) would befall every replicate
+and ends the run with a SpecError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+from .records import Record
+from .results import Fit
+
+__all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]
+
+F64 = NDArray[np.float64]
+PURPOSES = ("estimator", "noise", "initial_state", "generate")
+LONGEST = 2000  # characters kept of one exception
+
+
+class Failed(Exception):
+    """A function failed in one replicate; the text says which and why."""
+
+
+def generator(purpose: str, seed: int, replicate: int, group: int) -> np.random.Generator:
+    """Random numbers addressed by what they are for, seed, replicate and group."""
+    bits = np.random.Philox(key=[seed, group], counter=[0, 0, replicate, PURPOSES.index(purpose)])
+    return np.random.Generator(bits)
+
+
+def attempt(what: str, call: Callable[..., Any], *given: Any) -> Any:
+    """Call a function of the user.
+
+    Raises
+    ------
+    Failed
+        It raised an exception; "<what>: " stands before its text, nothing for an empty `what`.
+    """
+    try:
+        return call(*given)
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}"
+        raise Failed((f"{what}: {text}" if what else text)[:LONGEST]) from error
+
+
+def series(value: Any, what: str, shape: tuple[int, ...], meaning: str) -> F64:
+    """Finite numbers of a shape.
+
+    Raises
+    ------
+    SpecError
+        Something else than numbers, or another shape.
+    Failed
+        Numbers that are not finite.
+    """
+    try:
+        found = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != shape or value is None:  # which NumPy takes for nan
+        raise SpecError(
+            f"MonteCarlo: {what} returned {_said(value)}; return {meaning}, an array of shape {shape}"
+        )
+    if not np.all(np.isfinite(found)):
+        raise Failed(f"{what}: {np.sum(~np.isfinite(found))} of {found.size} numbers are not finite")
+    return found
+
+
+def record(value: Any, first: tuple[tuple[str, ...], tuple[str, ...]] | None) -> Record:
+    """A Record with the outputs and inputs of the first one.
+
+    Raises
+    ------
+    SpecError
+        No Record, or one with other channels.
+    """
+    if not isinstance(value, Record):
+        raise SpecError(
+            f"MonteCarlo: generate returned {_said(value)}; return an mf.Record(y=..., u=..., dt=...)"
+        )
+    if first is not None and (value.outputs, value.inputs) != first:
+        raise SpecError(
+            f"MonteCarlo: generate returned a record with outputs {list(value.outputs)} and inputs "
+            f"{list(value.inputs)}, the first of its cell had {list(first[0])} and {list(first[1])}; return "
+            "the same channels in every replicate"
+        )
+    return value
+
+
+def number(value: Any, what: str) -> float:
+    """A finite number.
+
+    Raises
+    ------
+    SpecError
+        Something else than a number.
+    Failed
+        A number that is not finite.
+    """
+    return float(series(value, what, (), "a number"))
+
+
+def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
+    """What an estimator returned, in the order of the parameter names; nan is let through.
+
+    Raises
+    ------
+    SpecError
+        A name that is missing, another shape.
+    """
+    if isinstance(answer, Fit):
+        answer = answer.estimates()
+    if isinstance(answer, Mapping):
+        missing = [name for name in names if name not in answer]
+        if missing:
+            raise SpecError(
+                f"MonteCarlo: the estimator {who!r} returned {', '.join(map(str, answer)) or 'nothing'}; "
+                f"{', '.join(missing)} of {', '.join(names)} is missing: return all, or give model="
+            )
+        answer = [answer[name] for name in names]
+    try:
+        theta = np.asarray(answer, dtype=np.float64)
+    except (TypeError, ValueError):
+        theta = np.empty(0)
+    if theta.shape != (len(names),):
+        raise SpecError(
+            f"MonteCarlo: the estimator {who!r} returned {_said(answer)}; return a dict, an array of "
+            f"{', '.join(names)}, or a Fit"
+        )
+    return theta
+
+
+def _said(value: Any) -> str:
+    try:
+        shape = np.shape(value)
+    except ValueError:  # ragged
+        shape = ()
+    return f"{type(value).__name__} of shape {shape}" if shape else f"{type(value).__name__}"

@@ -1,0 +1,176 @@
+"""Studies whose records the user makes: cells of a grid of one's own, each with its generator and truth."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .callables import source
+from .errors import ModfunWarning, SpecError
+from .records import Record
+from .structures import TransferFunction
+from .study_axes import Axis
+from .study_functions import Failed, attempt, generator, record
+
+__all__ = ["Generated", "cells", "grid_axes"]
+
+F64 = NDArray[np.float64]
+TRIES = 10  # replicates looked at for a first record, where the generator fails now and then
+RESERVED = ("estimator", "parameter", "replicate", "number")
+
+
+@dataclass(frozen=True, eq=False)
+class Generated:
+    """A cell of the user's grid and the function that makes its records.
+
+    Attributes
+    ----------
+    index : int
+        Address of the random numbers.
+    cell : dict of str to label
+    generate : callable
+        ``generate(cell, rng)`` returns a Record.
+    known : dict of str to float
+        True parameters by name.
+    outputs, inputs : tuple of str
+        Channels of every record.
+    seen : str
+        Hash of the first record.
+    """
+
+    index: int
+    cell: dict[str, Any]
+    generate: Callable[[dict[str, Any], np.random.Generator], Record]
+    known: dict[str, float]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    seen: str
+
+    made = True  # in Python, as the core cannot
+    scale = 0.0  # nsr means nothing here
+
+    def names(self, structure: TransferFunction | None) -> tuple[str, ...]:
+        """Names of a structure's parameters; of no structure: all that are known."""
+        return tuple(self.known) if structure is None else structure.param_names(self.inputs)
+
+    def truth(self, structure: TransferFunction | None) -> F64:
+        """True parameters in the order of `names`, nan where unknown."""
+        return np.array([self.known.get(name, np.nan) for name in self.names(structure)])
+
+    def records(self, seed: int, replicate: int, sigma: Sequence[float]) -> list[Record]:
+        """The record of a replicate; `Failed` where there is none."""
+        rng = generator("generate", seed, replicate, self.index)
+        made = attempt("generate", self.generate, dict(self.cell), rng)
+        return [record(made, (self.outputs, self.inputs))]
+
+    @property
+    def functions(self) -> dict[str, Any]:
+        """Functions of the user by what they are."""
+        return {"generate": self.generate}
+
+    def described(self) -> list[Any]:
+        """All that its records depend on."""
+        return [[self.index, sorted(self.cell.items()), source(self.generate), self.seen]]
+
+
+def grid_axes(grid: Any) -> tuple[Axis, ...]:
+    """The axes of a grid; without one, a single cell."""
+    if grid is None:
+        return (Axis("cell", ("",), False),)
+    if not isinstance(grid, Mapping) or not grid:
+        raise SpecError(
+            f"MonteCarlo: grid={grid!r}; give a dict from names to lists of labels, as {{'df': [3, 30]}}, or "
+            "leave it out"
+        )
+    found = []
+    for name, labels in grid.items():
+        if not isinstance(name, str) or not name.strip() or name in RESERVED:
+            raise SpecError(
+                f"MonteCarlo: grid has the name {name!r}; names of an axis are texts other than "
+                f"{', '.join(RESERVED)}"
+            )
+        if isinstance(labels, str) or not isinstance(labels, Sequence | np.ndarray) or not len(labels):
+            raise SpecError(
+                f"MonteCarlo: grid has {name}={labels!r}; give a list of at least one number or text"
+            )
+        plain = tuple(v.item() if isinstance(v, np.generic) else v for v in labels)
+        if not all(isinstance(v, str | int | float) for v in plain):
+            raise SpecError(f"MonteCarlo: grid has {name}={labels!r}; labels are numbers or texts")
+        if len(set(plain)) < len(plain):
+            raise SpecError(f"MonteCarlo: grid has {name}={labels!r}; give each label once")
+        found.append(Axis(name, plain, True))
+    return tuple(found)
+
+
+def cells(
+    axes: Sequence[Axis], generate: Any, truth: Any, seed: int
+) -> tuple[tuple[Generated, ...], list[Record]]:
+    """Every cell of the grid, and a first record of each, which tells channels and sampling."""
+    if not callable(generate):
+        raise SpecError(
+            f"MonteCarlo: generate is a {type(generate).__name__}; give a function of (cell, rng) that "
+            "returns a Record"
+        )
+    given = [a for a in axes if a.given]
+    made, firsts = [], []
+    for index, labels in enumerate(product(*(a.labels for a in given))):
+        cell = {a.name: label for a, label in zip(given, labels, strict=True)}
+        first = _first(generate, cell, seed, index)
+        firsts.append(first)
+        made.append(
+            Generated(
+                index=index,
+                cell=cell,
+                generate=generate,
+                known=_known(truth, cell),
+                outputs=first.outputs,
+                inputs=first.inputs,
+                seen=_hash(first),
+            )
+        )
+    return tuple(made), firsts
+
+
+def _first(generate: Any, cell: dict[str, Any], seed: int, index: int) -> Record:
+    said = ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModfunWarning)
+        for replicate in range(TRIES):
+            rng = generator("generate", seed, replicate, index)
+            try:
+                return record(attempt("generate", generate, dict(cell), rng), None)
+            except Failed as failed:
+                said = said or str(failed)
+                cause = failed.__cause__
+    raise SpecError(
+        f"MonteCarlo: the first {TRIES} replicates of the cell {cell} failed, the first with {said}; a study "
+        "needs one record of each cell to begin with"
+    ) from cause
+
+
+def _known(truth: Any, cell: dict[str, Any]) -> dict[str, float]:
+    found = truth(dict(cell)) if callable(truth) else truth
+    if found is None:
+        return {}
+    try:
+        return {str(name): float(value) for name, value in found.items()}
+    except (AttributeError, TypeError, ValueError):
+        raise SpecError(
+            f"MonteCarlo: truth {'returned' if callable(truth) else 'is'} {found!r}; give a dict from "
+            "parameter names to numbers, or a function of the cell that returns one"
+        ) from None
+
+
+def _hash(rec: Record) -> str:
+    digest = hashlib.sha256()
+    for array in (rec.y, rec.u, rec.t):
+        digest.update(array.tobytes())
+    digest.update(repr((rec.outputs, rec.inputs, rec.intersample)).encode())
+    return digest.hexdigest()
