@@ -1,7 +1,7 @@
 //! Time of the few-harmonic sums against their size and against the FFT.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use modfun::quadrature::Rule;
+use modfun::quadrature::{Hold, Rule};
 use modfun::simd::{Isa, LANES, Wide};
 use modfun::spectrum::{CoefficientPlan, Kind};
 use std::hint::black_box;
@@ -42,9 +42,16 @@ fn lanes(c: &mut Criterion) {
 /// One record: folded sums up to 64 harmonics, the FFT above.
 fn single(c: &mut Criterion) {
     let mut group = c.benchmark_group("one record");
-    for (intervals, harmonics) in
-        [(256, 8), (256, 64), (256, 65), (1009, 65), (1 << 18, 33), (1 << 18, 65)]
-    {
+    for (intervals, harmonics) in [
+        (256, 8),
+        (256, 32),
+        (256, 64),
+        (256, 65),
+        (1009, 65),
+        (4096, 32),
+        (1 << 18, 32),
+        (1 << 22, 32),
+    ] {
         let Ok(plan) =
             CoefficientPlan::new(intervals, harmonics, Kind::Rule(Rule::Gregory), 0.0, 0)
         else {
@@ -62,5 +69,19 @@ fn single(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, lanes, single);
+/// What a record costs before its first coefficient.
+fn plans(c: &mut Criterion) {
+    let mut group = c.benchmark_group("plan");
+    for (intervals, harmonics) in [(256, 8), (256, 32), (4096, 32), (1 << 22, 32)] {
+        for kind in [Kind::Rule(Rule::Gregory), Kind::Hold(Hold::Zoh)] {
+            let name = format!("{intervals}x{harmonics} {}", kind.name());
+            group.bench_function(name, |b| {
+                b.iter(|| CoefficientPlan::new(black_box(intervals), harmonics, kind, 0.0, 0));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, lanes, single, plans);
 criterion_main!(benches);

@@ -258,11 +258,11 @@ def _spectrum(rec: Record, top: int, rule: str, delays: Sequence[float], lead: i
             + (f" after the {lead} that the delays take" if lead else "")
             + f", so harmonics go up to {intervals // 2}, not {top}: lower harmonics, or sample faster"
         )
-    kinds = [rule] * len(rec.outputs) + [rule if k == "smooth" else k for k in rec.intersample]
-    late = [0.0] * len(rec.outputs) + [d / rec.dt if rec.dt else 0.0 for d in delays]
-    samples = np.ascontiguousarray(np.vstack([rec.y, rec.u]))
-    found = _core.coefficients(samples, top, kinds, late, lead, None if rec.dt else rec.t - rec.t[0])
-    return found[: len(rec.outputs)], found[len(rec.outputs) :]
+    kinds = [rule if k == "smooth" else k for k in rec.intersample]
+    late = [d / rec.dt if rec.dt else 0.0 for d in delays]
+    t = None if rec.dt else rec.t - rec.t[0]
+    y = _core.coefficients(rec.y, top, [rule] * len(rec.outputs), [0.0] * len(rec.outputs), lead, t)
+    return y, _core.coefficients(rec.u, top, kinds, late, lead, t)
 
 
 # Regressors --------------------------------------------------------------------------------------

@@ -7,6 +7,9 @@
 use crate::Error;
 use crate::math::sin_cos_turns_1;
 
+mod weights;
+pub(crate) use weights::Weights;
+
 /// How a sampled signal is integrated when nothing is known of it between the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {

@@ -58,6 +58,8 @@ pub trait Lanes:
     fn splat(x: f64) -> Self;
     /// Reads a memory block.
     fn load(from: &Wide) -> Self;
+    /// Reads eight neighbours from anywhere.
+    fn load_any(from: &[f64; LANES]) -> Self;
     /// Writes a memory block.
     fn store(self, to: &mut Wide);
     /// `self * b + c` with one rounding.
@@ -217,6 +219,7 @@ mod tests {
                     L::from_bits(i.shr::<13>()),
                     L::from_bits(i.mul32(j)),
                     L::from_bits(counted),
+                    L::load_any(&a.0),
                 ];
                 for r in results {
                     let mut w = Wide::ZERO;

@@ -5,6 +5,7 @@
 
 mod folded;
 mod source;
+mod tables;
 
 use std::sync::Arc;
 
@@ -13,10 +14,10 @@ use realfft::{RealFftPlanner, RealToComplex};
 
 use crate::Error;
 use crate::math::{root_of_unity, sin_cos_turns_1};
-use crate::quadrature::{Hold, Rule, cell_moments, check_times, times};
+use crate::quadrature::{Hold, Rule, Weights, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use folded::FoldedSums;
-use source::{InAll, InLanes, Source, Taps, Window};
+use source::{Between, Eight, One, Records, Source, Taps};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
 pub const FOLDED_HARMONICS: usize = 64;
@@ -68,12 +69,11 @@ impl Kind {
     }
 }
 
-/// Scratch memory of one worker for one plan: no call allocates.
-#[derive(Debug, Clone)]
+/// Scratch memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call
+/// for eight records allocates (its tables).
+#[derive(Debug, Clone, Default)]
 pub struct Scratch {
     wide: Vec<Wide>,
-    re: Vec<Wide>,
-    im: Vec<Wide>,
     record: Vec<f64>,
     one_re: Vec<f64>,
     one_im: Vec<f64>,
@@ -100,7 +100,7 @@ pub struct CoefficientPlan {
 #[derive(Clone)]
 enum Sums {
     Folded(FoldedSums),
-    Fft { weights: Vec<f64>, transform: Arc<dyn RealToComplex<f64>> },
+    Fft { weights: Weights, transform: Arc<dyn RealToComplex<f64>> },
     Uneven { t: Vec<f64>, weights: Vec<f64> },
 }
 
@@ -132,8 +132,8 @@ impl CoefficientPlan {
     ) -> Result<CoefficientPlan, Error> {
         // A held signal is the plain sum of its values, whatever happens inside the cells.
         let weights = match kind {
-            Kind::Rule(rule) => rule.weights(intervals)?,
-            Kind::Hold(_) => Rule::Staircase.weights(intervals)?,
+            Kind::Rule(rule) => Weights::new(rule, intervals)?,
+            Kind::Hold(_) => Weights::new(Rule::Staircase, intervals)?,
         };
         check_harmonics(intervals, harmonics)?;
         if !(delay >= 0.0 && delay <= lead as f64 + ROUNDING) {
@@ -154,7 +154,7 @@ impl CoefficientPlan {
             lead,
             first,
             taps: None,
-            unit_variance: unit_variance(&weights, intervals as f64),
+            unit_variance: weights.sum_of_squares() / (intervals as f64 * intervals as f64),
             sums: Sums::Uneven { t: Vec::new(), weights: Vec::new() },
             holds: Vec::new(),
         };
@@ -195,7 +195,7 @@ impl CoefficientPlan {
             lead: 0,
             first: 0,
             taps: None,
-            unit_variance: unit_variance(&weights, span),
+            unit_variance: weights.iter().map(|w| w * w).sum::<f64>() / (span * span),
             sums: Sums::Uneven { t: t.to_vec(), weights },
             holds: Vec::new(),
         })
@@ -238,42 +238,36 @@ impl CoefficientPlan {
         self.intervals as f64 / self.harmonics.max(1) as f64
     }
 
-    /// Memory for [`CoefficientPlan::run_lanes`].
+    /// Memory for any number of calls of [`CoefficientPlan::run_in`] and [`CoefficientPlan::run_lanes`].
     #[must_use]
     pub fn scratch(&self) -> Scratch {
-        let (mut wide, mut length, mut work, mut record) = (0, 0, 0, self.samples());
+        let mut scratch = Scratch::default();
         match &self.sums {
-            Sums::Folded(sums) => (wide, record) = (sums.scratch(), 0),
-            Sums::Fft { transform, .. } => {
-                (length, work) = (self.intervals, transform.get_scratch_len())
+            Sums::Folded(sums) => scratch.wide.resize(sums.scratch(), Wide::ZERO),
+            other => {
+                scratch.record.resize(self.samples(), 0.0);
+                scratch.one_re.resize(self.harmonics + 1, 0.0);
+                scratch.one_im.resize(self.harmonics + 1, 0.0);
+                if let Sums::Fft { transform, .. } = other {
+                    scratch.hold_transform(transform.as_ref());
+                }
             }
-            Sums::Uneven { .. } => {}
         }
-        let lines = self.harmonics + 1;
-        Scratch {
-            wide: vec![Wide::ZERO; wide],
-            re: vec![Wide::ZERO; lines],
-            im: vec![Wide::ZERO; lines],
-            record: vec![0.0; record],
-            one_re: vec![0.0; lines],
-            one_im: vec![0.0; lines],
-            real: vec![0.0; length],
-            complex: vec![Complex::default(); length / 2 + 1],
-            work: vec![Complex::default(); work],
-        }
+        scratch
     }
 
     /// Coefficients of one record: V(m) = `re[m]` + i·`im[m]`, m = 0…M.
     ///
-    /// Up to [`FOLDED_HARMONICS`] the bits are those of any lane of [`CoefficientPlan::run_lanes`].
+    /// Up to [`FOLDED_HARMONICS`] nothing is allocated and the bits are those of any lane of
+    /// [`CoefficientPlan::run_lanes`].
     ///
     /// # Errors
     /// [`Error::Data`] where a length does not fit the plan.
     pub fn run(&self, samples: &[f64], re: &mut [f64], im: &mut [f64]) -> Result<(), Error> {
-        self.run_in(Isa::detect(), samples, re, im, &mut self.scratch())
+        self.run_in(Isa::detect(), samples, re, im, &mut Scratch::default())
     }
 
-    /// [`CoefficientPlan::run`] on a given instruction set, without allocation.
+    /// [`CoefficientPlan::run`] on a given instruction set; only above [`FOLDED_HARMONICS`] does it use scratch.
     ///
     /// # Errors
     /// As [`CoefficientPlan::run`].
@@ -288,15 +282,12 @@ impl CoefficientPlan {
         self.check_lengths(samples.len(), re.len(), im.len())?;
         match &self.sums {
             Sums::Folded(sums) => {
-                let Scratch { wide, re: wide_re, im: wide_im, .. } = scratch;
-                let source = InAll(samples);
-                isa.run(FoldedKernel { plan: self, sums, source, re: wide_re, im: wide_im, wide });
-                for m in 0..=self.harmonics {
-                    (re[m], im[m]) = (wide_re[m].0[0], wide_im[m].0[0]);
-                }
+                // Lanes are harmonics here, so that one lane will not do.
+                let isa = if isa == Isa::One { Isa::Plain } else { isa };
+                isa.run(OneRecord { plan: self, sums, samples, re, im });
             }
             Sums::Fft { weights, transform } => {
-                self.transform(isa, weights, transform.as_ref(), samples, re, im, scratch)?;
+                self.transform(weights, transform.as_ref(), samples, re, im, scratch)?;
             }
             Sums::Uneven { t, weights } => self.direct(t, weights, samples, re, im),
         }
@@ -317,8 +308,8 @@ impl CoefficientPlan {
     ) -> Result<(), Error> {
         self.check_lengths(samples.len(), re.len(), im.len())?;
         if let Sums::Folded(sums) = &self.sums {
-            let source = InLanes(samples);
-            isa.run(FoldedKernel { plan: self, sums, source, re, im, wide: &mut scratch.wide });
+            let wide = &mut scratch.wide;
+            isa.run(EightRecords { plan: self, sums, samples, re, im, wide });
             return Ok(());
         }
         let mut record = std::mem::take(&mut scratch.record);
@@ -356,21 +347,25 @@ impl CoefficientPlan {
         Ok(())
     }
 
-    /// One record through the FFT.
-    #[allow(clippy::too_many_arguments)]
+    /// One record through the FFT, which wants the window's last sample added to its first.
     fn transform(
         &self,
-        isa: Isa,
-        weights: &[f64],
+        weights: &Weights,
         transform: &dyn RealToComplex<f64>,
         samples: &[f64],
         re: &mut [f64],
         im: &mut [f64],
         scratch: &mut Scratch,
     ) -> Result<(), Error> {
+        scratch.hold_transform(transform);
         let Scratch { real, complex, work, .. } = scratch;
-        let (source, taps) = (InAll(samples), self.taps.as_ref());
-        isa.run(FillKernel { taps, weights, source, first: self.first, out: real });
+        match &self.taps {
+            None => weighted(weights, &samples[self.first..], real),
+            Some(taps) => {
+                let window: Between<'_, One> = Between { record: samples, first: self.first, taps };
+                weighted(weights, window, real);
+            }
+        }
         transform.process_with_scratch(real, complex, work).map_err(|e| {
             Error::Internal(format!("the FFT of {} samples failed: {e}", self.intervals))
         })?;
@@ -379,18 +374,32 @@ impl CoefficientPlan {
             (re[m], im[m]) = (by * complex[m].re, by * complex[m].im);
         }
         im[0] = 0.0;
-        for (m, factor) in self.holds.iter().enumerate() {
-            let end = |k: usize| {
-                samples
-                    .get(self.first + self.intervals + k)
-                    .map_or(0.0, |u| u - samples[self.first + k])
-            };
-            let (first, second) = (end(0), end(1));
-            let value = times(factor.sum, (re[m], im[m]));
-            re[m] = value.0 + factor.ends[0].0 * first + factor.ends[1].0 * second;
-            im[m] = value.1 + factor.ends[0].1 * first + factor.ends[1].1 * second;
-        }
+        self.hold::<One>(samples, re, im);
         Ok(())
+    }
+
+    /// Makes the plain sums of held values coefficients.
+    #[inline(always)]
+    fn hold<R: Records>(&self, samples: &[R::Stored], re: &mut [R::Stored], im: &mut [R::Stored]) {
+        if self.holds.is_empty() {
+            return;
+        }
+        let sample = |k: usize| R::load(&samples[self.first + k]);
+        let mut both = [sample(self.intervals) - sample(0), R::zero()];
+        if self.first < self.lead {
+            both[1] = sample(self.intervals + 1) - sample(1);
+        }
+        for ((factor, re), im) in self.holds.iter().zip(re).zip(im) {
+            let (x, y) = (R::load(re), R::load(im));
+            let mut real = R::scaled(x, factor.sum.0) - R::scaled(y, factor.sum.1);
+            let mut imag = R::scaled(x, factor.sum.1) + R::scaled(y, factor.sum.0);
+            for (by, end) in factor.ends.iter().zip(both) {
+                real = R::add_scaled(end, by.0, real);
+                imag = R::add_scaled(end, by.1, imag);
+            }
+            R::store(real, re);
+            R::store(imag, im);
+        }
     }
 
     /// One record with uneven samples: sums over samples, or over cells of a held signal.
@@ -436,77 +445,72 @@ impl HoldFactor {
     }
 }
 
-/// Folded sums, then the factors of held signals.
-struct FoldedKernel<'a, S> {
+/// Folded sums of one record, then the factors of held signals.
+struct OneRecord<'a> {
     plan: &'a CoefficientPlan,
     sums: &'a FoldedSums,
-    source: S,
+    samples: &'a [f64],
+    re: &'a mut [f64],
+    im: &'a mut [f64],
+}
+
+impl Kernel for OneRecord<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let OneRecord { plan, sums, samples, re, im } = self;
+        match &plan.taps {
+            None => sums.run_one::<L, _>(&samples[plan.first..], re, im),
+            Some(taps) => {
+                let window: Between<'_, One> = Between { record: samples, first: plan.first, taps };
+                sums.run_one::<L, _>(window, re, im);
+            }
+        }
+        plan.hold::<One>(samples, re, im);
+    }
+}
+
+/// Folded sums of eight records, then the factors of held signals.
+struct EightRecords<'a> {
+    plan: &'a CoefficientPlan,
+    sums: &'a FoldedSums,
+    samples: &'a [Wide],
     re: &'a mut [Wide],
     im: &'a mut [Wide],
     wide: &'a mut [Wide],
 }
 
-impl<S: Source> Kernel for FoldedKernel<'_, S> {
+impl Kernel for EightRecords<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let plan = self.plan;
-        let (first, n) = (plan.first, plan.intervals);
-        if plan.taps.is_none() && first == 0 {
-            self.sums.run::<L, S>(self.source, self.re, self.im, self.wide);
-        } else {
-            let window = Window { record: self.source, first, taps: plan.taps.as_ref() };
-            self.sums.run::<L, Window<S>>(window, self.re, self.im, self.wide);
-        }
-        if plan.holds.is_empty() {
-            return;
-        }
-        let source = self.source;
-        let mut both = [source.get::<L>(first + n) - source.get::<L>(first), L::splat(0.0)];
-        if first < plan.lead {
-            both[1] = source.get::<L>(first + n + 1) - source.get::<L>(first + 1);
-        }
-        for ((factor, re), im) in plan.holds.iter().zip(self.re).zip(self.im) {
-            let (x, y) = (L::load(re), L::load(im));
-            let mut real = x * L::splat(factor.sum.0) - y * L::splat(factor.sum.1);
-            let mut imag = x * L::splat(factor.sum.1) + y * L::splat(factor.sum.0);
-            for (by, end) in factor.ends.iter().zip(both) {
-                real = end.mul_add(L::splat(by.0), real);
-                imag = end.mul_add(L::splat(by.1), imag);
+        let EightRecords { plan, sums, samples, re, im, wide } = self;
+        match &plan.taps {
+            None => sums.run_eight::<L, _>(&samples[plan.first..], re, im, wide),
+            Some(taps) => {
+                let window: Between<'_, Eight<L>> =
+                    Between { record: samples, first: plan.first, taps };
+                sums.run_eight::<L, _>(window, re, im, wide);
             }
-            real.store(re);
-            imag.store(im);
         }
+        plan.hold::<Eight<L>>(samples, re, im);
     }
 }
 
-/// The weighted samples of one window as the FFT wants them: the last one added to the first.
-struct FillKernel<'a> {
-    taps: Option<&'a Taps>,
-    weights: &'a [f64],
-    source: InAll<'a>,
-    first: usize,
-    out: &'a mut [f64],
-}
-
-impl Kernel for FillKernel<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let window = Window { record: self.source, first: self.first, taps: self.taps };
-        let mut value = Wide::ZERO;
-        for (k, weight) in self.weights.iter().enumerate() {
-            (window.get::<L>(k) * L::splat(*weight)).store(&mut value);
-            match self.out.get_mut(k) {
-                Some(out) => *out = value.0[0],
-                None => self.out[0] += value.0[0],
-            }
-        }
+impl Scratch {
+    fn hold_transform(&mut self, transform: &dyn RealToComplex<f64>) {
+        self.real.resize(transform.len(), 0.0);
+        self.complex.resize(transform.complex_len(), Complex::default());
+        self.work.resize(transform.get_scratch_len(), Complex::default());
     }
 }
 
-fn unit_variance(weights: &[f64], span: f64) -> f64 {
-    weights.iter().map(|w| w * w).sum::<f64>() / (span * span)
+/// Weighted samples of a window of N intervals as N numbers of a period.
+fn weighted(weights: &Weights, window: impl Source<One>, out: &mut [f64]) {
+    for (k, out) in out.iter_mut().enumerate() {
+        *out = window.get(k) * weights.at(k);
+    }
+    out[0] += window.get(out.len()) * weights.at(out.len());
 }
 
 fn check_harmonics(intervals: usize, harmonics: usize) -> Result<(), Error> {

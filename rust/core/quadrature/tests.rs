@@ -66,6 +66,26 @@ fn mean_square_weight_is_the_factor_on_noise() {
 }
 
 #[test]
+fn short_weights_are_those_of_the_whole_window() {
+    for rule in Rule::ALL {
+        for n in (1..60).chain([255, 256]) {
+            let Ok(all) = rule.weights(n) else { continue };
+            let short = Weights::new(rule, n).unwrap();
+            let at: Vec<f64> = (0..=n).map(|k| short.at(k)).collect();
+            assert_eq!(at, all, "{rule:?} {n}");
+            let inner = short.inner();
+            for k in short.edge()..(n + 1).saturating_sub(short.edge()) {
+                assert_eq!(all[k], inner[k % 2], "{rule:?} {n} {k}");
+            }
+            let squares: f64 = all.iter().map(|w| w * w).sum();
+            assert!((short.sum_of_squares() / squares - 1.0).abs() < 1e-14, "{rule:?} {n}");
+        }
+    }
+    let edges = Rule::ALL.map(|rule| Weights::new(rule, 1_000_000).unwrap().edge());
+    assert_eq!(edges, [1, 1, 1, 4]);
+}
+
+#[test]
 fn too_few_samples_and_odd_intervals_are_said_with_numbers() {
     assert!(
         matches!(Rule::Gregory.weights(2), Err(Error::Data(m)) if m.contains("4 samples") && m.contains("has 3"))

@@ -40,7 +40,11 @@ impl<const N: usize> Lanes for Plain<N> {
     }
     #[inline(always)]
     fn load(from: &Wide) -> Self {
-        Plain(std::array::from_fn(|i| from.0[i]))
+        Plain::load_any(&from.0)
+    }
+    #[inline(always)]
+    fn load_any(from: &[f64; LANES]) -> Self {
+        Plain(std::array::from_fn(|i| from[i]))
     }
     #[inline(always)]
     fn store(self, to: &mut Wide) {

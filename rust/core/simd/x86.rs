@@ -82,6 +82,13 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn load_any(from: &[f64; LANES]) -> Self {
+        unsafe {
+            let p = from.as_ptr();
+            Avx2(_mm256_loadu_pd(p), _mm256_loadu_pd(p.add(4)))
+        }
+    }
+    #[inline(always)]
     fn store(self, to: &mut Wide) {
         unsafe {
             let p = to.0.as_mut_ptr();
@@ -137,6 +144,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn load(from: &Wide) -> Self {
         unsafe { Avx512(_mm512_load_pd(from.0.as_ptr())) }
+    }
+    #[inline(always)]
+    fn load_any(from: &[f64; LANES]) -> Self {
+        unsafe { Avx512(_mm512_loadu_pd(from.as_ptr())) }
     }
     #[inline(always)]
     fn store(self, to: &mut Wide) {

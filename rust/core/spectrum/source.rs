@@ -1,4 +1,7 @@
-//! Where the samples of a window come from: eight records, one record, or between samples of either.
+//! Where the samples of a window come from: one record or eight, as they are or between samples.
+
+use std::marker::PhantomData;
+use std::ops::{Add, Sub};
 
 use crate::Error;
 use crate::simd::{Lanes, Wide};
@@ -6,12 +9,32 @@ use crate::simd::{Lanes, Wide};
 /// Samples through which a rule's signal is interpolated at a fractional delay.
 const TAPS: usize = 6;
 
-/// Where the samples of a window come from: its number 0 is the window's first.
-pub(super) trait Source: Copy {
-    /// Sample `k` of all lanes.
-    fn get<L: Lanes>(&self, k: usize) -> L;
-    /// Samples `from`, … where they lie side by side in memory.
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]>;
+/// How many records travel together: what one of their samples is in memory and in registers.
+pub(super) trait Records: Copy {
+    type Stored: Copy;
+    type Value: Copy + Add<Output = Self::Value> + Sub<Output = Self::Value>;
+
+    fn zero() -> Self::Value;
+    fn load(from: &Self::Stored) -> Self::Value;
+    fn store(value: Self::Value, to: &mut Self::Stored);
+    fn scaled(value: Self::Value, by: f64) -> Self::Value;
+    /// `by · value + sum` with one rounding.
+    fn add_scaled(value: Self::Value, by: f64, sum: Self::Value) -> Self::Value;
+}
+
+/// One record.
+#[derive(Clone, Copy)]
+pub(super) struct One;
+
+/// Eight records side by side.
+#[derive(Clone, Copy)]
+pub(super) struct Eight<L>(PhantomData<L>);
+
+/// The samples of a window: number 0 is the window's first.
+pub(super) trait Source<R: Records>: Copy {
+    fn get(&self, k: usize) -> R::Value;
+    /// All of them, where they lie in memory as they are.
+    fn samples(&self) -> Option<&[R::Stored]>;
 }
 
 /// Local interpolation at t_k − d·dt through six samples (Lagrange), d a fraction of a sample.
@@ -21,6 +44,14 @@ pub(super) struct Taps {
     last: usize,
     /// Coefficients by the place of the interval inside the stencil: 2 but near the ends.
     rows: Vec<[f64; TAPS]>,
+}
+
+/// The window that starts at the sample `first` of a record, interpolated.
+#[derive(Clone, Copy)]
+pub(super) struct Between<'a, R: Records> {
+    pub record: &'a [R::Stored],
+    pub first: usize,
+    pub taps: &'a Taps,
 }
 
 impl Taps {
@@ -39,67 +70,84 @@ impl Taps {
         };
         Ok(Taps { last: samples - TAPS, rows: (0..TAPS).map(row).collect() })
     }
+}
 
-    /// The value a fraction after sample `k` of the record.
+impl Records for One {
+    type Stored = f64;
+    type Value = f64;
     #[inline(always)]
-    fn at<L: Lanes, S: Source>(&self, source: S, k: usize) -> L {
-        let start = k.saturating_sub(TAPS / 2 - 1).min(self.last);
-        let mut sum = L::splat(0.0);
-        for (i, by) in self.rows[k - start].iter().enumerate() {
-            sum = source.get::<L>(start + i).mul_add(L::splat(*by), sum);
+    fn zero() -> f64 {
+        0.0
+    }
+    #[inline(always)]
+    fn load(from: &f64) -> f64 {
+        *from
+    }
+    #[inline(always)]
+    fn store(value: f64, to: &mut f64) {
+        *to = value;
+    }
+    #[inline(always)]
+    fn scaled(value: f64, by: f64) -> f64 {
+        value * by
+    }
+    #[inline(always)]
+    fn add_scaled(value: f64, by: f64, sum: f64) -> f64 {
+        value.mul_add(by, sum)
+    }
+}
+
+impl<L: Lanes> Records for Eight<L> {
+    type Stored = Wide;
+    type Value = L;
+    #[inline(always)]
+    fn zero() -> L {
+        L::splat(0.0)
+    }
+    #[inline(always)]
+    fn load(from: &Wide) -> L {
+        L::load(from)
+    }
+    #[inline(always)]
+    fn store(value: L, to: &mut Wide) {
+        value.store(to);
+    }
+    #[inline(always)]
+    fn scaled(value: L, by: f64) -> L {
+        value * L::splat(by)
+    }
+    #[inline(always)]
+    fn add_scaled(value: L, by: f64, sum: L) -> L {
+        value.mul_add(L::splat(by), sum)
+    }
+}
+
+impl<R: Records> Source<R> for &[R::Stored] {
+    #[inline(always)]
+    fn get(&self, k: usize) -> R::Value {
+        R::load(&self[k])
+    }
+    #[inline(always)]
+    fn samples(&self) -> Option<&[R::Stored]> {
+        Some(self)
+    }
+}
+
+impl<R: Records> Source<R> for Between<'_, R> {
+    #[inline(always)]
+    fn get(&self, k: usize) -> R::Value {
+        let k = self.first + k;
+        let start = k.saturating_sub(TAPS / 2 - 1).min(self.taps.last);
+        let row = &self.taps.rows[k - start];
+        let stencil = &self.record[start..start + TAPS];
+        let mut sum = R::scaled(R::load(&stencil[0]), row[0]);
+        for (x, by) in stencil.iter().zip(row).skip(1) {
+            sum = R::add_scaled(R::load(x), *by, sum);
         }
         sum
     }
-}
-
-/// Eight records side by side.
-#[derive(Clone, Copy)]
-pub(super) struct InLanes<'a>(pub(super) &'a [Wide]);
-
-/// One record in all lanes.
-#[derive(Clone, Copy)]
-pub(super) struct InAll<'a>(pub(super) &'a [f64]);
-
-/// The window inside a record, interpolated where the delay has a fraction.
-#[derive(Clone, Copy)]
-pub(super) struct Window<'a, S> {
-    pub(super) record: S,
-    pub(super) first: usize,
-    pub(super) taps: Option<&'a Taps>,
-}
-
-impl Source for InLanes<'_> {
     #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        L::load(&self.0[k])
-    }
-    #[inline(always)]
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
-        self.0.get(from..from + count)
-    }
-}
-
-impl Source for InAll<'_> {
-    #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        L::splat(self.0[k])
-    }
-    #[inline(always)]
-    fn run(&self, _: usize, _: usize) -> Option<&[Wide]> {
+    fn samples(&self) -> Option<&[R::Stored]> {
         None
-    }
-}
-
-impl<S: Source> Source for Window<'_, S> {
-    #[inline(always)]
-    fn get<L: Lanes>(&self, k: usize) -> L {
-        match self.taps {
-            None => self.record.get::<L>(self.first + k),
-            Some(taps) => taps.at::<L, S>(self.record, self.first + k),
-        }
-    }
-    #[inline(always)]
-    fn run(&self, from: usize, count: usize) -> Option<&[Wide]> {
-        if self.taps.is_some() { None } else { self.record.run(self.first + from, count) }
     }
 }
