@@ -5,7 +5,7 @@ BIN := .venv/bin
 FIGURES ?= figures
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format bench clean
+.PHONY: demo test test-rust test-python lint format bench counts clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -37,6 +37,10 @@ format: .venv/dev
 bench: .venv/dev
 	cargo bench
 	$(BIN)/python benches/compare/noise_ratio.py
+
+## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
+counts: .venv/created
+	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
 
 clean:
 	rm -rf .venv target python/modfun/_core*.so
