@@ -182,6 +182,17 @@ impl Workspace {
         self.theta.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
     }
 
+    /// Parameter `k` of every lane in the user's units.
+    pub(crate) fn parameter(&self, d: &Design, k: usize) -> [f64; LANES] {
+        self.theta[k].0.map(|t| t * d.scale[k])
+    }
+
+    /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
+    pub(crate) fn parameter_bse(&self, d: &Design, k: usize, hc3: bool) -> [f64; LANES] {
+        let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
+        cov[k * (d.parameters() + 1)].0.map(|v| v.sqrt() * d.scale[k])
+    }
+
     /// Standard errors of one lane from the diagonal of a covariance.
     fn bse<'a>(cov: &'a [Wide], d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
         let p = d.parameters();

@@ -197,8 +197,8 @@ pub(crate) fn record_system<L: Lanes, const HINTS: bool>(
     }
     let r = &mut w.records[k];
     plan.assemble::<L>(&w.sums, &mut r.matrix);
-    for (from, to) in r.matrix.iter().step_by(size + 2).zip(&mut w.diagonal[..size]) {
-        L::load(from).store(to);
+    for i in 0..size {
+        L::load(&r.matrix[i * (size + 2)]).store(&mut w.diagonal[i]);
     }
     cost
 }

@@ -18,7 +18,7 @@ struct Product {
     power: i32,
 }
 
-/// Up to [`MOST`] products of the same two signals, which are written and summed together.
+/// Products of the same two signals, which are written together.
 #[derive(Debug, Clone)]
 struct Family {
     /// The output stands on the left; the denoised output on the right.
@@ -31,20 +31,31 @@ struct Family {
     right: usize,
     /// Place of the first among all products.
     first: usize,
+    /// The run they belong to.
+    run: usize,
     /// Powers of x, and 1 where the imaginary part is meant.
     powers: Vec<i32>,
     parts: [usize; MOST],
 }
 
-/// Products written together.
+/// Products written or summed together: as many sums as registers hold.
 const MOST: usize = 6;
+
+/// Up to [`MOST`] products in neighbouring families, which are summed together.
+#[derive(Debug, Clone)]
+struct Run {
+    /// Place of the first among all products.
+    first: usize,
+    count: usize,
+}
 
 /// All products of a problem: those of the data first, then those with the denoised output.
 ///
-/// They lie family after family, in each line after line.
+/// They lie run after run, in each line after line.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Products {
     families: Vec<Family>,
+    runs: Vec<Run>,
     pub count: usize,
     /// Place of x^2n |Y|², the size of the target column.
     pub target: usize,
@@ -58,10 +69,10 @@ struct Entry {
     sign: f64,
 }
 
-/// One kind of system: the families it sums, and where the sums go.
+/// One kind of system: the runs it sums, and where the sums go.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SumPlan {
-    families: Range<usize>,
+    runs: Range<usize>,
     entries: Vec<Entry>,
 }
 
@@ -92,8 +103,8 @@ pub(crate) fn plan_sums(
         Signal::U(k) => 1 + k,
         Signal::One => 1 + inputs,
     };
-    // |Y|² but for its last power is a class, so that the steps of `ml`, which need that alone, sum one
-    // run of families.
+    // Of the squares |Y|² the steps of `ml` need the last power alone: the runs of each kind of system
+    // are neighbours.
     let squares = all.iter().filter(|p| p.class() == 0).count();
     let target = squares - 1;
     let mut families: Vec<Family> = Vec::new();
@@ -113,24 +124,36 @@ pub(crate) fn plan_sums(
                 left: place(p.left),
                 right: place(p.right),
                 first,
+                run: 0,
                 powers: vec![p.power],
                 parts: [part; MOST],
             }),
         }
     }
-    let of_data = families.iter().filter(|f| !f.beside).count();
-    let from_target = families.iter().filter(|f| f.first < target).count();
-    let plan = |pairs: &[(usize, Option<Product>, f64)], families: Range<usize>| {
+    let mut runs: Vec<Run> = Vec::new();
+    let beside = families.iter().find(|f| f.beside).map_or(all.len(), |f| f.first);
+    for f in &mut families {
+        let count = f.powers.len();
+        match runs.last_mut() {
+            Some(r) if r.count + count <= MOST && ![target, beside].contains(&f.first) => {
+                r.count += count;
+            }
+            _ => runs.push(Run { first: f.first, count }),
+        }
+        f.run = runs.len() - 1;
+    }
+    let before = |place: usize| runs.iter().filter(|r| r.first < place).count();
+    let plan = |pairs: &[(usize, Option<Product>, f64)], runs: Range<usize>| {
         let entry = |(at, product, sign): &(usize, Option<Product>, f64)| {
             // One sum more than there are products stays zero.
             let sum = all.iter().position(|p| Some(*p) == *product).unwrap_or(all.len());
             Entry { at: *at, sum, sign: *sign }
         };
-        SumPlan { families, entries: pairs.iter().map(entry).collect() }
+        SumPlan { runs, entries: pairs.iter().map(entry).collect() }
     };
-    let symmetric = plan(&symmetric, 0..of_data);
-    let instrument = plan(&instrument, from_target..families.len());
-    (Products { families, count: all.len(), target }, symmetric, instrument)
+    let symmetric = plan(&symmetric, 0..before(beside));
+    let instrument = plan(&instrument, before(target)..runs.len());
+    (Products { families, runs, count: all.len(), target }, symmetric, instrument)
 }
 
 /// Entries (place, product, sign) of a system with rows `left` and columns `right`, the last of which is
@@ -200,7 +223,7 @@ pub(crate) struct Model<'a> {
 }
 
 impl Products {
-    /// The factors x^k of all products on all lines of a record, as the products themselves lie.
+    /// The factors x^k on all lines of a record, family after family.
     pub fn powers_of(&self, x: &[f64]) -> Vec<f64> {
         let power = |x: f64, k: i32| {
             let size = (0..k.unsigned_abs()).fold(1.0, |p: f64, _| p * x);
@@ -249,7 +272,9 @@ impl Products {
             }
             let count = f.powers.len();
             let powers = &powers[f.first * lines + range.start * count..][..part * count];
-            let to = &mut products[f.first * rows..][..part * count];
+            let run = &self.runs[f.run];
+            let to = &mut products[run.first * rows..][..part * run.count];
+            let to = (to, run.count, f.first - run.first);
             match count {
                 1 => write_family::<L, 1>(&f.parts, a, b, powers, to),
                 2 => write_family::<L, 2>(&f.parts, a, b, powers, to),
@@ -261,8 +286,8 @@ impl Products {
         }
     }
 
-    /// Adds Σ λ · product over the lines of a tile for the families of a system; the tile that `begins`
-    /// a record starts from zero.
+    /// Adds Σ λ · product over the lines of a tile for the runs of a system; the tile that `begins` a
+    /// record starts from zero.
     #[inline(always)]
     pub fn accumulate<L: Lanes>(
         &self,
@@ -273,11 +298,10 @@ impl Products {
         sums: &mut [Wide],
     ) {
         let (part, rows) = (weights.len(), products.len() / self.count);
-        for f in &self.families[plan.families.clone()] {
-            let count = f.powers.len();
-            let own = &products[f.first * rows..][..part * count];
-            let sums = &mut sums[f.first..f.first + count];
-            match count {
+        for r in &self.runs[plan.runs.clone()] {
+            let own = &products[r.first * rows..][..part * r.count];
+            let sums = &mut sums[r.first..r.first + r.count];
+            match r.count {
                 1 => together::<L, 1>(own, weights, begins, sums),
                 2 => together::<L, 2>(own, weights, begins, sums),
                 3 => together::<L, 3>(own, weights, begins, sums),
@@ -291,26 +315,26 @@ impl Products {
 
 type Complex<'a> = (&'a [Wide], &'a [Wide]);
 
-/// Re or Im (`parts`) of conj(a)·b times `N` powers of x on each line.
+/// Re or Im (`parts`) of conj(a)·b times `N` powers of x on each line, to a run with so many products a
+/// line, from its place `at` on.
 #[inline(always)]
 fn write_family<L: Lanes, const N: usize>(
     parts: &[usize; MOST],
     a: Complex<'_>,
     b: Complex<'_>,
     powers: &[f64],
-    to: &mut [Wide],
+    (to, width, at): (&mut [Wide], usize, usize),
 ) {
-    let (powers, to) = (powers.as_chunks::<N>().0, to.as_chunks_mut::<N>().0);
+    let powers = powers.as_chunks::<N>().0;
     let mut both = [Wide::ZERO; 2];
-    for i in
-        0..to.len().min(powers.len()).min(a.0.len()).min(a.1.len()).min(b.0.len()).min(b.1.len())
-    {
+    for i in 0..powers.len().min(a.0.len()).min(a.1.len()).min(b.0.len()).min(b.1.len()) {
         let (p, q) = (L::load(&a.0[i]), L::load(&a.1[i]));
         let (re, im) = (L::load(&b.0[i]), L::load(&b.1[i]));
         p.mul_add(re, q * im).store(&mut both[0]);
         p.mul_add(im, -(q * re)).store(&mut both[1]);
+        let to = &mut to[i * width + at..][..N];
         for k in 0..N {
-            (L::load(&both[parts[k] & 1]) * L::splat(powers[i][k])).store(&mut to[i][k]);
+            (L::load(&both[parts[k] & 1]) * L::splat(powers[i][k])).store(&mut to[k]);
         }
     }
 }
@@ -340,10 +364,10 @@ fn together<L: Lanes, const N: usize>(
             acc[i] = L::load(&sums[i]);
         }
     }
-    for (line, weight) in products.iter().zip(weights) {
-        let weight = L::load(weight);
+    for line in 0..products.len().min(weights.len()) {
+        let weight = L::load(&weights[line]);
         for i in 0..N {
-            acc[i] = weight.mul_add(L::load(&line[i]), acc[i]);
+            acc[i] = weight.mul_add(L::load(&products[line][i]), acc[i]);
         }
     }
     for i in 0..N {

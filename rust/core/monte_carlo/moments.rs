@@ -3,6 +3,8 @@
 //! Everything is kept of the *error*, estimate − truth, so that a small bias is not lost in a large
 //! value. With a fixed chunk size the bits do not depend on who computed which chunk.
 
+use crate::simd::LANES;
+
 /// Count, mean and sums of powers about the mean (2 to 4) of the errors of one parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moments {
@@ -22,17 +24,14 @@ impl Moments {
             return Moments::default();
         }
         let n = errors.len() as f64;
-        let rough = errors.iter().sum::<f64>() / n;
+        let rough = sums(errors, |e| [e])[0] / n;
         // The second sum takes away the rounding of the first.
-        let mean = rough + errors.iter().map(|e| e - rough).sum::<f64>() / n;
-        let mut sums = [0.0; 3];
-        for e in errors {
+        let mean = rough + sums(errors, |e| [e - rough])[0] / n;
+        let sums = sums(errors, |e| {
             let d = e - mean;
             let square = d * d;
-            sums[0] += square;
-            sums[1] += square * d;
-            sums[2] += square * square;
-        }
+            [square, square * d, square * square]
+        });
         Moments { count: errors.len() as u64, mean, sums }
     }
 
@@ -112,6 +111,27 @@ impl Moments {
     fn central(&self, k: usize) -> f64 {
         self.sums[k] / self.count as f64
     }
+}
+
+/// Sums of functions of the errors, in eight partial sums that do not wait for each other.
+#[inline]
+fn sums<const N: usize>(errors: &[f64], of: impl Fn(f64) -> [f64; N]) -> [f64; N] {
+    let mut partial = [[0.0; LANES]; N];
+    let (eights, rest) = errors.as_chunks::<LANES>();
+    for eight in eights {
+        for (lane, e) in eight.iter().enumerate() {
+            for (sum, value) in partial.iter_mut().zip(of(*e)) {
+                sum[lane] += value;
+            }
+        }
+    }
+    let mut total = partial.map(|sums| sums.iter().sum());
+    for e in rest {
+        for (sum, value) in total.iter_mut().zip(of(*e)) {
+            *sum += value;
+        }
+    }
+    total
 }
 
 #[cfg(test)]

@@ -146,11 +146,9 @@ impl Plan {
                 let first_error = level * g.parameters() + task.offset;
                 let errors = &mut w.errors[first_error..first_error + task.truth.len()];
                 let cell = &mut cells[level * g.tasks.len() + k];
-                for lane in 0..count {
-                    cell.add(task, space, &outcome, lane, quantiles[k], errors, &mut w.row);
-                    if run.samples {
-                        cell.keep(&w.row[..task.truth.len()], outcome.status[lane]);
-                    }
+                cell.add(task, space, &outcome, count, quantiles[k], errors);
+                if run.samples {
+                    cell.keep(task, space, &outcome.status[..count]);
                 }
             }
         }
@@ -207,7 +205,6 @@ struct Worker {
     initial: Vec<Wide>,
     /// Noise coefficients of each source.
     noise: Vec<(Vec<Wide>, Vec<Wide>)>,
-    row: Vec<f64>,
     /// Errors of this chunk, a parameter of a cell each.
     errors: Vec<Vec<f64>>,
 }
@@ -229,7 +226,6 @@ impl Worker {
                 space
             })
             .collect();
-        let most = g.tasks.iter().map(|t| t.truth.len()).max().unwrap_or(0);
         Worker {
             group,
             spaces,
@@ -245,7 +241,6 @@ impl Worker {
                 .iter()
                 .map(|s| (wide(s.plan.harmonics() + 1), wide(s.plan.harmonics() + 1)))
                 .collect(),
-            row: Vec::with_capacity(2 * most),
             errors: (0..g.sigma.len() * g.parameters())
                 .map(|_| Vec::with_capacity(CHUNK))
                 .collect(),
@@ -260,43 +255,45 @@ impl Cell {
         Cell { moments: vec![Moments::default(); p], covered: vec![0; p], ..Cell::default() }
     }
 
-    /// Counts one lane; its estimate stands first in `row`.
-    #[allow(clippy::too_many_arguments)]
+    /// Counts the first `count` lanes.
     fn add(
         &mut self,
         task: &Task,
         space: &Workspace,
         outcome: &Outcome,
-        lane: usize,
+        count: usize,
         quantile: f64,
         errors: &mut [Vec<f64>],
-        row: &mut Vec<f64>,
     ) {
+        let mut all = [false; LANES];
+        let lanes = all.iter_mut().zip(outcome.status).zip(outcome.nit);
+        for ((all, status), nit) in lanes.take(count) {
+            self.status[status as usize] += 1;
+            self.iterations += u64::from(nit);
+            *all = found(status);
+        }
         let d = &task.shared.design;
-        let status = outcome.status[lane];
-        self.status[status as usize] += 1;
-        self.iterations += u64::from(outcome.nit[lane]);
-        row.clear();
-        row.extend(space.theta(d, lane));
-        match task.intervals {
-            Intervals::None => {}
-            Intervals::Nonrobust => row.extend(space.bse_nonrobust(d, lane)),
-            Intervals::Hc3 => row.extend(space.bse_hc3(d, lane)),
-        }
-        if !found(status) {
-            return;
-        }
-        let (theta, bse) = row.split_at(task.truth.len());
-        for (k, (value, truth)) in theta.iter().zip(&task.truth).enumerate() {
-            let error = value - truth;
-            errors[k].push(error);
-            self.covered[k] += u64::from(bse.get(k).is_some_and(|b| error.abs() <= quantile * b));
+        for (k, truth) in task.truth.iter().enumerate() {
+            let error = space.parameter(d, k).map(|value| value - truth);
+            if all == [true; LANES] {
+                errors[k].extend_from_slice(&error);
+            } else {
+                errors[k].extend(error.iter().zip(all).filter(|(_, found)| *found).map(|(e, _)| e));
+            }
+            if task.intervals != Intervals::None {
+                let bse = space.parameter_bse(d, k, task.intervals == Intervals::Hc3);
+                let held = |lane: &usize| all[*lane] && error[*lane].abs() <= quantile * bse[*lane];
+                self.covered[k] += (0..LANES).filter(held).count() as u64;
+            }
         }
     }
 
-    /// Keeps an estimate.
-    fn keep(&mut self, theta: &[f64], status: Status) {
-        self.samples.extend(theta.iter().map(|v| if found(status) { *v } else { f64::NAN }));
+    /// Keeps the estimates of the lanes with these statuses.
+    fn keep(&mut self, task: &Task, space: &Workspace, statuses: &[Status]) {
+        for (lane, status) in statuses.iter().enumerate() {
+            let theta = space.theta(&task.shared.design, lane);
+            self.samples.extend(theta.map(|v| if found(*status) { v } else { f64::NAN }));
+        }
     }
 
     /// Adds a later chunk.
