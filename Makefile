@@ -33,10 +33,11 @@ format: .venv/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-## Criterion benches, and the comparison with NumPy's generator.
+## Criterion benches, the comparison with NumPy's generator, and the growth of costs into docs/performance.md.
 bench: .venv/dev
 	cargo bench
 	$(BIN)/python benches/compare/noise_ratio.py
+	$(BIN)/python benches/compare/growth.py
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created

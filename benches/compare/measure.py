@@ -1,0 +1,101 @@
+"""Contestants in turn, pinned to one core, minima over rounds; and the machine they ran on.
+
+For who is pinned, time is the processor's, of all threads together: on an idle machine that is what passes,
+on a busy one it leaves out what others took. Who may use two cores is timed by the clock on the wall.
+"""
+
+import gc
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter, process_time
+
+SHARE = 0.04  # seconds a turn
+FLAGS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq")
+
+
+@dataclass
+class Contestant:
+    """Something to time: `run(count)` does `count` pieces of work, or returns as a float the ns of one."""
+
+    name: str
+    run: Callable[[int], object]
+    unit: int = 512  # counts are multiples of this
+    least: int = 1  # multiples
+    pinned: bool = True
+    count: int = 0
+    ns: list[float] = field(default_factory=list)
+
+    def turn(self) -> float:
+        """One turn, ns a piece."""
+        clock = process_time if self.pinned else perf_counter
+        start = clock()
+        told = self.run(self.count)
+        spent = clock() - start
+        return told if isinstance(told, float) else 1e9 * spent / self.count
+
+    def settle(self) -> None:
+        """Warm up, and choose a count that takes about SHARE."""
+        self.count = self.unit * self.least
+        self.turn()
+        each = min(self.turn() for _ in range(2))
+        self.count = self.unit * max(self.least, round(SHARE / (1e-9 * each * self.unit)))
+
+    @property
+    def best(self) -> float:
+        """Minimum over the rounds, ns."""
+        return min(self.ns)
+
+
+def compete(contestants: list[Contestant], rounds: int, seconds: float) -> int:
+    """Time all in turn, at most so many rounds or seconds (three rounds at least); the number of rounds."""
+    cores = os.sched_getaffinity(0)
+    one = {min(cores)}
+    done, start = 0, perf_counter()
+    try:
+        os.sched_setaffinity(0, one)
+        for c in contestants:
+            c.settle()
+        gc.collect()
+        gc.disable()
+        while done < rounds and (done < 3 or perf_counter() - start < seconds):
+            for c in contestants:
+                os.sched_setaffinity(0, one if c.pinned else cores)
+                c.ns.append(c.turn())
+            done += 1
+    finally:
+        gc.enable()
+        os.sched_setaffinity(0, cores)
+    return done
+
+
+def machine() -> str:
+    """Processor, instruction sets, versions, date and load in one line each."""
+    info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    fields = dict(line.split(":", 1) for line in info.splitlines() if ":" in line)
+    values = {name.strip(): value.strip() for name, value in fields.items()}
+    sets = [flag for flag in FLAGS if flag in values.get("flags", "").split()]
+    family = f" (family {values['cpu family']}, model {values['model']})" if "cpu family" in values else ""
+    versions = ", ".join(f"{name} {_version(name)}" for name in ("modfun", "numpy", "scipy", "numba", "jax"))
+    return (
+        f"{values.get('model name', platform.processor())}{family}, {len(os.sched_getaffinity(0))} cores; "
+        f"{' '.join(sets)}. Python {platform.python_version()}, {versions}. "
+        f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, load average {os.getloadavg()[0]:.1f}."
+    )
+
+
+def has_avx512() -> bool:
+    """Whether the processor has what modfun's widest path needs."""
+    info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    return "avx512f" in info and "avx512dq" in info
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "(not installed)"
