@@ -77,6 +77,13 @@ pub trait Lanes:
     fn choose(self, a: Self, b: Self) -> Self {
         Self::splat(0.5).select_lt(self, a, b)
     }
+    /// Whether any lane is above zero.
+    #[inline(always)]
+    fn any(self) -> bool {
+        let mut lanes = Wide::ZERO;
+        self.store(&mut lanes);
+        lanes.0.iter().any(|x| *x > 0.0)
+    }
     /// The bit pattern.
     fn to_bits(self) -> Self::Bits;
     /// From the bit pattern.

@@ -4,7 +4,7 @@ use super::design::Design;
 use super::pass::{Factors, Weights, step};
 use super::workspace::Workspace;
 use super::{Options, awls, mend_step, ml, wls};
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,10 +62,10 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> bool {
         let Iteration { design, space: w, run } = self;
         let limit = L::splat(run.limit);
-        while run.left > 0 && any(&w.active) {
+        while run.left > 0 && L::load(&w.active).any() {
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
-                if any(&unsound::<L>(w)) {
+                if unsound::<L>(w).any() {
                     return false;
                 }
             }
@@ -84,25 +84,13 @@ impl Kernel for Iteration<'_> {
     }
 }
 
-/// Whether a mask means any lane.
-#[inline(always)]
-fn any(mask: &Wide) -> bool {
-    let mut sum = 0.0;
-    for k in 0..LANES {
-        sum += mask.0[k];
-    }
-    sum > 0.0
-}
-
 /// Active lanes whose step small pivots spoiled.
 #[inline(always)]
-fn unsound<L: Lanes>(w: &Workspace) -> Wide {
+fn unsound<L: Lanes>(w: &Workspace) -> L {
     let (active, trusted) = (L::load(&w.active), L::load(&w.trusted));
     // A step that is not finite shows as a move that is not.
     let sound = L::load(&w.moved).select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
-    let mut out = Wide::ZERO;
-    (active - active * sound).store(&mut out);
-    out
+    active - active * sound
 }
 
 /// a ≤ b as a mask; true where either is no number.

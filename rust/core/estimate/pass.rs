@@ -4,7 +4,7 @@ use super::design::Design;
 use super::sums::{Data, Model};
 use super::workspace::Workspace;
 use crate::covariance::{polynomial, variance};
-use crate::linalg::lanes::{eliminate, solve, substitute};
+use crate::linalg::lanes::{System, eliminate, solve, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
 use std::ops::Range;
 
@@ -91,15 +91,19 @@ pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, fa
     }
     let (mut cost, mut target_size) = (L::splat(0.0), L::splat(0.0));
     for k in 0..w.records.len() {
-        cost = cost + record_system::<L, true>(d, w, k, weights, factors, false);
+        cost = cost + record_sums::<L, true>(d, w, k, weights, factors, false);
         target_size = target_size + L::load(&w.sums[d.products.target]);
+        let Workspace { sums, diagonal, trusted, .. } = w;
+        let system = system(d, sums, factors);
+        let r = &mut w.records[k];
         if single {
+            solve::<L>(system, &mut r.matrix, diagonal, &mut w.unknowns, trusted);
             copy::<L>(&w.diagonal[nt..size], &mut w.column_size);
         } else {
+            system.assemble::<L>(&mut r.matrix, diagonal);
             for (sum, own) in w.column_size.iter_mut().zip(&w.diagonal[nt..size]) {
                 (L::load(sum) + L::load(own)).store(sum);
             }
-            let r = &mut w.records[k];
             eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, symmetric, &mut w.trusted);
             add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, symmetric);
         }
@@ -107,9 +111,7 @@ pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, fa
     cost.store(&mut w.cost);
     target_size.store(&mut w.target_size);
     if single {
-        let (x, trusted) = (&mut w.unknowns[..size], &mut w.trusted);
-        solve::<L>(&mut w.records[0].matrix, size, &w.diagonal, symmetric, x, trusted);
-        copy::<L>(&x[nt..], &mut w.next);
+        copy::<L>(&w.unknowns[nt..size], &mut w.next);
     } else {
         eliminate::<L>(&mut w.global, p, 0..p, &w.column_size, symmetric, &mut w.trusted);
         substitute::<L>(&w.global, p, 0..p, &mut w.next);
@@ -160,10 +162,18 @@ pub(crate) fn add_parameter_block<L: Lanes>(
     }
 }
 
-/// The system [T, θ | target] of record `k` at the current θ and T, in its matrix; its diagonal in
-/// `diagonal`, all sums in `sums`. Returns the cost, where the residual is asked for or needed.
+/// The system [T, θ | target] that sums make.
 #[inline(always)]
-pub(crate) fn record_system<L: Lanes, const HINTS: bool>(
+fn system<'a>(d: &'a Design, sums: &'a [Wide], factors: Factors) -> System<'a> {
+    let symmetric = factors != Factors::Instrument;
+    let plan = if symmetric { &d.symmetric } else { &d.instrument };
+    System { sums, entries: &plan.entries, size: d.size(), symmetric }
+}
+
+/// The system of record `k` at the current θ and T, in its matrix; its diagonal in `diagonal`.
+/// Returns the cost.
+#[inline(always)]
+pub(crate) fn record_system<L: Lanes>(
     d: &Design,
     w: &mut Workspace,
     k: usize,
@@ -171,7 +181,22 @@ pub(crate) fn record_system<L: Lanes, const HINTS: bool>(
     factors: Factors,
     residual: bool,
 ) -> L {
-    let size = d.size();
+    let cost = record_sums::<L, false>(d, w, k, weights, factors, residual);
+    system(d, &w.sums, factors).assemble::<L>(&mut w.records[k].matrix, &mut w.diagonal);
+    cost
+}
+
+/// All sums that the system of record `k` is made of. Returns the cost, where the residual is asked for
+/// or needed.
+#[inline(always)]
+fn record_sums<L: Lanes, const HINTS: bool>(
+    d: &Design,
+    w: &mut Workspace,
+    k: usize,
+    weights: Weights,
+    factors: Factors,
+    residual: bool,
+) -> L {
     let plan = if factors == Factors::Instrument { &d.instrument } else { &d.symmetric };
     let residual = residual || factors != Factors::Data;
     let mut cost = L::splat(0.0);
@@ -192,13 +217,7 @@ pub(crate) fn record_system<L: Lanes, const HINTS: bool>(
         if data != Data::Nothing || model.is_some() {
             d.products.write::<L>(r, range.clone(), &d.records[k].powers, data, model);
         }
-        let lambda = &w.weights[..range.len()];
-        d.products.accumulate::<L>(plan, &r.products, lambda, begins, &mut w.sums);
-    }
-    let r = &mut w.records[k];
-    plan.assemble::<L>(&w.sums, &mut r.matrix);
-    for i in 0..size {
-        L::load(&r.matrix[i * (size + 2)]).store(&mut w.diagonal[i]);
+        d.products.accumulate::<L>(plan, r, &w.weights[..range.len()], begins, &mut w.sums);
     }
     cost
 }

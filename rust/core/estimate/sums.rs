@@ -5,6 +5,7 @@
 //! once a replicate; a step is left with λ and one multiply-add a sum and line.
 
 use super::workspace::RecordSpace;
+use crate::linalg::lanes::Entry;
 use crate::modulation::{Column, Signal};
 use crate::simd::{Lanes, Wide};
 use std::ops::Range;
@@ -29,51 +30,36 @@ struct Family {
     /// Places of the two signals in the workspace.
     left: usize,
     right: usize,
-    /// Place of the first among all products.
+    /// Place of the first among all products, and how many stand in the families before.
     first: usize,
-    /// The run they belong to.
-    run: usize,
+    before: usize,
     /// Powers of x, and 1 where the imaginary part is meant.
     powers: Vec<i32>,
     parts: [usize; MOST],
 }
 
-/// Products written or summed together: as many sums as registers hold.
+/// Products summed together, in a run: as many sums as registers hold.
 const MOST: usize = 6;
-
-/// Up to [`MOST`] products in neighbouring families, which are summed together.
-#[derive(Debug, Clone)]
-struct Run {
-    /// Place of the first among all products.
-    first: usize,
-    count: usize,
-}
+const LEAST: usize = 4;
 
 /// All products of a problem: those of the data first, then those with the denoised output.
 ///
-/// They lie run after run, in each line after line.
+/// They lie in runs of equal width, in each line after line; what fills a run up stays zero.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Products {
     families: Vec<Family>,
-    runs: Vec<Run>,
+    width: usize,
+    /// Places there are, a multiple of the width.
     pub count: usize,
     /// Place of x^2n |Y|², the size of the target column.
     pub target: usize,
 }
 
-/// One entry of a system: place in the matrix, which product's sum, and its sign.
-#[derive(Debug, Clone, Copy)]
-struct Entry {
-    at: usize,
-    sum: usize,
-    sign: f64,
-}
-
-/// One kind of system: the runs it sums, and where the sums go.
+/// One kind of system: the runs it sums, and its entries, sums with their signs.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SumPlan {
     runs: Range<usize>,
-    entries: Vec<Entry>,
+    pub entries: Vec<Entry>,
 }
 
 /// Products and systems of a problem with these columns and so many inputs: of the data with themselves,
@@ -95,25 +81,26 @@ pub(crate) fn plan_sums(
     let size =
         Product { left: Signal::Y, right: Signal::Y, imaginary: false, power: 2 * target.power };
     let mut all: Vec<Product> =
-        symmetric.iter().chain(&instrument).filter_map(|(_, p, _)| *p).chain([size]).collect();
+        symmetric.iter().chain(&instrument).filter_map(|(p, _)| *p).chain([size]).collect();
     all.sort_by_key(|p| (p.class(), p.left, p.right, p.power, p.imaginary));
     all.dedup();
-    let place = |signal: Signal| match signal {
+    // The width that leaves least of the last run empty.
+    let data = all.iter().filter(|p| p.class() < BESIDE).count();
+    let width = (LEAST..=MOST).rev().min_by_key(|w| data.next_multiple_of(*w)).unwrap_or(MOST);
+    let data_runs = data.div_ceil(width);
+    let place = |k: usize| if k < data { k } else { data_runs * width + (k - data) };
+    let signal = |signal: Signal| match signal {
         Signal::Y | Signal::Denoised => 0,
         Signal::U(k) => 1 + k,
         Signal::One => 1 + inputs,
     };
-    // Of the squares |Y|² the steps of `ml` need the last power alone: the runs of each kind of system
-    // are neighbours.
-    let squares = all.iter().filter(|p| p.class() == 0).count();
-    let target = squares - 1;
     let mut families: Vec<Family> = Vec::new();
-    for (first, p) in all.iter().enumerate() {
-        let before = first.checked_sub(1).map(|k| all[k]);
+    for (k, p) in all.iter().enumerate() {
+        let before = k.checked_sub(1).map(|k| all[k]);
         let joins = before.is_some_and(|b| (b.left, b.right) == (p.left, p.right));
         let part = usize::from(p.imaginary);
         match families.last_mut() {
-            Some(f) if joins && first != target && f.powers.len() < MOST => {
+            Some(f) if joins && place(k) % width != 0 => {
                 f.parts[f.powers.len()] = part;
                 f.powers.push(p.power);
             }
@@ -121,52 +108,42 @@ pub(crate) fn plan_sums(
                 output: p.left == Signal::Y && p.right != Signal::Denoised,
                 beside: p.right == Signal::Denoised,
                 square: p.right == Signal::Y,
-                left: place(p.left),
-                right: place(p.right),
-                first,
-                run: 0,
+                left: signal(p.left),
+                right: signal(p.right),
+                first: place(k),
+                before: k,
                 powers: vec![p.power],
                 parts: [part; MOST],
             }),
         }
     }
-    let mut runs: Vec<Run> = Vec::new();
-    let beside = families.iter().find(|f| f.beside).map_or(all.len(), |f| f.first);
-    for f in &mut families {
-        let count = f.powers.len();
-        match runs.last_mut() {
-            Some(r) if r.count + count <= MOST && ![target, beside].contains(&f.first) => {
-                r.count += count;
-            }
-            _ => runs.push(Run { first: f.first, count }),
-        }
-        f.run = runs.len() - 1;
-    }
-    let before = |place: usize| runs.iter().filter(|r| r.first < place).count();
-    let plan = |pairs: &[(usize, Option<Product>, f64)], runs: Range<usize>| {
-        let entry = |(at, product, sign): &(usize, Option<Product>, f64)| {
-            // One sum more than there are products stays zero.
-            let sum = all.iter().position(|p| Some(*p) == *product).unwrap_or(all.len());
-            Entry { at: *at, sum, sign: *sign }
+    let found = |product: &Option<Product>| all.iter().position(|p| Some(*p) == *product);
+    let count = data_runs * width + (all.len() - data).next_multiple_of(width);
+    let plan = |entries: &[(Option<Product>, f64)], runs: Range<usize>| {
+        // One sum more than there are places stays zero.
+        let entry = |(product, sign): &(Option<Product>, f64)| Entry {
+            from: found(product).map_or(count, place),
+            sign: *sign,
         };
-        SumPlan { runs, entries: pairs.iter().map(entry).collect() }
+        SumPlan { runs, entries: entries.iter().map(entry).collect() }
     };
-    let symmetric = plan(&symmetric, 0..before(beside));
-    let instrument = plan(&instrument, before(target)..runs.len());
-    (Products { families, runs, count: all.len(), target }, symmetric, instrument)
+    // What the steps of `ml` sum: their own products, and the run that holds the target's size.
+    let target = found(&Some(size)).map_or(count, place);
+    let symmetric = plan(&symmetric, 0..data_runs);
+    let instrument = plan(&instrument, target / width..count / width);
+    (Products { families, width, count, target }, symmetric, instrument)
 }
 
-/// Entries (place, product, sign) of a system with rows `left` and columns `right`, the last of which is
-/// the target: it enters with the opposite sign, as a right side. `symmetric`: upper triangle only.
-fn pairs(left: &[Column], right: &[Column], symmetric: bool) -> Vec<(usize, Option<Product>, f64)> {
-    let width = right.len();
+/// Entries (product, sign), row after row, of a system with rows `left` and columns `right`, the last of
+/// which is the target: it enters with the opposite sign, as a right side. `symmetric`: upper triangle only.
+fn pairs(left: &[Column], right: &[Column], symmetric: bool) -> Vec<(Option<Product>, f64)> {
     let mut entries = Vec::new();
     for (i, l) in left.iter().enumerate() {
         for (j, r) in right.iter().enumerate().skip(if symmetric { i } else { 0 }) {
-            let target = if j + 1 == width { -1.0 } else { 1.0 };
+            let target = if j + 1 == right.len() { -1.0 } else { 1.0 };
             let found = product_of(l, r);
             let sign = found.map_or(1.0, |(_, sign)| sign * target);
-            entries.push((i * width + j, found.map(|(product, _)| product), sign));
+            entries.push((found.map(|(product, _)| product), sign));
         }
     }
     entries
@@ -191,11 +168,14 @@ fn product_of(l: &Column, r: &Column) -> Option<(Product, f64)> {
     Some((Product { left, right, imaginary, power: l.power + r.power }, sign))
 }
 
+/// The class of products with the denoised output.
+const BESIDE: usize = 2;
+
 impl Product {
     /// 0: the output with itself; 1: other data; 2: with the denoised output.
     fn class(&self) -> usize {
         match (self.left, self.right) {
-            (_, Signal::Denoised) => 2,
+            (_, Signal::Denoised) => BESIDE,
             (Signal::Y, Signal::Y) => 0,
             _ => 1,
         }
@@ -245,9 +225,9 @@ impl Products {
         data: Data,
         model: Option<Model<'_>>,
     ) {
-        let RecordSpace { re, im, products, lines, .. } = r;
-        let lines = *lines;
-        let (part, rows) = (range.len(), products.len() / self.count);
+        let RecordSpace { re, im, products, lines, rows, .. } = r;
+        let (lines, rows) = (*lines, *rows);
+        let (part, width) = (range.len(), self.width);
         let (replaces, besides) = match model {
             Some(m) => (m.replaces, !m.replaces),
             None => (false, false),
@@ -271,10 +251,10 @@ impl Products {
                 }
             }
             let count = f.powers.len();
-            let powers = &powers[f.first * lines + range.start * count..][..part * count];
-            let run = &self.runs[f.run];
-            let to = &mut products[run.first * rows..][..part * run.count];
-            let to = (to, run.count, f.first - run.first);
+            let powers = &powers[f.before * lines + range.start * count..][..part * count];
+            let at = f.first % width;
+            let to = &mut products[(f.first - at) * rows..][..part * width];
+            let to = (to, width, at);
             match count {
                 1 => write_family::<L, 1>(&f.parts, a, b, powers, to),
                 2 => write_family::<L, 2>(&f.parts, a, b, powers, to),
@@ -292,23 +272,15 @@ impl Products {
     pub fn accumulate<L: Lanes>(
         &self,
         plan: &SumPlan,
-        products: &[Wide],
+        r: &RecordSpace,
         weights: &[Wide],
         begins: bool,
         sums: &mut [Wide],
     ) {
-        let (part, rows) = (weights.len(), products.len() / self.count);
-        for r in &self.runs[plan.runs.clone()] {
-            let own = &products[r.first * rows..][..part * r.count];
-            let sums = &mut sums[r.first..r.first + r.count];
-            match r.count {
-                1 => together::<L, 1>(own, weights, begins, sums),
-                2 => together::<L, 2>(own, weights, begins, sums),
-                3 => together::<L, 3>(own, weights, begins, sums),
-                4 => together::<L, 4>(own, weights, begins, sums),
-                5 => together::<L, 5>(own, weights, begins, sums),
-                _ => together::<L, 6>(own, weights, begins, sums),
-            }
+        match self.width {
+            4 => together::<L, 4>(plan, r, weights, begins, sums),
+            5 => together::<L, 5>(plan, r, weights, begins, sums),
+            _ => together::<L, 6>(plan, r, weights, begins, sums),
         }
     }
 }
@@ -339,38 +311,32 @@ fn write_family<L: Lanes, const N: usize>(
     }
 }
 
-impl SumPlan {
-    /// Writes the sums into the matrix, zeros where a pair of columns has none.
-    #[inline(always)]
-    pub fn assemble<L: Lanes>(&self, sums: &[Wide], matrix: &mut [Wide]) {
-        for e in &self.entries {
-            (L::load(&sums[e.sum]) * L::splat(e.sign)).store(&mut matrix[e.at]);
-        }
-    }
-}
-
-/// Sums of `N` products, which lie line after line.
+/// Sums of the runs of a plan, `N` products wide.
 #[inline(always)]
 fn together<L: Lanes, const N: usize>(
-    products: &[Wide],
+    plan: &SumPlan,
+    r: &RecordSpace,
     weights: &[Wide],
     begins: bool,
     sums: &mut [Wide],
 ) {
-    let products = products.as_chunks::<N>().0;
-    let mut acc = [L::splat(0.0); N];
-    if !begins {
-        for i in 0..N {
-            acc[i] = L::load(&sums[i]);
+    let (products, sums) = (r.products.as_chunks::<N>().0, sums.as_chunks_mut::<N>().0);
+    for run in plan.runs.clone() {
+        let (own, sums) = (&products[run * r.rows..][..weights.len()], &mut sums[run]);
+        let mut acc = [L::splat(0.0); N];
+        if !begins {
+            for i in 0..N {
+                acc[i] = L::load(&sums[i]);
+            }
         }
-    }
-    for line in 0..products.len().min(weights.len()) {
-        let weight = L::load(&weights[line]);
-        for i in 0..N {
-            acc[i] = weight.mul_add(L::load(&products[line][i]), acc[i]);
+        for line in 0..weights.len() {
+            let weight = L::load(&weights[line]);
+            for i in 0..N {
+                acc[i] = weight.mul_add(L::load(&own[line][i]), acc[i]);
+            }
         }
-    }
-    for i in 0..N {
-        acc[i].store(&mut sums[i]);
+        for i in 0..N {
+            acc[i].store(&mut sums[i]);
+        }
     }
 }

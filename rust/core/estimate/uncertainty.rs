@@ -111,7 +111,7 @@ fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
     let (nt, size) = (d.transient, d.size());
     let mut trusted = Wide::splat(1.0);
     for k in 0..w.records.len() {
-        record_system::<L, false>(d, w, k, weights, Factors::Data, false);
+        record_system::<L>(d, w, k, weights, Factors::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         w.unknowns[nt..size].copy_from_slice(&w.theta);
@@ -131,7 +131,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
     let mut cost = L::splat(0.0);
     w.global[..p * width].fill(Wide::ZERO);
     for k in 0..w.records.len() {
-        let c = record_system::<L, false>(d, w, k, weights, factors, true);
+        let c = record_system::<L>(d, w, k, weights, factors, true);
         cost = cost + c;
         let r = &mut w.records[k];
         for i in 0..nt {
@@ -178,7 +178,7 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     w.global[..p * (p + 1)].fill(Wide::ZERO);
     for k in 0..w.records.len() {
-        record_system::<L, false>(d, w, k, Weights::Flat, Factors::Data, false);
+        record_system::<L>(d, w, k, Weights::Flat, Factors::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);

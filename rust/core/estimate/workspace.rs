@@ -11,8 +11,9 @@ pub(crate) struct RecordSpace {
     pub re: Vec<Wide>,
     /// Imaginary parts, alike.
     pub im: Vec<Wide>,
-    /// Products on the lines of a tile, line after line.
+    /// Products on the lines of a tile, and how many lines that is.
     pub products: Vec<Wide>,
+    pub rows: usize,
     /// Whether the products that no output enters are those of the inputs.
     pub inputs_ready: bool,
     /// System of this record: (transient + θ) × (one more).
@@ -112,6 +113,7 @@ impl Workspace {
                 },
                 im: wide((2 + inputs) * r.x.len()),
                 products: wide(d.products.count * r.x.len().min(tile)),
+                rows: r.x.len().min(tile),
                 inputs_ready: false,
                 matrix: wide(size * (size + 1)),
                 transient: wide(d.transient),

@@ -14,28 +14,67 @@ fn judge<L: Lanes>(pivot: L, before: &Wide, trusted: &mut Wide) {
     pivot.select_lt(limit, L::splat(0.0), L::load(trusted)).store(trusted);
 }
 
-/// Solves a `size` × (`size` + 1) system, the last column its right side, into `x`.
+/// An entry of a system: one of a list of numbers, times a sign.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    /// Which number.
+    pub from: usize,
+    /// 1 or −1.
+    pub sign: f64,
+}
+
+/// A `size` × (`size` + 1) system, the last column its right side, as a list of entries.
+#[derive(Clone, Copy)]
+pub struct System<'a> {
+    /// The numbers.
+    pub sums: &'a [Wide],
+    /// Row after row; of a symmetric system from the diagonal on.
+    pub entries: &'a [Entry],
+    /// Number of unknowns.
+    pub size: usize,
+    /// Whether only the upper triangle is given.
+    pub symmetric: bool,
+}
+
+impl System<'_> {
+    /// Writes the system into a matrix and its diagonal apart.
+    #[inline(always)]
+    pub fn assemble<L: Lanes>(&self, m: &mut [Wide], diagonal: &mut [Wide]) {
+        let (size, mut entries) = (self.size, self.entries.iter());
+        for i in 0..size {
+            let row = &mut m[i * (size + 1)..][..size + 1];
+            for (to, e) in row[if self.symmetric { i } else { 0 }..].iter_mut().zip(&mut entries) {
+                (L::load(&self.sums[e.from]) * L::splat(e.sign)).store(to);
+            }
+            L::load(&row[i]).store(&mut diagonal[i]);
+        }
+    }
+}
+
+/// Solves a system into `x`; its diagonal goes to `diagonal`, `m` is scratch.
 ///
-/// As [`eliminate`] and [`substitute`] do, to the bit; the sizes of one and two poles in registers.
+/// As [`System::assemble`], [`eliminate`] and [`substitute`] do, to the bit; the sizes of one and two poles
+/// in registers.
 #[inline(always)]
 pub fn solve<L: Lanes>(
+    system: System<'_>,
     m: &mut [Wide],
-    size: usize,
-    diagonal: &[Wide],
-    symmetric: bool,
+    diagonal: &mut [Wide],
     x: &mut [Wide],
     trusted: &mut Wide,
 ) {
-    match (L::HINTS, size, symmetric) {
-        (true, 3, true) => solve_sized::<L, 3, true>(m, diagonal, x, trusted),
-        (true, 5, true) => solve_sized::<L, 5, true>(m, diagonal, x, trusted),
-        (true, 6, true) => solve_sized::<L, 6, true>(m, diagonal, x, trusted),
-        (true, 7, true) => solve_sized::<L, 7, true>(m, diagonal, x, trusted),
-        (true, 3, false) => solve_sized::<L, 3, false>(m, diagonal, x, trusted),
-        (true, 5, false) => solve_sized::<L, 5, false>(m, diagonal, x, trusted),
-        (true, 6, false) => solve_sized::<L, 6, false>(m, diagonal, x, trusted),
-        (true, 7, false) => solve_sized::<L, 7, false>(m, diagonal, x, trusted),
+    match (L::HINTS, system.size, system.symmetric) {
+        (true, 3, true) => solve_sized::<L, 3, true>(system, m, diagonal, x, trusted),
+        (true, 5, true) => solve_sized::<L, 5, true>(system, m, diagonal, x, trusted),
+        (true, 6, true) => solve_sized::<L, 6, true>(system, m, diagonal, x, trusted),
+        (true, 7, true) => solve_sized::<L, 7, true>(system, m, diagonal, x, trusted),
+        (true, 3, false) => solve_sized::<L, 3, false>(system, m, diagonal, x, trusted),
+        (true, 5, false) => solve_sized::<L, 5, false>(system, m, diagonal, x, trusted),
+        (true, 6, false) => solve_sized::<L, 6, false>(system, m, diagonal, x, trusted),
+        (true, 7, false) => solve_sized::<L, 7, false>(system, m, diagonal, x, trusted),
         _ => {
+            let System { size, symmetric, .. } = system;
+            system.assemble::<L>(m, diagonal);
             eliminate::<L>(m, size, 0..size, diagonal, symmetric, trusted);
             substitute::<L>(m, size, 0..size, x);
         }
@@ -44,17 +83,20 @@ pub fn solve<L: Lanes>(
 
 #[inline(always)]
 fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
+    system: System<'_>,
     m: &mut [Wide],
-    diagonal: &[Wide],
+    diagonal: &mut [Wide],
     x: &mut [Wide],
     trusted: &mut Wide,
 ) {
-    let (m, diagonal, x) = (&mut m[..S * (S + 1)], &diagonal[..S], &mut x[..S]);
+    let (m, diagonal, x) = (&mut m[..S * (S + 1)], &mut diagonal[..S], &mut x[..S]);
+    let count = if SYMMETRIC { S * (S + 3) / 2 } else { S * (S + 1) };
+    let (sums, entries) = (system.sums, &system.entries[..count]);
     // Written out, since the number of earlier rows must be known where a row is compiled.
     macro_rules! rows {
         ($($i:literal)*) => {$(
             if $i < S {
-                reduce::<L, S, $i, SYMMETRIC>(m, &diagonal[$i], trusted);
+                reduce::<L, S, $i, SYMMETRIC>(sums, entries, m, &mut diagonal[$i], trusted);
             }
         )*};
     }
@@ -71,20 +113,26 @@ fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
     }
 }
 
-/// Row `I` less its multiples of the rows before; its inverse pivot replaces the diagonal.
+/// Row `I` less its multiples of the rows before; its inverse pivot stands on the diagonal.
 #[inline(always)]
 fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
+    sums: &[Wide],
+    entries: &[Entry],
     m: &mut [Wide],
-    before: &Wide,
+    before: &mut Wide,
     trusted: &mut Wide,
 ) {
     let (above, row) = m.split_at_mut(I * (S + 1));
     let row = &mut row[..S + 1];
-    let first = if SYMMETRIC { I } else { 0 };
+    // Of a symmetric system the rows before hold one entry less each.
+    let (first, at) = if SYMMETRIC { (I, (I * (2 * S + 3 - I)) / 2) } else { (0, I * (S + 1)) };
+    let entries = &entries[at..][..S + 1 - first];
     let mut own = [L::splat(0.0); 8];
     for j in first..=S {
-        own[j] = L::load(&row[j]);
+        let e = &entries[j - first];
+        own[j] = L::load(&sums[e.from]) * L::splat(e.sign);
     }
+    own[I].store(before);
     for k in 0..I {
         let up = &above[k * (S + 1)..][..S + 1];
         let lead = if SYMMETRIC { L::load(&up[I]) } else { own[k] };

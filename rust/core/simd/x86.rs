@@ -125,6 +125,17 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn any(self) -> bool {
+        unsafe {
+            let zero = _mm256_setzero_pd();
+            let above = _mm256_or_pd(
+                _mm256_cmp_pd::<_CMP_GT_OQ>(self.0, zero),
+                _mm256_cmp_pd::<_CMP_GT_OQ>(self.1, zero),
+            );
+            _mm256_movemask_pd(above) != 0
+        }
+    }
+    #[inline(always)]
     fn to_bits(self) -> Avx2Bits {
         unsafe { Avx2Bits(_mm256_castpd_si256(self.0), _mm256_castpd_si256(self.1)) }
     }
@@ -175,6 +186,10 @@ impl Lanes for Avx512 {
             let mask = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, than.0);
             Avx512(_mm512_mask_blend_pd(mask, b.0, a.0))
         }
+    }
+    #[inline(always)]
+    fn any(self) -> bool {
+        unsafe { _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_setzero_pd()) != 0 }
     }
     #[inline(always)]
     fn to_bits(self) -> Avx512Bits {
