@@ -33,10 +33,10 @@ format: .venv/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-## Criterion benches, the comparison with NumPy's generator, and the growth of costs into docs/performance.md.
-bench: .venv/dev
-	cargo bench
-	$(BIN)/python benches/compare/noise_ratio.py
+## modfun against its rivals into docs/benchmarks.md, the growth of costs into docs/performance.md.
+## Stages of the core alone: cargo bench.
+bench: .venv/bench
+	$(BIN)/python benches/compare/bench.py
 	$(BIN)/python benches/compare/growth.py
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
@@ -54,6 +54,11 @@ clean:
 # What a user gets from `pip install "modfun[cli,plot]"`.
 .venv/demo: .venv/created pyproject.toml Cargo.toml Cargo.lock $(RUST) $(shell find python -name '*.py')
 	$(BIN)/python -m pip install --quiet ".[cli,plot]"
+	touch $@
+
+# The rivals' tools, apart from those of development.
+.venv/bench: .venv/dev benches/compare/requirements.txt
+	$(BIN)/python -m pip install --quiet -r benches/compare/requirements.txt
 	touch $@
 
 # The package in place, with the tools for tests and lint.
