@@ -1,6 +1,6 @@
 """modfun against its rivals, in one run: checks, times, writes docs/benchmarks.md. `make bench` calls it.
 
---quick: few rounds, without what must be compiled first (numba, JAX, dsmc); for the tests.
+--quick: one round, without what must be compiled first (numba, JAX, dsmc); for the tests.
 """
 
 import argparse
@@ -16,7 +16,7 @@ PAGE = HERE.parents[1] / "docs" / "benchmarks.md"
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="three rounds, nothing compiled")
+    parser.add_argument("--quick", action="store_true", help="one round, nothing compiled")
     parser.add_argument("--no-jax", action="store_true", help="without JAX, which compiles for a minute")
     parser.add_argument("--rounds", type=int, default=40, help="most rounds")
     parser.add_argument("--seconds", type=float, default=120.0, help="most seconds of rounds")
@@ -52,7 +52,7 @@ def main() -> int:
         "noise": contestants.noise_alone(),
     }  # fmt: skip
     every = [*timed.values(), *samples.values(), *coefficients.values()]
-    rounds = compete(every, 3 if given.quick else given.rounds, 1.0 if given.quick else given.seconds)
+    rounds = compete(every, 1 if given.quick else given.rounds, given.seconds)
     if dsmc is not None:
         dsmc.close()
     memory = contestants.long_record_memory()

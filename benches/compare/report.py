@@ -13,6 +13,7 @@ noise 20 % of the output's rms, `awls`: weights of equation noise, then exactly 
 One thread pinned to one core, contestants in turn within each of {rounds} rounds; processor time of a
 replicate (of the two threads: elapsed time). Minima are compared; median and maximum show the spread.
 Every rival gives modfun's estimates on the same noise to 1e-8, and means and covariances alike with its own.
+Rivals stop at the estimates; modfun's studies address each replicate's noise and gather moments and medians.
 "Lines" is the form modfun computes, "banded" that of second differences with their covariance.
 
 {machine} Load average at the end {load:.1f}.
