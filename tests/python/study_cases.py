@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import modfun as mf
@@ -44,6 +46,19 @@ def same(one: mf.Results, two: mf.Results) -> bool:
 def part_size(made: mf.MonteCarlo) -> int:
     """Replicates of a part."""
     return Work(made.plan, "samples", True, False).part
+
+
+def made_parts(place: Path) -> int:
+    """Parts in a directory."""
+    return len(list((place / "parts").glob("*.part"))) if (place / "parts").exists() else 0
+
+
+def wait_for(place: Path, parts: int) -> None:
+    """Wait until a directory holds so many parts."""
+    deadline = time.monotonic() + 30
+    while made_parts(place) < parts:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
 
 
 def mine(rec: mf.Record, rng: np.random.Generator) -> mf.Fit:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import textwrap
 import warnings
 from typing import Any
 
@@ -323,27 +319,3 @@ def test_progress_is_silent_when_quick_and_says_lines_when_asked(capfd: pytest.C
     assert capfd.readouterr().err == ""
     study(estimators={"x": lambda rec, rng: [1, 2, 3]}).run(progress=True)
     assert "x: 1 of 50" in capfd.readouterr().err
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_stops_at_once() -> None:
-    code = """
-        import modfun as mf
-        study = mf.MonteCarlo(system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256,
-                              nsr=0.2, estimators=["ml"], replicates=10**8)
-        print("ready", flush=True)
-        study.run(progress=False, threads=1)
-    """
-    process = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(timeout=0.7)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=5)
-    assert "KeyboardInterrupt" in err

@@ -211,3 +211,30 @@ def test_tasks_in_flight_are_bounded_and_may_come_in_any_order() -> None:
 def test_bad_runs(options: dict[str, Any], cure: str) -> None:
     with pytest.raises(mf.SpecError, match=cure):
         study().run(progress=False, **options)
+
+
+# Memory ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="kilobytes of ru_maxrss")
+@pytest.mark.parametrize("kept", ["", "directory='s', keep='samples'"])
+def test_memory_does_not_grow_with_replicates(kept: str, tmp_path: Path) -> None:
+    """The estimates of the longer study are 96 MB, which no peak shows."""
+    code = f"""
+        import resource, modfun.study_work
+        from study_cases import study
+        modfun.study_work.LARGEST = 2**20
+        for replicates in (10**5, 10**6):
+            study(estimators=["ls"], harmonics=6).run(replicates=replicates, progress=False, {kept})
+            print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    """
+    out = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    short, long = map(float, out.split())
+    assert long - short < 24, out
