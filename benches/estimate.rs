@@ -119,7 +119,8 @@ fn single(c: &mut Criterion) {
             options: common::OPTIONS,
         };
         let make = || {
-            Fitter::new(options.clone(), &[(INTERVALS + 1, Time::Even(dt))], Isa::detect()).unwrap()
+            Fitter::new(options.clone(), &[(INTERVALS + 1, Time::Even(dt))], Isa::detect().unwrap())
+                .unwrap()
         };
         let fitter = make();
         group.bench_function(name, |b| b.iter(|| fitter.fit(black_box(&record)).unwrap()));

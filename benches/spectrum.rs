@@ -1,5 +1,7 @@
 //! Time of the few-harmonic sums against their size and against the FFT.
 
+#![allow(clippy::unwrap_used)]
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use modfun::quadrature::{Hold, Rule};
 use modfun::simd::{Isa, LANES, Wide};
@@ -62,7 +64,13 @@ fn single(c: &mut Criterion) {
         let mut scratch = plan.scratch();
         group.bench_function(format!("{intervals}x{harmonics}"), |b| {
             b.iter(|| {
-                plan.run_in(Isa::detect(), black_box(&samples), &mut re, &mut im, &mut scratch)
+                plan.run_in(
+                    Isa::detect().unwrap(),
+                    black_box(&samples),
+                    &mut re,
+                    &mut im,
+                    &mut scratch,
+                )
             });
         });
     }

@@ -19,7 +19,7 @@ const PIECE: usize = 1 << 15;
 /// than they carry.
 ///
 /// # Errors
-/// [`Error::Data`] where the record is too short for at least four such lines.
+/// [`Error::Data`] where the record is too short for at least four such lines; as [`Isa::detect`].
 pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
     let intervals = samples.len().saturating_sub(1);
     let q = order.saturating_add(2);
@@ -35,7 +35,7 @@ pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
     }
     let plan = CoefficientPlan::new(piece, top, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
     let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
-    let (isa, mut scratch) = (Isa::detect(), plan.scratch());
+    let (isa, mut scratch) = (Isa::detect()?, plan.scratch());
     let mut power = 0.0;
     let pieces = intervals / piece;
     for first in (0..pieces).map(|k| k * piece) {

@@ -5,6 +5,7 @@
 //! operation here is a single IEEE operation and nothing is contracted.
 #![allow(unsafe_code)]
 
+use crate::Error;
 use plain::Plain;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -155,17 +156,33 @@ impl Isa {
         all
     }
 
-    /// The best set of this processor; `MODFUN_ISA` = avx512 | avx2 | plain restricts the choice.
-    #[must_use]
-    pub fn detect() -> Isa {
-        let limit = std::env::var("MODFUN_ISA").unwrap_or_default();
-        let skip = match limit.as_str() {
-            "avx2" => &[Isa::Avx512][..],
-            "plain" => &[Isa::Avx512, Isa::Avx2][..],
-            _ => &[][..],
+    /// The best set of this processor, or the one that `MODFUN_ISA` names: avx512, avx2 or plain.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] where there is no such set, or not on this processor.
+    pub fn detect() -> Result<Isa, Error> {
+        Isa::named(&std::env::var("MODFUN_ISA").unwrap_or_default())
+    }
+
+    fn named(name: &str) -> Result<Isa, Error> {
+        let available = Isa::available();
+        let (isa, needs) = match name {
+            "" => return Ok(available.first().copied().unwrap_or(Isa::Plain)),
+            "avx512" => (Isa::Avx512, "AVX-512 (F and DQ)"),
+            "avx2" => (Isa::Avx2, "AVX2 with FMA"),
+            "plain" => (Isa::Plain, "arrays"),
+            _ => {
+                return Err(Error::Spec(format!(
+                    "MODFUN_ISA={name:?} is not one of \"avx512\", \"avx2\", \"plain\"; unset it, and the best that the processor has is taken"
+                )));
+            }
         };
-        let best = Isa::available().into_iter().find(|isa| !skip.contains(isa));
-        best.unwrap_or(Isa::Plain)
+        match available.contains(&isa) {
+            true => Ok(isa),
+            false => Err(Error::Spec(format!(
+                "MODFUN_ISA={name}: this processor has no {needs}; unset it, and the best that it has is taken"
+            ))),
+        }
     }
 
     /// Runs a kernel compiled for this set (for `Plain` where the processor lacks it).
@@ -235,6 +252,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_set_is_named_or_refused() {
+        let available = Isa::available();
+        assert_eq!(Isa::named("").unwrap(), available[0]);
+        for (name, isa) in [("avx512", Isa::Avx512), ("avx2", Isa::Avx2), ("plain", Isa::Plain)] {
+            match Isa::named(name) {
+                Ok(found) => assert!(found == isa && available.contains(&isa), "{name}: {found:?}"),
+                Err(e) => assert!(!available.contains(&isa), "{e}"),
+            }
+        }
+        assert!(Isa::named("avx3").unwrap_err().to_string().contains("\"avx2\""));
     }
 
     #[test]

@@ -258,13 +258,13 @@ impl CoefficientPlan {
 
     /// Coefficients of one record: V(m) = `re[m]` + i·`im[m]`, m = 0…M.
     ///
-    /// Up to [`FOLDED_HARMONICS`] nothing is allocated and the bits are those of any lane of
+    /// Up to [`FOLDED_HARMONICS`] no memory is needed, and the bits are those of any lane of
     /// [`CoefficientPlan::run_lanes`].
     ///
     /// # Errors
-    /// [`Error::Data`] where a length does not fit the plan.
+    /// [`Error::Data`] where a length does not fit the plan; as [`Isa::detect`].
     pub fn run(&self, samples: &[f64], re: &mut [f64], im: &mut [f64]) -> Result<(), Error> {
-        self.run_in(Isa::detect(), samples, re, im, &mut Scratch::default())
+        self.run_in(Isa::detect()?, samples, re, im, &mut Scratch::default())
     }
 
     /// [`CoefficientPlan::run`] on a given instruction set; only above [`FOLDED_HARMONICS`] does it use scratch.

@@ -190,7 +190,8 @@ impl Fitter {
             sampling.push((*samples, time));
         }
         let inputs = o.structure.numerators.len();
-        Ok(Fitter { core: Core::new(o, &sampling, Isa::detect()).map_err(to_python)?, inputs })
+        let isa = Isa::detect().map_err(to_python)?;
+        Ok(Fitter { core: Core::new(o, &sampling, isa).map_err(to_python)?, inputs })
     }
 
     /// Fits one structure to one record, or to several as one problem: lists of (channel, time).

@@ -169,7 +169,7 @@ impl Study {
             let text = format!("numbers of a group lie outside of the shape {shape:?}");
             return Err(refused(&text));
         }
-        let plan = enter(py, None, |_| Plan::new(&laid_out, draw, Isa::detect()))?;
+        let plan = enter(py, None, |_| Plan::new(&laid_out, draw, Isa::detect()?))?;
         let quantiles = half_widths(py, &plan, &laid_out, level)?;
         Ok(Study { plan, quantiles, places, estimators, parameters })
     }

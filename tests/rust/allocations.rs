@@ -121,7 +121,7 @@ fn plan(draw: Draw) -> Plan {
         sigma: vec![0.01, 0.1],
         estimators: estimators.into(),
     };
-    Plan::new(&[group], draw, Isa::detect()).unwrap()
+    Plan::new(&[group], draw, Isa::detect().unwrap()).unwrap()
 }
 
 /// A whole study: as many allocations for 8 replicates of a chunk as for all of them.

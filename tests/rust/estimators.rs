@@ -68,7 +68,7 @@ proptest! {
     #[test]
     fn a_lane_does_not_feel_its_place_nor_its_neighbours(case in cases(), shift in 1..LANES, bad in 0..LANES) {
         let (d, block) = (case.design(omega0()), case.block());
-        let isa = Isa::detect();
+        let isa = Isa::detect().unwrap();
         let all = answers(isa, &d, &block, ALL);
 
         let mut turned = block.clone();

@@ -111,7 +111,7 @@ mod tests {
 
     /// Re V(0), Re V(1), Im V(1), … of a million records, summed to their means and second moments.
     fn moments(source: &Source, drawn: bool) -> (Vec<f64>, Vec<f64>) {
-        let isa = Isa::detect();
+        let isa = Isa::detect().unwrap();
         let (size, lines) = (2 * source.plan.harmonics() + 1, source.plan.harmonics() + 1);
         let mut normals = vec![Wide::ZERO; if drawn { size } else { INTERVALS + 1 }];
         let (mut re, mut im) = (vec![Wide::ZERO; lines], vec![Wide::ZERO; lines]);

@@ -152,7 +152,7 @@ fn million() -> Vec<f64> {
     let mut all = vec![0.0; 1_000_000];
     for (replicate, out) in all.chunks_mut(2000).enumerate() {
         let first = replicate as u64 * 8;
-        let wide = block(Isa::detect(), 11, 0, first, 250);
+        let wide = block(Isa::detect().unwrap(), 11, 0, first, 250);
         for (k, w) in wide.iter().enumerate() {
             for lane in 0..LANES {
                 out[lane * 250 + k] = w.0[lane];
@@ -244,7 +244,7 @@ fn neighbouring_streams_and_draws_are_uncorrelated() {
     };
     let stream = |seed, channel, group, purpose| {
         let mut out = vec![Wide::ZERO; count];
-        fill(Isa::detect(), seed, purpose, channel, 0, group, &mut out);
+        fill(Isa::detect().unwrap(), seed, purpose, channel, 0, group, &mut out);
         let lane = |k: usize| out.iter().map(|w| w.0[k]).collect::<Vec<f64>>();
         (0..LANES).flat_map(lane).collect::<Vec<f64>>()
     };

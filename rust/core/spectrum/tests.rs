@@ -149,7 +149,8 @@ fn a_nan_stays_in_its_lane_and_the_slow_paths_serve_lanes() {
         let mut wide: Vec<Wide> = record.iter().map(|x| Wide::splat(*x)).collect();
         wide[7].0[2] = f64::NAN;
         let (mut re, mut im) = (vec![Wide::ZERO; harmonics + 1], vec![Wide::ZERO; harmonics + 1]);
-        plan.run_lanes(Isa::detect(), &wide, &mut re, &mut im, &mut plan.scratch()).unwrap();
+        plan.run_lanes(Isa::detect().unwrap(), &wide, &mut re, &mut im, &mut plan.scratch())
+            .unwrap();
         for (m, (a, b)) in run(&plan, &record).into_iter().enumerate() {
             assert!(re[m].0[2].is_nan());
             assert_eq!((a, b), (re[m].0[5], im[m].0[5]));

@@ -121,6 +121,6 @@ pub fn answers(isa: Isa, d: &Design, block: &Block, live: [bool; LANES]) -> Vec<
 pub fn thetas(d: &Design, block: &Block) -> (Vec<Vec<f64>>, Outcome) {
     let mut w = Workspace::new(d);
     load(&mut w, d, block);
-    let outcome = estimate(Isa::detect(), d, &mut w, ALL, Start::Wls, &OPTIONS);
+    let outcome = estimate(Isa::detect().unwrap(), d, &mut w, ALL, Start::Wls, &OPTIONS);
     ((0..LANES).map(|lane| w.theta(d, lane).collect()).collect(), outcome)
 }
