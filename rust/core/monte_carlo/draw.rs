@@ -106,7 +106,7 @@ mod tests {
         let y = (0..=INTERVALS).map(|k| k as f64).collect();
         let group =
             Group { group: 3, dt: 0.1, y, u: vec![], free: vec![], sigma: vec![1.0], estimators };
-        Plan::new(&[group], Draw::Coefficients, Isa::detect()).unwrap()
+        Plan::new(&[group], Draw::Coefficients, Isa::detect().unwrap()).unwrap()
     }
 
     /// Re V(0), Re V(1), Im V(1), … of a million records, summed to their means and second moments.
