@@ -22,7 +22,7 @@ STUDY = {
 
 def main() -> None:
     """Run it; where it is killed, run it again and it goes on."""
-    here = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}  # a part takes one thread
+    here = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}  # a part takes one thread
     with Client(sys.argv[1]) if sys.argv[1:] else Client(**here) as client:
         res = mf.MonteCarlo(**STUDY).run(executor=client.get_executor(), directory="runs/dask")
     print(res)
