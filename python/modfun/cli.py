@@ -1,7 +1,7 @@
 """The `modfun` command: exit codes, and where output goes. The commands are in `commands.py`.
 
-Exit code 0 success, 1 a fit failed, 2 bad use or bad input. Data go to standard output, everything else
-to standard error.
+Exit code 0 success, 1 a fit or a study failed, 2 bad use or bad input. Data go to standard output,
+everything else to standard error.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from .errors import FitError, InternalError, ModfunError, ModfunWarning
+from .errors import DataError, ModfunError, ModfunWarning, SpecError
 
 __all__ = ["main"]
 
@@ -49,10 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             app(args=None if arguments is None else list(arguments), prog_name="modfun")
         except SystemExit as leaving:
             return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
-        except (FitError, InternalError) as error:
-            return _say(str(error), 1)
-        except ModfunError as error:
+        except (DataError, SpecError) as error:
             return _say(str(error), 2)
+        except ModfunError as error:
+            return _say(str(error), 1)
         except ImportError as error:
             if "pip install" not in str(error):  # ours say so; any other is a defect and keeps its traceback
                 raise

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from . import __version__, estimation
+from .command_output import Json, say, write_json
+from .commands_study import mc
 from .errors import SpecError
 from .records import Record
 from .results import Fit
@@ -26,6 +26,7 @@ app = typer.Typer(
 )
 reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again.")
 app.add_typer(reproduce, name="reproduce")
+app.add_typer(mc, name="mc")
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE", help="Tables with a header: .csv, .npz")]
 Outputs = Annotated[list[str] | None, typer.Option("--output", "-y", help="Column of the output.")]
@@ -39,9 +40,6 @@ Step = Annotated[
 Between = Annotated[
     list[str] | None,
     typer.Option("--intersample", help="Inputs between samples: smooth, zoh or foh; once, or one an input."),
-]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write JSON to a file, or - for standard output.")
 ]
 
 
@@ -86,7 +84,7 @@ def check(
             if json_to != "-":
                 print(f"\n{rec}\n{findings}")
         answers.append(answer)
-    _json(json_to, answers)
+    write_json(json_to, answers)
 
 
 @app.command()
@@ -140,7 +138,7 @@ def fit(
         print(result.summary())
         if usable:
             print(f"\nSimulated against measured\n{result.score()}")
-    _json(json_to, result.to_dict())
+    write_json(json_to, result.to_dict())
     if plot is not None and usable:
         _draw(result, plot)
     if not result.success:
@@ -158,7 +156,7 @@ def _report(
     reproduction = import_module("modfun.reproduction")
     answer = reproduction.report(out, many=runs, quick=quick, progress="auto")
     if json_to is not None:
-        _json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)
+        write_json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)
 
 
 # From words to objects ----------------------------------------------------------------------------
@@ -208,21 +206,6 @@ def _band(given: str | None) -> float | tuple[float, float] | None:
     return edges[0] if len(edges) == 1 else (edges[0], edges[1])
 
 
-def _json(to: str | None, value: Any) -> None:
-    if to is None:
-        return
-    text = json.dumps(value, indent=1, default=_plain)
-    if to == "-":
-        print(text)
-    else:
-        Path(to).write_text(text + "\n", encoding="utf-8")
-        print(f"modfun: wrote {to}", file=sys.stderr)
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
 def _draw(result: Fit, to: Path) -> None:
     from . import plot
     from .extras import optional
@@ -242,4 +225,4 @@ def _draw(result: Fit, to: Path) -> None:
         plot.bode(result, ax=axes[:, 1])
     figure.savefig(to, dpi=120)
     pyplot.close(figure)
-    print(f"modfun: drew {to}", file=sys.stderr)
+    say(f"drew {to}")

@@ -290,13 +290,15 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
 def study(res: Results, ax: Any = None) -> Any:
     """Draw bias and standard deviation against NSR, as the report's Fig. 2, one row a cell otherwise.
 
+    A study with one noise level is drawn over its first axis with several numbers.
+
     Both are root mean squares over the parameters in % of the true values; bars are ± 2 Monte Carlo
     standard errors, the dotted line is the Cramér–Rao bound.
 
     Parameters
     ----------
     res : Results
-        Of a study over several noise levels.
+        Of a study over several noise levels, or over an axis of numbers.
     ax : sequence of Axes, optional
         Bias and standard deviation, for each cell in turn; new ones by default.
 
@@ -304,13 +306,18 @@ def study(res: Results, ax: Any = None) -> Any:
     -------
     ndarray of Axes, shape (2 · cells,)
     """
-    if len(res.axes.get("nsr", ())) < 2:
-        raise SpecError("plot.study: the study has one noise level; give nsr a list to draw over it")
+    over = next((name for name in ("nsr", *res.axes) if _is_scale(res.axes.get(name, ()))), None)
+    if over is None:
+        raise SpecError(
+            "plot.study: the study has no axis of several numbers; give nsr a list to draw over it"
+        )
+    if not np.any(np.isfinite(res.truth)):
+        raise SpecError("plot.study: no parameter's truth is known, so that there is no bias to draw")
     figures = res.relative()
-    other = [name for name in res.axes if name not in ("nsr", "estimator", "parameter")]
+    other = [name for name in res.axes if name not in (over, "estimator", "parameter")]
     cells = list(dict.fromkeys(zip(*(figures[name].tolist() for name in other), strict=True))) or [()]
     axes = _grid(ax, len(cells), 2)
-    x = 100 * np.array(res.axes["nsr"])
+    x = np.array(res.axes[over]) * (100 if over == "nsr" else 1)
     for row, cell in enumerate(cells):
         here = np.ones(len(figures), dtype=bool)
         for name, label in zip(other, cell, strict=True):
@@ -331,10 +338,15 @@ def study(res: Results, ax: Any = None) -> Any:
             drawn.set_ylim(bottom=0.0)
             drawn.grid(True, alpha=0.3)
             if row == len(cells) - 1:
-                drawn.set_xlabel("noise-to-signal ratio (%)")
+                drawn.set_xlabel("noise-to-signal ratio (%)" if over == "nsr" else over)
     for drawn in axes[:2]:
         drawn.legend(frameon=False, fontsize="small")
     return _returned(ax, axes)
+
+
+def _is_scale(labels: Sequence[Any]) -> bool:
+    """Whether an axis has several labels, all numbers."""
+    return len(labels) > 1 and not any(isinstance(label, str) for label in labels)
 
 
 # What every plot uses -----------------------------------------------------------------------------

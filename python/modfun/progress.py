@@ -8,10 +8,16 @@ from typing import Any
 
 from .errors import SpecError
 
-__all__ = ["Progress"]
+__all__ = ["Progress", "clock"]
 
 SILENT = 2.0  # seconds: what is done by then needs no bar
 LINE_EVERY = 10.0  # seconds between the lines of a run that nobody watches
+
+
+def clock(seconds: float) -> str:
+    """A time as hours:minutes:seconds."""
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
 
 
 class Progress:
@@ -75,9 +81,8 @@ class Progress:
         made = done - (self._first or 0)
         if not self._unit or made <= 0 or seconds <= 0:
             return ""
-        left = int(seconds * max(total - done, 0) / made)
-        clock = f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02}"
-        return f", {made / seconds:.3g} {self._unit}/s, {clock} left"
+        left = clock(seconds * max(total - done, 0) / made)
+        return f", {made / seconds:.3g} {self._unit}/s, {left} left"
 
     def _open(self, total: int) -> None:
         try:

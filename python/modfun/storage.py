@@ -16,7 +16,7 @@ from .options import Options
 from .results import Fit
 from .structures import TransferFunction
 
-__all__ = ["fit_from_dict", "fit_to_dict", "load"]
+__all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
 KIND = "modfun.Fit"
 SCHEMA = 1
@@ -50,7 +50,7 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         values[name] = getattr(fit, name).tolist()
     values["lines"] = [list(pair) for pair in fit.lines]
     values["residuals"] = [{"re": e.real.tolist(), "im": e.imag.tolist()} for e in fit.pieces]
-    plain: dict[str, Any] = _told(values)
+    plain: dict[str, Any] = told(values)
     return plain
 
 
@@ -141,11 +141,12 @@ def _array(values: Any) -> NDArray[np.float64]:
     return np.array(values, dtype=float)  # "nan" and "inf" as text are understood
 
 
-def _told(value: Any) -> Any:
+def told(value: Any) -> Any:
+    """Plain values for JSON; numbers that are not finite as text."""
     if isinstance(value, dict):
-        return {key: _told(one) for key, one in value.items()}
+        return {key: told(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_told(one) for one in value]
+        return [told(one) for one in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not np.isfinite(value):

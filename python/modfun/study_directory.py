@@ -9,9 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import platform
+import shlex
+import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +25,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, ModfunWarning, SpecError
-from .study_files import SampleFile, packed, read_part, unpacked, write, write_part
+from .study_files import SampleFile, append, packed, read_part, unpacked, write, write_part
 from .study_frozen import freeze, thaw
 from .study_plan import Plan
 from .study_tally import Tally
@@ -32,7 +37,8 @@ F64 = NDArray[np.float64]
 
 KIND, SCHEMA = "modfun.study", 1
 STUDY, TRUTH, MANIFEST, PARTS, SAMPLES = "study.json", "truth.npz", "manifest.json", "parts", "samples.npy"
-OWN = {STUDY, TRUTH, MANIFEST, PARTS, SAMPLES}
+RUNS, FILE = "runs.jsonl", "study.toml"
+OWN = {STUDY, TRUTH, MANIFEST, PARTS, SAMPLES, RUNS, FILE}
 
 
 class Directory:
@@ -148,6 +154,17 @@ class Directory:
 
     # Parts -------------------------------------------------------------------------------------------
 
+    def damaged(self, left: Sequence[Part]) -> Iterator[str]:
+        """Files of missing parts that are there and are no part of this study."""
+        for part in left:
+            path = self._file(part.number)
+            if path.exists() and self._part(part.number) is None:
+                yield str(path)
+
+    def written(self, part: Part) -> float:
+        """When the file of a part was written, s since 1970."""
+        return self._file(part.number).stat().st_mtime
+
     def holds(self, part: Part) -> bool:
         """Whether this very part is there, undamaged, with its estimates if they are to be kept."""
         found = self._part(part.number)
@@ -192,6 +209,8 @@ class Directory:
             rows = other.samples.rows(part.first + part.replicates)
             tally = replace(tally, samples=rows[part.first :])
         self.save(part, tally)
+        written = other.written(part)
+        os.utime(self._file(part.number), (written, written))
         return True
 
     def sampled(self, plan: Plan) -> F64 | None:
@@ -208,6 +227,38 @@ class Directory:
 
     def _file(self, number: int) -> Path:
         return self.path / PARTS / f"{number:08d}.part"
+
+    # Who made it -------------------------------------------------------------------------------------
+
+    def note(self, **said: Any) -> None:
+        """Add a line on a run that begins: when, by which command and versions, and what is said."""
+        versions = {"modfun": _core.__version__, "python": platform.python_version(), "numpy": np.__version__}
+        begun = datetime.now(UTC).isoformat(timespec="seconds")
+        machine = f"{platform.system()} {platform.machine()}"
+        self._append(
+            {"begun": begun, "command": shlex.join(sys.argv), **said, **versions, "machine": machine}
+        )
+
+    def notes(self) -> list[dict[str, Any]]:
+        """What was noted on the runs so far; lines cut short by a crash are left out."""
+        found = []
+        path = self.path / RUNS
+        for line in path.read_text(errors="replace").splitlines() if path.exists() else []:
+            with suppress(ValueError):
+                found.append(json.loads(line))
+        return [note for note in found if isinstance(note, dict)]
+
+    def adopt(self, other: Directory) -> None:
+        """Take over what was noted on another directory's runs, and its study file if there is none here."""
+        known = self.notes()
+        for note in other.notes():
+            if note not in known:
+                self._append(note)
+        if (other.path / FILE).is_file() and not (self.path / FILE).exists():
+            write(self.path / FILE, (other.path / FILE).read_bytes())
+
+    def _append(self, note: dict[str, Any]) -> None:
+        append(self.path / RUNS, json.dumps(note).encode() + b"\n")
 
     # Description -------------------------------------------------------------------------------------
 

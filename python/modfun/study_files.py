@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .errors import ModfunError
 from .study_work import Part
 
-__all__ = ["SampleFile", "packed", "read_part", "unpacked", "write", "write_part"]
+__all__ = ["SampleFile", "append", "packed", "read_part", "unpacked", "write", "write_part"]
 
 F64 = NDArray[np.float64]
 HEADER = 128  # bytes before the numbers of a sample file, enough for any number of replicates
@@ -48,6 +48,21 @@ def write(path: Path, data: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def append(path: Path, line: bytes) -> None:
+    """Add a line to a file that several processes may write.
+
+    Raises
+    ------
+    ModfunError
+        The disk does not take it.
+    """
+    try:
+        with open(path, "ab", buffering=0) as file:
+            file.write(line)
+    except OSError as error:
+        raise _unwritten(path, error) from error
 
 
 def packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
@@ -118,7 +133,7 @@ class SampleFile:
         """Write the replicates from `first` on, through to the disk."""
         data = np.ascontiguousarray(samples, "<f8").data.cast("B")
         try:
-            with open(self.path, "r+b", buffering=0) as file:
+            with open(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666), "r+b", buffering=0) as file:
                 at = HEADER + first * self._row
                 while data:
                     done = os.pwrite(file.fileno(), data, at)

@@ -241,6 +241,21 @@ class Results:
     def _title(self) -> str:
         return f"{self.replicates} replicates, seed {self._plan.seed}"
 
+    def to_dict(self) -> dict[str, Any]:
+        """All figures as plain Python values, tables by column."""
+        return {
+            "replicates": self.replicates,
+            "seed": self._plan.seed,
+            "draw": self.draw,
+            "axes": {name: list(labels) for name, labels in self.axes.items()},
+            "table": self.table().to_dict(),
+            "relative": self.relative().to_dict(),
+            "status": {word: counts.tolist() for word, counts in self.status.items()},
+            "metrics": self.metrics.table().to_dict(),
+            "messages": self.messages.to_dict(),
+            "seconds": self.seconds,
+        }
+
     def to_pandas(self) -> Any:
         """The rows of `table` as a pandas.DataFrame (extra ``pandas``)."""
         return self.table().to_pandas()

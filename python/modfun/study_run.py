@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from contextlib import closing
 from itertools import islice
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,9 +55,12 @@ def run(
         if until is None:
             store.want(most)
             most = store.replicates
+        limits = None if until is None else {name: float(limit) for name, limit in until.items()}
+        store.note(replicates=most, until=limits, shard=None if shard is None else [int(v) for v in shard])
     samples = _room(work, most) if work.samples and store is None else None
+    wanted = most if until is None else min(size, most)  # as far as is known
     with Progress(progress, ", ".join(c.name for c in work.plan.contenders), unit="replicates") as bar:
-        workers = engine(work, executor, threads, lambda done: bar(int(done), most))
+        workers = engine(work, executor, threads, lambda done: bar(int(done), wanted))
         if shard is not None:
             assert store is not None
             own = islice(parts(size, most), *_slice(shard))
@@ -76,11 +80,14 @@ def run(
                     samples[part.first : part.first + part.replicates] = tally.samples
                 total = tally if total is None else total.merge(tally)
                 done = part.first + part.replicates
-                bar(done, most)
-                if until is not None and done >= least and _met(total, work.plan, until):
-                    break
+                if until is not None:
+                    far = _far(total, work.plan, until)
+                    if done >= least and far <= 1:
+                        break
+                    wanted = ceil(min(most, max(done + size, least, done * far * far)))
+                bar(done, wanted)
     assert total is not None
-    if until is not None and not _met(total, work.plan, until):
+    if until is not None and _far(total, work.plan, until) > 1:
         warnings.warn(
             f"run: until={dict(until)} is not reached after {done} replicates; allow more with replicates=",
             ModfunWarning,
@@ -116,17 +123,17 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
     return found
 
 
-def _met(total: Tally, plan: Plan, until: Mapping[str, float]) -> bool:
-    """Whether every figure asked for is known well enough."""
+def _far(total: Tally, plan: Plan, until: Mapping[str, float]) -> float:
+    """How many times its limit the largest error is, of all figures asked for; it falls as 1/√replicates."""
     found = total.figures(plan.truth)
+    far = 0.0
     for name, limit in until.items():
         errors = found[f"{name}_mcse"][~np.isnan(plan.truth)]
         errors = errors[~np.isnan(errors)]
         if not errors.size:
             raise SpecError(f"run: until={dict(until)!r}: this study has no {name} whose error could be seen")
-        if errors.max() > limit:
-            return False
-    return True
+        far = max(far, float(errors.max()) / limit)
+    return far
 
 
 def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directory: Any, shard: Any) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import DataError, SpecError
 from .study_directory import SAMPLES, Directory
 from .study_results import Results
 from .study_run import collected
+from .study_work import Part
 
 __all__ = ["Status", "load", "merge", "status"]
+
+LAST, FEWEST = 50, 3  # parts whose times of writing tell the pace
 
 
 @dataclass(frozen=True)
@@ -24,12 +28,22 @@ class Status:
         Parts of the replicates wanted so far, and those not there or damaged.
     replicates, done : int
         Replicates wanted so far, and those in parts that are there.
+    left : tuple of Part
+        The missing parts.
+    damaged : tuple of str
+        Files of parts that are no longer what was written.
+    rate, idle : float or None
+        Replicates a second over the parts written last, and seconds since then; None where too few tell.
     """
 
     parts: int
     missing: int
     replicates: int
     done: int
+    left: tuple[Part, ...] = field(default=(), compare=False)
+    damaged: tuple[str, ...] = ()
+    rate: float | None = field(default=None, compare=False)
+    idle: float | None = field(default=None, compare=False)
 
 
 def status(directory: str | Path) -> Status:
@@ -41,9 +55,31 @@ def status(directory: str | Path) -> Status:
         No directory of a study, or a damaged manifest.
     """
     store = Directory.read(directory)
-    missing = store.missing()
-    lost = sum(part.replicates for part in missing)
-    return Status(len(list(store.parts)), len(missing), store.replicates, store.replicates - lost)
+    left = store.missing()
+    gone = {part.number for part in left}
+    kept = [part for part in store.parts if part.number not in gone]
+    rate, idle = _pace(store, kept)
+    return Status(
+        parts=len(kept) + len(left),
+        missing=len(left),
+        replicates=store.replicates,
+        done=sum(part.replicates for part in kept),
+        left=tuple(left),
+        damaged=tuple(store.damaged(left)),
+        rate=rate,
+        idle=idle,
+    )
+
+
+def _pace(store: Directory, kept: Sequence[Part]) -> tuple[float | None, float | None]:
+    """Replicates a second over the last parts written, and seconds since the last; None where unknown."""
+    written = sorted((store.written(part), part.replicates) for part in kept)[-LAST:]
+    if not written:
+        return None, None
+    idle = max(time.time() - written[-1][0], 0.0)
+    span = written[-1][0] - written[0][0]
+    made = sum(replicates for _, replicates in written[1:])
+    return (made / span if len(written) >= FEWEST and span > 0 else None), idle
 
 
 def load(directory: str | Path) -> Results:
@@ -107,6 +143,8 @@ def merge(out: str | Path, directories: Sequence[str | Path]) -> Status:
             raise SpecError(f"merge: {str(first.path)!r} and {str(other.path)!r} hold different studies")
     target = Directory.copied(out, first, all((source.path / SAMPLES).exists() for source in sources))
     target.want(max(source.replicates for source in sources))
+    for source in sources:
+        target.adopt(source)
     for part in target.missing():
         for source in sources:
             if target.take(part, source):

@@ -51,7 +51,7 @@ def test_with_and_without_a_directory(made: tuple[Path, mf.Results]) -> None:
     place, found = made
     assert same(found, study().run(keep="samples", progress=False))
     assert sorted(f.name for f in place.iterdir()) == sorted(
-        ["study.json", "truth.npz", "manifest.json", "parts", "samples.npy"]
+        ["study.json", "truth.npz", "manifest.json", "parts", "runs.jsonl", "samples.npy"]
     )
     assert len(list((place / "parts").iterdir())) == 6
 
