@@ -14,7 +14,8 @@ max-width: 72rem; padding: 0 1.2rem; }
 h1 { font-size: 1.5rem; margin-bottom: 0; }
 h2 { font-size: 1.1rem; margin-top: 2.2rem; border-bottom: 1px solid #d5d9de; padding-bottom: .2rem; }
 .wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; margin-bottom: 1.2rem; \
+font-size: 13px; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #5a636e; padding-bottom: .3rem; }
 th, td { padding: .15rem .7rem .15rem 0; white-space: nowrap; vertical-align: top; }
 thead th { border-bottom: 1px solid #1b1f24; }

@@ -93,7 +93,7 @@ def _provenance(store: Directory) -> str:
         ("begun with", f"modfun {told['modfun']}"),
         ("report by", f"modfun {__version__}"),
     ]
-    found = html.table(["", ""], rows)
+    found = html.table([], rows)
     notes = store.notes()
     names = ["begun", "command", "replicates", "shard", "modfun", "python", "numpy", "machine"]
     runs = html.table(names, ([_word(note.get(name)) for name in names] for note in notes), title="Runs")
