@@ -308,9 +308,7 @@ def study(res: Results, ax: Any = None) -> Any:
     """
     over = next((name for name in ("nsr", *res.axes) if _is_scale(res.axes.get(name, ()))), None)
     if over is None:
-        raise SpecError(
-            "plot.study: the study has no axis of several numbers; give nsr a list to draw over it"
-        )
+        raise SpecError("plot.study: the study has one noise level and no axis of numbers; give nsr a list")
     if not np.any(np.isfinite(res.truth)):
         raise SpecError("plot.study: no parameter's truth is known, so that there is no bias to draw")
     figures = res.relative()

@@ -348,7 +348,7 @@ def test_a_report_without_an_axis_of_numbers_says_why_there_is_no_figure() -> No
     assert run("run", "study.toml", "--out", "a", "--replicates", "10") == 0
     assert run("report", "a", "--out", "r.html") == 0
     text = Path("r.html").read_text(encoding="utf-8")
-    assert "no axis of several numbers" in text
+    assert "one noise level and no axis of numbers" in text
     assert "<svg" not in text
 
 

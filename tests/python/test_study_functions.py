@@ -203,10 +203,13 @@ def test_functions_without_a_structure_are_named_by_the_truth() -> None:
     assert single._repr_html_().startswith("<table>")
 
 
-def test_draws_of_a_plot_need_a_noise_axis() -> None:
+def test_a_plot_is_over_the_noise_or_the_first_axis_of_numbers() -> None:
     pytest.importorskip("matplotlib").use("Agg")
-    with pytest.raises(mf.SpecError, match="nsr"):
-        generated(replicates=5).run(progress=False).plot()
+    over = generated(replicates=5).run(progress=False).plot()
+    assert [axes.get_xlabel() for axes in over] == ["df", "df"]
+    np.testing.assert_array_equal(over[0].lines[0].get_xdata(), [3, 30])
+    with pytest.raises(mf.SpecError, match="truth"):
+        generated(truth=None, replicates=5).run(progress=False).plot()
     axes = generated(generate=kit.by_hand, grid={"nsr": [0.1, 0.3]}, replicates=5).run(progress=False).plot()
     assert len(axes) == 2
 
