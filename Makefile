@@ -33,10 +33,10 @@ format: .venv/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-## modfun against its rivals into docs/benchmarks.md, the growth of costs into docs/performance.md.
-## Stages of the core alone: cargo bench.
+## modfun against its rivals into docs/benchmarks.md; stages and growth of costs into docs/performance.md.
 bench: .venv/bench
 	$(BIN)/python benches/compare/bench.py
+	$(BIN)/python benches/compare/stages.py
 	$(BIN)/python benches/compare/growth.py
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.

@@ -5,7 +5,6 @@
 
 import argparse
 import os
-import re
 import sys
 import warnings
 from dataclasses import dataclass, replace
@@ -16,8 +15,8 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 import modfun as mf
 import numpy as np
 from measure import Contestant, compete, machine
+from section import PAGE, write
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "performance.md"
 HEADING = "## How cost grows"
 DURATION, NSR = 10.0, 0.05
 FACTORS = [(1, 1.6, 4), (1, 3), (1, 4, 25), (1, 5)]  # of denominators: poles at 2, 3, 5 and 5 rad/s
@@ -115,16 +114,8 @@ def main() -> int:
         text.append("")
     section = "\n".join(text)
     print(section)
-    given.out.write_text(placed(section, given.out.read_text() if given.out.exists() else "# Performance\n"))
+    write(given.out, HEADING, section)
     return 0
-
-
-def placed(section: str, page: str) -> str:
-    """The page with this section instead of the one of the same heading, or at its end."""
-    old = re.compile(rf"^{re.escape(HEADING)}\n.*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
-    if old.search(page):
-        return old.sub(lambda _: section + "\n", page).rstrip("\n") + "\n"
-    return f"{page.rstrip()}\n\n{section.rstrip()}\n"
 
 
 if __name__ == "__main__":

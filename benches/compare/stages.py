@@ -1,0 +1,94 @@
+"""Where a replicate's time goes, beside what the processor could do, into docs/performance.md.
+
+`make bench` calls it; the times are those of `cargo bench`, which it runs.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import contestants
+import setting as s
+from measure import compete, machine
+from section import PAGE, write
+
+ROOT = Path(__file__).resolve().parents[2]
+HEADING = "## Where a replicate's time goes"
+TEXT = """
+Written by `make bench` from one run; do not edit. The report's eq. (24) as in docs/benchmarks.md: 257
+normals, coefficients on {lines} lines, start and {steps} reweightings of {sums} weighted sums and a 5 × 5
+system each. Times are minima of `cargo bench`, of one replicate out of eight that travel together. "At the
+peak" is the time of the multiplications and multiply-adds that a stage cannot do without, at the rate that
+this core reaches in registers with nothing else to do ({peak:.1f} a nanosecond).
+
+{machine}
+"""
+
+
+def times(build: list[str], pattern: str) -> dict[str, float]:
+    """Minima in ns an element, by the names of the benches that match."""
+    subprocess.run([*build, "--", pattern], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    described = json.loads(
+        subprocess.run(
+            ["cargo", "metadata", "--no-deps", "--format-version=1"],
+            cwd=ROOT,
+            check=True,
+            capture_output=True,
+        ).stdout
+    )
+    found = {}
+    for path in Path(described["target_directory"], "criterion").glob("**/new/benchmark.json"):
+        told = json.loads(path.read_text())
+        elements = (told["throughput"] or {}).get("Elements", 1)
+        sample = json.loads(path.with_name("sample.json").read_text())
+        each = (time / count for time, count in zip(sample["times"], sample["iters"], strict=True))
+        found[told["full_id"]] = min(each) / elements
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
+    given = parser.parse_args()
+    said = machine()
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    build = [
+        "cargo",
+        "bench",
+        "--quiet",
+        *(f"--bench={name}" for name in ("rng", "spectrum", "estimate", "peak")),
+    ]
+    ns = times(build, "normals 257|trapezoid.*256x8|awls, 5 steps|estimate/.*wls$|multiply-adds")
+    isa = "Avx512" if "normals 257/Avx512" in ns else "Avx2"
+    peak = 1 / ns[f"multiply-adds/{isa}"]
+    lines, sums, unknowns = s.LINES, 15, 5
+    step = lines * (sums + 4) + unknowns * (unknowns + 1) * (unknowns + 2) // 6 + unknowns**2
+    start = ns[f"estimate/{isa} wls"]
+    study = contestants.modfun_runs()["samples"]
+    compete([study], 20, 10.0)
+    parts = [
+        # 27 a pair: 7 of the logarithm, 1 of the angle, 16 of sine and cosine, 3 to scale.
+        ("normals", ns[f"normals 257/{isa}"], 27 * 129),
+        ("their coefficients", ns[f"sums of eight records/{isa} trapezoid/256x8"], 65 * (2 * lines - 1)),
+        ("products, `wls`", start, sums * lines * 2),
+        (f"{s.STEPS} reweightings", ns[f"estimate/{isa} awls, 5 steps"] - start, s.STEPS * step),
+    ]
+    told = sum(time for _, time, _ in parts)
+    rest = study.best - told
+    text = [HEADING, TEXT.format(lines=lines, steps=s.STEPS, sums=sums, peak=peak, machine=said)]
+    text += ["| stage | ns | share | at the peak, ns |", "|---|---:|---:|---:|"]
+    for name, time, work in parts:
+        text.append(f"| {name} | {time:.0f} | {time / study.best:.0%} | {work / peak:.0f} |")
+    text.append(f"| noise added, errors counted, the call | {rest:.0f} | {rest / study.best:.0%} | |")
+    text.append(f"| a replicate of a study | {study.best:.0f} | 100% | |")
+    section = "\n".join(text)
+    print(section)
+    write(given.out, HEADING, section)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
