@@ -76,3 +76,11 @@ def dies(rec: mf.Record, rng: np.random.Generator) -> list[float]:
 def backwards(function: Any, items: Iterable[Any]) -> Iterator[Any]:
     """A map-like function that gives the last result first."""
     return map(function, reversed(list(items)))
+
+
+def dies_once(rec: mf.Record, rng: np.random.Generator) -> list[float]:
+    """Takes its process with it, unless that has happened in this folder."""
+    if rec.y[0, -1] > 0 and not Path("dead").exists():
+        Path("dead").touch()
+        os._exit(1)
+    return [1.0, float(rec.y[0, -1])]

@@ -14,7 +14,7 @@ from typing import Any
 import modfun as mf
 import numpy as np
 import pytest
-from study_cases import backwards, dies, mine, part_size, same, small_parts, study
+from study_cases import backwards, dies, dies_once, mine, part_size, same, small_parts, study
 
 SPAWN, FORK = (multiprocessing.get_context(kind) for kind in ("spawn", "fork"))
 
@@ -186,6 +186,19 @@ def test_a_worker_that_dies(context: Any) -> None:
         pytest.raises(mf.ModfunError, match=r"BrokenProcessPool.*are kept if directory= was given"),
     ):
         made.run(executor=pool, progress=False)
+
+
+def test_a_run_goes_on_after_a_worker_died(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    made = study(system=mf.tf([1], [1, 1]), estimators={"x": dies_once}, replicates=300, nsr=0.1)
+    with (
+        ProcessPoolExecutor(2, mp_context=FORK) as pool,
+        pytest.raises(mf.ModfunError, match="BrokenProcessPool"),
+    ):
+        made.run(executor=pool, directory="s", progress=False)
+    with ProcessPoolExecutor(2, mp_context=FORK) as pool:
+        found = made.run(executor=pool, directory="s", progress=False)
+    assert same(found, made.run(progress=False))
 
 
 class Counting(Executor):

@@ -24,6 +24,15 @@ def test_the_core_works_after_a_panic():
     assert _core.normals(1, "noise_y", 0, 0, 0, 3).shape == (3,)
 
 
+@pytest.fixture
+def heard():
+    """SIGINT raises, also where a shell's background job ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_stops_the_workers():
     started = time.monotonic()
     timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
