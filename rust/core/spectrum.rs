@@ -9,8 +9,7 @@ mod tables;
 
 use std::sync::Arc;
 
-use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
+use modfun_fft::{Complex, RealToComplex};
 
 use crate::Error;
 use crate::math::{root_of_unity, sin_cos_turns_1};
@@ -169,7 +168,7 @@ impl CoefficientPlan {
         plan.sums = if harmonics <= FOLDED_HARMONICS {
             Sums::Folded(FoldedSums::new(weights, harmonics))
         } else {
-            let transform = RealFftPlanner::new().plan_fft_forward(intervals);
+            let transform = modfun_fft::forward(intervals);
             Sums::Fft { weights, transform }
         };
         Ok(plan)

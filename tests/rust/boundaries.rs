@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// A module of the core and the modules it may name. Whoever adds a module puts it here: after all it names.
 const TABLE: &[(&str, &[&str])] = &[
     ("error", &[]),
-    ("simd", &[]),
+    ("simd", &["error"]),
     ("math", &["simd"]),
     ("threads", &["error"]),
     ("structure", &["error"]),
@@ -64,8 +64,9 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("dbg", &[], "the core does not print"),
     ("log", &[], "the core does not log"),
     ("faer", &["linalg/dense.rs"], "dense factorisations live in linalg/dense.rs"),
-    ("realfft", &["spectrum.rs", "spectrum/fft.rs"], "transforms live in spectrum"),
-    ("rustfft", &["spectrum.rs", "spectrum/fft.rs"], "transforms live in spectrum"),
+    ("modfun_fft", &["spectrum.rs"], "transforms live in spectrum"),
+    ("realfft", &[], "its instances are compiled in rust/fft, once"),
+    ("rustfft", &[], "its instances are compiled in rust/fft, once"),
     ("rayon", &[], "no thread pool"),
     ("thread", &["threads.rs"], "threads are started in threads.rs"),
     ("thread_local", &["threads.rs"], "no hidden state"),
