@@ -18,12 +18,12 @@ impl Kernel for Chains<'_> {
         let mut sums = [L::splat(0.0); CHAINS];
         let (x, y) = (L::load(&self.0[0]), L::load(&self.0[1]));
         for _ in 0..LENGTH {
-            for k in 0..CHAINS {
-                sums[k] = sums[k].mul_add(x, y);
+            for sum in &mut sums {
+                *sum = sum.mul_add(x, y);
             }
         }
-        for k in 0..CHAINS {
-            sums[k].store(&mut self.1[k]);
+        for (sum, to) in sums.into_iter().zip(&mut *self.1) {
+            sum.store(to);
         }
     }
 }
