@@ -118,7 +118,7 @@ def status(directory: Place, json_to: Json = None) -> None:
         print(_shares(directory, found))
         print(_words(found))
     write_json(json_to, _told(directory, found))
-    if found.missing or not found.done:
+    if not found.complete:
         raise typer.Exit(1)
 
 
@@ -150,11 +150,9 @@ def replicate(
 ) -> None:
     """Make one replicate again from its address and show its fits; functions are looked for here, too."""
     _here()
-    results = study_shards.load(directory)
-    where = {
-        name: _label(results.axes.get(name, ()), text) for name, text in _pairs("--cell", cell or []).items()
-    }
-    rec, fits = results.replicate(number, **where)
+    axes = {axis.name: axis.labels for axis in Directory.read(directory).study()[0].axes}
+    where = {name: _label(axes.get(name, ()), text) for name, text in _pairs("--cell", cell or []).items()}
+    rec, fits = study_shards.replicate(directory, number, where)
     if csv is not None:
         columns = {"t": rec.t} | dict(zip((*rec.outputs, *rec.inputs), (*rec.y, *rec.u), strict=True))
         np.savetxt(csv, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",", comments="",
@@ -276,8 +274,11 @@ def _shares(directory: Path, found: Status) -> Table:
 
 def _words(found: Status) -> str:
     """How far a study is, and for how long it will go on."""
-    if not found.missing:
+    if found.complete:
         return f"complete: {found.done:,} replicates in {found.parts} parts"
+    if found.until is not None:
+        limits = ", ".join(f"{name}={limit:g}" for name, limit in found.until.items())
+        return f"{found.done:,} replicates are there; --until {limits} is not reached"
     said = [
         f"{found.done:,} of {found.replicates:,} replicates are there; {found.missing} of {found.parts} "
         "parts are missing"
@@ -294,8 +295,8 @@ def _words(found: Status) -> str:
 
 
 def _told(directory: Path, found: Status) -> dict[str, Any]:
-    names = ("parts", "missing", "replicates", "done", "damaged", "rate", "idle")
-    told = {"complete": not found.missing} | {name: getattr(found, name) for name in names}
+    names = ("complete", "parts", "missing", "replicates", "done", "damaged", "rate", "idle", "until")
+    told = {name: getattr(found, name) for name in names}
     return told | {"shards": _shares(directory, found).to_dict()}
 
 

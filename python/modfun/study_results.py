@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -14,16 +13,15 @@ from numpy.typing import NDArray
 
 from . import plot
 from .bounds import crlb
-from .errors import DataError, ModfunWarning, SpecError
+from .errors import DataError, SpecError
 from .extras import optional
 from .records import Record
 from .study_axes import Axis
-from .study_functions import Failed
 from .study_groups import Group
 from .study_metrics import Metric, Metrics
 from .study_plan import Plan
 from .study_tally import STATUS, USED, Tally
-from .tables import Table, nearest
+from .tables import Table
 
 __all__ = ["Results"]
 
@@ -311,38 +309,9 @@ class Results:
         DataError
             A function of yours made no record in this replicate; its own exception is the cause.
         """
-        from .study_called import estimate
+        from .study_replicate import replicate
 
-        plan = self._plan
-        if self.draw == "coefficients":
-            raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
-                            "draw='samples'")  # fmt: skip
-        if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise SpecError(
-                f"replicate: {number!r} is no number of a replicate; give 0 to {self.replicates - 1}"
-            )
-        if not 0 <= number < self.replicates:
-            raise SpecError(f"replicate: {number} is outside of 0 to {self.replicates - 1}")
-        known = [a.name for a in plan.axes]
-        for name in cell:
-            if name not in known:
-                raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")
-        at = [_position(a, cell) for a in plan.axes]
-        group = plan.groups[int(np.ravel_multi_index(at[:-1], [len(a.labels) for a in plan.axes[:-1]]))]
-        sigma = float(plan.sigma(group)[at[-1]])
-        fits: dict[str, Any] = {}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModfunWarning)
-            try:
-                rec = group.records(plan.seed, int(number), [sigma])[0]
-            except Failed as failed:
-                raise DataError(f"replicate: {number} has no record: {failed}") from failed.__cause__
-            for c in plan.contenders:
-                try:
-                    fits[c.name] = estimate(plan, c, group, rec, int(number))
-                except Failed as failed:
-                    fits[c.name] = failed.__cause__
-        return rec, fits
+        return replicate(self._plan, self.draw, self.replicates, number, cell)
 
     # Looks -----------------------------------------------------------------------------------------
 
@@ -358,15 +327,6 @@ class Results:
 
     def _shown(self) -> Table:
         return self.relative() if np.any(np.isfinite(self.truth)) else self.table()
-
-
-def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
-    if axis.name not in cell:
-        if len(axis.labels) == 1:
-            return 0
-        labels = ", ".join(map(repr, axis.labels))
-        raise SpecError(f"replicate: which {axis.name}? Give {axis.name}= one of {labels}")
-    return axis.index(cell[axis.name])
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

@@ -25,7 +25,7 @@ from .study_work import Work, parts
 if TYPE_CHECKING:
     from .study_directory import Directory
 
-__all__ = ["collected", "run"]
+__all__ = ["collected", "far_from", "run", "summed"]
 
 F64 = NDArray[np.float64]
 FIGURES = ("bias", "sd", "rmse", "median", "coverage")
@@ -81,32 +81,39 @@ def run(
                 total = tally if total is None else total.merge(tally)
                 done = part.first + part.replicates
                 if until is not None:
-                    far = _far(total, work.plan, until)
+                    if store is not None:
+                        store.want(done)
+                    far = far_from(total, work.plan, until)
                     if done >= least and far <= 1:
                         break
                     wanted = ceil(min(most, max(done + size, least, done * far * far)))
                 bar(done, wanted)
     assert total is not None
-    if until is not None and _far(total, work.plan, until) > 1:
+    if until is not None and far_from(total, work.plan, until) > 1:
         warnings.warn(
             f"run: until={dict(until)} is not reached after {done} replicates; allow more with replicates=",
             ModfunWarning,
             stacklevel=3,
         )
     if store is not None:
-        store.want(done)
         samples = store.sampled(work.plan) if work.samples else None
     return _results(work.plan, work.draw, total, done, samples)
 
 
 def collected(store: Directory, plan: Plan, draw: str, samples: bool) -> Results:
     """Results of a directory whose parts are all there."""
+    kept = store.sampled(plan) if samples else None
+    return _results(plan, draw, summed(store), store.replicates, kept)
+
+
+def summed(store: Directory) -> Tally:
+    """Sums over all parts of a directory, which are all there."""
     total: Tally | None = None
     for _, tally in tallies(store.parts, None, store):
         total = tally if total is None else total.merge(tally)
     if total is None:
         raise SpecError(f"{str(store.path)!r} holds no replicates yet; run the study with this directory=")
-    return _results(plan, draw, total, store.replicates, store.sampled(plan) if samples else None)
+    return total
 
 
 def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 | None) -> Results:
@@ -123,7 +130,7 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
     return found
 
 
-def _far(total: Tally, plan: Plan, until: Mapping[str, float]) -> float:
+def far_from(total: Tally, plan: Plan, until: Mapping[str, float]) -> float:
     """How many times its limit the largest error is, of all figures asked for; it falls as 1/√replicates."""
     found = total.figures(plan.truth)
     far = 0.0

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from .errors import DataError, SpecError
+from .records import Record
 from .study_directory import SAMPLES, Directory
+from .study_replicate import replicate as made_again
 from .study_results import Results
-from .study_run import collected
+from .study_run import collected, far_from, summed
 from .study_work import Part
 
-__all__ = ["Status", "load", "merge", "status"]
+__all__ = ["Status", "load", "merge", "replicate", "status"]
 
 LAST, FEWEST = 50, 3  # parts whose times of writing tell the pace
 
@@ -34,6 +37,8 @@ class Status:
         Files of parts that are no longer what was written.
     rate, idle : float or None
         Replicates a second over the parts written last, and seconds since then; None where too few tell.
+    until : dict of str to float, or None
+        Monte Carlo errors that the last run was to reach, if all parts are there and they are not reached.
     """
 
     parts: int
@@ -44,6 +49,12 @@ class Status:
     damaged: tuple[str, ...] = ()
     rate: float | None = field(default=None, compare=False)
     idle: float | None = field(default=None, compare=False)
+    until: dict[str, float] | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to be done."""
+        return self.done == self.replicates > 0 and self.until is None
 
 
 def status(directory: str | Path) -> Status:
@@ -68,7 +79,14 @@ def status(directory: str | Path) -> Status:
         damaged=tuple(store.damaged(left)),
         rate=rate,
         idle=idle,
+        until=_unreached(store) if kept and not left else None,
     )
+
+
+def _unreached(store: Directory) -> dict[str, float] | None:
+    """The limits of the last run's `until`, where one is not reached."""
+    limits: dict[str, float] | None = next((note.get("until") for note in reversed(store.notes())), None)
+    return limits if limits and far_from(summed(store), store.study()[0], limits) > 1 else None
 
 
 def _pace(store: Directory, kept: Sequence[Part]) -> tuple[float | None, float | None]:
@@ -110,6 +128,13 @@ def load(directory: str | Path) -> Results:
         )
     plan, draw = store.study()
     return collected(store, plan, draw, samples=True)
+
+
+def replicate(directory: str | Path, number: int, cell: Mapping[str, Any]) -> tuple[Record, dict[str, Any]]:
+    """A replicate of the study in a directory, as `Results.replicate`, whether its part is there or not."""
+    store = Directory.read(directory)
+    plan, draw = store.study()
+    return made_again(plan, draw, store.replicates, number, cell)
 
 
 def merge(out: str | Path, directories: Sequence[str | Path]) -> Status:

@@ -19,6 +19,7 @@ import pytest
 from study_cases import same, small_parts
 
 pytest.importorskip("typer")
+from modfun import study_run
 from modfun.cli import main
 from modfun.progress import clock
 
@@ -239,6 +240,30 @@ def test_status_names_damaged_parts_and_the_pace(capsys: pytest.CaptureFixture[s
     assert run("status", "a") == 0
 
 
+def test_status_of_a_run_that_was_killed_on_its_way_to_a_limit(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    looked = study_run.far_from
+    looks = iter(range(100))
+
+    def third_look(*given: Any) -> float:
+        if next(looks) == 2:
+            raise KeyboardInterrupt
+        return looked(*given)
+
+    words = ["run", "study.toml", "--out", "a", "--until", "bias=0.003"]
+    with monkeypatch.context() as patch:
+        patch.setattr(study_run, "far_from", third_look)
+        assert run(*words) == 130
+    assert run("status", "a") == 1
+    assert "1,536 replicates are there; --until bias=0.003 is not reached" in capsys.readouterr().out
+    assert run(*words) == 0
+    assert run("status", "a") == 0
+    unbroken = python().run(until={"bias": 0.003}, progress=False)
+    assert unbroken.replicates > 1536
+    assert same(mf.load("a"), unbroken)
+
+
 def test_clock() -> None:
     assert clock(3725.9) == "1:02:05"
 
@@ -262,6 +287,15 @@ def test_a_replicate_made_again(results: mf.Results, capsys: pytest.CaptureFixtu
     assert run("replicate", "a", "99", *cell, "--json", "-") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["ml"]["params"] == fits["ml"].params.tolist()
+
+
+def test_a_replicate_of_a_study_that_is_not_complete(
+    results: mf.Results, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("run", "study.toml", "--out", "a", "--shard", "1/2") == 0
+    assert run("replicate", "a", "99", "--cell", "system=two", "--cell", "nsr=0.4", "--json", "-") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ml"]["params"] == results.replicate(99, system="two", nsr=0.4)[1]["ml"].params.tolist()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,61 @@
+"""One replicate of a study, made again from its address."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .errors import DataError, ModfunWarning, SpecError
+from .records import Record
+from .study_axes import Axis
+from .study_called import estimate
+from .study_functions import Failed
+from .study_plan import Plan
+from .tables import nearest
+
+__all__ = ["replicate"]
+
+
+def replicate(
+    plan: Plan, draw: str, replicates: int, number: int, cell: Mapping[str, Any]
+) -> tuple[Record, dict[str, Any]]:
+    """Record and fits of a replicate in a cell of a study; see `Results.replicate`."""
+    if draw == "coefficients":
+        raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
+                        "draw='samples'")  # fmt: skip
+    if isinstance(number, bool) or not isinstance(number, int | np.integer):
+        raise SpecError(f"replicate: {number!r} is no number of a replicate; give 0 to {replicates - 1}")
+    if not 0 <= number < replicates:
+        raise SpecError(f"replicate: {number} is outside of 0 to {replicates - 1}")
+    known = [a.name for a in plan.axes]
+    for name in cell:
+        if name not in known:
+            raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")
+    at = [_position(a, cell) for a in plan.axes]
+    group = plan.groups[int(np.ravel_multi_index(at[:-1], [len(a.labels) for a in plan.axes[:-1]]))]
+    sigma = float(plan.sigma(group)[at[-1]])
+    fits: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModfunWarning)
+        try:
+            rec = group.records(plan.seed, int(number), [sigma])[0]
+        except Failed as failed:
+            raise DataError(f"replicate: {number} has no record: {failed}") from failed.__cause__
+        for c in plan.contenders:
+            try:
+                fits[c.name] = estimate(plan, c, group, rec, int(number))
+            except Failed as failed:
+                fits[c.name] = failed.__cause__
+    return rec, fits
+
+
+def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
+    if axis.name not in cell:
+        if len(axis.labels) == 1:
+            return 0
+        labels = ", ".join(map(repr, axis.labels))
+        raise SpecError(f"replicate: which {axis.name}? Give {axis.name}= one of {labels}")
+    return axis.index(cell[axis.name])
