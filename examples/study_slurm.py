@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import modfun as mf
-from modfun.study_shards import merge
+from modfun.study.shards import merge
 
 STUDY = {
     "system": mf.tf([5], [1, 3, 8]),

@@ -13,15 +13,15 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from . import study_file, study_shards
 from .command_output import Json, say, write_json
 from .errors import SpecError
 from .progress import clock
 from .results import Fit
-from .study_directory import FILE, Directory
-from .study_files import write
-from .study_results import Results
-from .study_shards import Status
+from .study import shards, toml_file
+from .study.directory import FILE, Directory
+from .study.files import write
+from .study.results import Results
+from .study.shards import Status
 from .tables import Table
 
 __all__ = ["mc"]
@@ -53,7 +53,7 @@ def init(file: StudyFile = Path("study.toml")) -> None:
     """Write a small study with comments, to start from; it runs as it is."""
     try:
         with open(file, "x", encoding="utf-8") as new:
-            new.write(study_file.EXAMPLE)
+            new.write(toml_file.EXAMPLE)
     except FileExistsError:
         raise SpecError(
             f"mc init: {str(file)!r} is there already and stays as it is; name another file"
@@ -94,7 +94,7 @@ def run(
     limits = (
         None if not until else {name: _number(name, text) for name, text in _pairs("--until", until).items()}
     )
-    study = study_file.load(file)
+    study = toml_file.load(file)
     try:
         found = study.run(
             directory=out, shard=share, replicates=replicates, until=limits, threads=threads, keep=keep.value,
@@ -105,7 +105,7 @@ def run(
         raise typer.Exit(130) from None
     write(out / FILE, file.read_bytes())
     if found is None:
-        write_json(json_to, _told(out, study_shards.status(out)))
+        write_json(json_to, _told(out, shards.status(out)))
     else:
         _show(found, json_to)
 
@@ -113,7 +113,7 @@ def run(
 @mc.command()
 def status(directory: Place, json_to: Json = None) -> None:
     """Say how far a study is; every part is checked. Exit code 0 if it is complete, else 1."""
-    found = study_shards.status(directory)
+    found = shards.status(directory)
     if json_to != "-":
         print(_shares(directory, found))
         print(_words(found))
@@ -129,12 +129,12 @@ def merge(
     json_to: Json = None,
 ) -> None:
     """Bring the parts of several directories of one study together. Exit code 1 while parts are missing."""
-    found = study_shards.merge(out, directories)
+    found = shards.merge(out, directories)
     if found.missing:
         say(_words(found))
         write_json(json_to, _told(out, found))
         raise typer.Exit(1)
-    _show(study_shards.load(out), json_to)
+    _show(shards.load(out), json_to)
 
 
 @mc.command()
@@ -152,7 +152,7 @@ def replicate(
     _here()
     axes = {axis.name: axis.labels for axis in Directory.read(directory).study()[0].axes}
     where = {name: _label(axes.get(name, ()), text) for name, text in _pairs("--cell", cell or []).items()}
-    rec, fits = study_shards.replicate(directory, number, where)
+    rec, fits = shards.replicate(directory, number, where)
     if csv is not None:
         columns = {"t": rec.t} | dict(zip((*rec.outputs, *rec.inputs), (*rec.y, *rec.u), strict=True))
         np.savetxt(csv, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",", comments="",
@@ -172,10 +172,10 @@ def report(
     json_to: Json = None,
 ) -> None:
     """Write tables, figure, failures and provenance of a study as one HTML page."""
-    from . import study_report
+    from .study import report
 
-    results = study_shards.load(directory)
-    out.write_text(study_report.page(directory, results), encoding="utf-8")
+    results = shards.load(directory)
+    out.write_text(report.page(directory, results), encoding="utf-8")
     say(f"wrote {out}")
     write_json(json_to, results.to_dict())
 

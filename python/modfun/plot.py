@@ -13,7 +13,7 @@ from .extras import optional
 if TYPE_CHECKING:
     from .records import Record, Spectrum
     from .results import Fit
-    from .study_results import Results
+    from .study.results import Results
 
 __all__ = ["bode", "poles", "record", "residuals", "response", "spectrum", "study"]
 

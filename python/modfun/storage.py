@@ -115,7 +115,7 @@ def load(path: str | Path) -> Any:
     """
     place = Path(path)
     if place.is_dir():
-        from .study_shards import load
+        from .study.shards import load
 
         return load(place)
     if not place.is_file():

@@ -13,12 +13,12 @@ from .estimation import _threads
 from .options import Options
 from .records import Record
 from .structures import TransferFunction
-from .study_axes import Axis, axis, levels
-from .study_contenders import Contender, contenders
-from .study_generated import Generated, cells, grid_axes
-from .study_groups import Group, groups
-from .study_plan import Plan
-from .study_results import Results
+from .study.axes import Axis, axis, levels
+from .study.contenders import Contender, contenders
+from .study.generated import Generated, cells, grid_axes
+from .study.groups import Group, groups
+from .study.plan import Plan
+from .study.results import Results
 from .tables import nearest
 
 __all__ = ["MonteCarlo", "Results"]
@@ -248,8 +248,8 @@ class MonteCarlo:
         ModfunError
             A worker that died, a file that cannot be written: what is in the directory is kept.
         """
-        from .study_run import run  # what runs a study is not needed to import modfun
-        from .study_work import Work
+        from .study.run import run  # what runs a study is not needed to import modfun
+        from .study.work import Work
 
         for name, value, words in (
             ("keep", keep, ("summary", "samples")), ("draw", draw, ("samples", "coefficients")),

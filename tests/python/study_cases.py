@@ -10,7 +10,7 @@ from typing import Any
 
 import modfun as mf
 import numpy as np
-from modfun.study_work import CHUNK, Work
+from modfun.study.work import CHUNK, Work
 
 FIGURES = (
     "bias", "bias_mcse", "sd", "sd_mcse", "rmse", "rmse_mcse", "median", "median_mcse", "coverage",
@@ -32,7 +32,7 @@ def study(**changes: Any) -> mf.MonteCarlo:
 
 def small_parts(monkeypatch: Any) -> None:
     """Parts of one chunk, so that short studies have several."""
-    monkeypatch.setattr("modfun.study_work.PART", 1.0)
+    monkeypatch.setattr("modfun.study.work.PART", 1.0)
 
 
 def same(one: mf.Results, two: mf.Results) -> bool:

@@ -19,9 +19,9 @@ import pytest
 from study_cases import same, small_parts
 
 pytest.importorskip("typer")
-from modfun import study_run
 from modfun.cli import main
 from modfun.progress import clock
+from modfun.study import run as study_run
 
 STUDY = """
 input = "sin(t**2/5)"

@@ -16,8 +16,8 @@ from typing import Any
 import modfun as mf
 import numpy as np
 import pytest
-from modfun import study_shards
-from modfun.study_work import Work
+from modfun.study import shards
+from modfun.study.work import Work
 from study_cases import made_parts, mine, same, small_parts, study, wait_for
 
 
@@ -91,10 +91,10 @@ def test_more_replicates_later(tmp_path: Path) -> None:
 
 SCRIPT = """
     import signal, sys
-    import modfun as mf, modfun.study_work
+    import modfun as mf, modfun.study.work
     from study_cases import study
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
-    modfun.study_work.PART = 1.0
+    modfun.study.work.PART = 1.0
     print("ready", flush=True)
     study(replicates={replicates}).run(directory=sys.argv[1], progress=False, threads={threads}{more})
     print("done", flush=True)
@@ -146,7 +146,7 @@ def test_ctrl_c_stops_at_once_and_leaves_what_is_made(tmp_path: Path, executor: 
             os.killpg(process.pid, signal.SIGKILL)
     assert "KeyboardInterrupt" in err
     assert process.returncode != 0
-    left = study_shards.status(tmp_path)
+    left = shards.status(tmp_path)
     assert 3 * 512 <= left.done < replicates
     assert not [f for f in tmp_path.rglob(".*")]
     made = study(replicates=replicates)
@@ -171,7 +171,7 @@ def test_shards_in_one_directory(
 ) -> None:
     assert study().run(directory=tmp_path, shard=(1, 3), keep="samples") is None
     assert "shard 1 of 3 is done; 4 parts of others are missing" in capfd.readouterr().err
-    assert study_shards.status(tmp_path) == study_shards.Status(6, 4, 2660, 1024)
+    assert shards.status(tmp_path) == shards.Status(6, 4, 2660, 1024)
     with pytest.raises(mf.DataError, match="4 of 6 parts"):
         mf.load(tmp_path)
     assert study().run(directory=tmp_path, shard=(2, 3), keep="samples", progress=False) is None
@@ -184,19 +184,19 @@ def test_directories_of_shards_merged(made: tuple[Path, mf.Results], tmp_path: P
     places = [tmp_path / str(k) for k in range(3)]
     for k, place in enumerate(places):
         study().run(directory=place, shard=(k, 3), keep="samples", progress=False)
-    assert study_shards.merge(tmp_path / "some", places[:2]).missing == 2
-    assert study_shards.merge(tmp_path / "all", places) == study_shards.Status(6, 0, 2660, 2660)
+    assert shards.merge(tmp_path / "some", places[:2]).missing == 2
+    assert shards.merge(tmp_path / "all", places) == shards.Status(6, 0, 2660, 2660)
     assert same(mf.load(tmp_path / "all"), made[1])
-    study_shards.merge(tmp_path / "some", places[2:])
+    shards.merge(tmp_path / "some", places[2:])
     assert same(mf.load(tmp_path / "some"), made[1])
     other = study(seed=4, replicates=10)
     other.run(directory=tmp_path / "other", progress=False)
     with pytest.raises(mf.SpecError, match="different studies"):
-        study_shards.merge(tmp_path / "new", [places[0], tmp_path / "other"])
+        shards.merge(tmp_path / "new", [places[0], tmp_path / "other"])
     with pytest.raises(mf.SpecError, match="no directories"):
-        study_shards.merge(tmp_path / "new", [])
+        shards.merge(tmp_path / "new", [])
     with pytest.raises(mf.SpecError, match="no directory of a study"):
-        study_shards.merge(tmp_path / "new", [tmp_path])
+        shards.merge(tmp_path / "new", [tmp_path])
 
 
 # Damage ------------------------------------------------------------------------------------------
@@ -210,20 +210,20 @@ def flip(path: Path, at: int) -> None:
 
 def heals(place: Path, made: tuple[Path, mf.Results], missing: int) -> None:
     """The damage is found, refused by load, and made good by running again."""
-    assert study_shards.status(place).missing == missing
+    assert shards.status(place).missing == missing
     with pytest.raises(mf.DataError, match=f"{missing} of 6 parts"):
         mf.load(place)
     assert same(study().run(directory=place, keep="samples", progress=False), made[1])
-    assert study_shards.status(place).missing == 0
+    assert shards.status(place).missing == 0
 
 
 def test_a_byte_changed_anywhere_in_a_part_is_found(made: tuple[Path, mf.Results], copy: Path) -> None:
     size = part(copy, 0).stat().st_size
     for at in [*range(0, 200), *range(200, size, max(1, size // 50)), size - 1]:
         flip(part(copy, 0), at)
-        assert study_shards.status(copy).missing == 1, at
+        assert shards.status(copy).missing == 1, at
         flip(part(copy, 0), at)
-    assert study_shards.status(copy).missing == 0
+    assert shards.status(copy).missing == 0
     for number in range(6):
         flip(part(copy, number), 5000)
     heals(copy, made, 6)
@@ -331,7 +331,7 @@ def test_a_disk_that_takes_nothing_more(copy: Path, monkeypatch: pytest.MonkeyPa
         patch.setattr(os, "fsync", full)
         with pytest.raises(mf.ModfunError, match=r"manifest.json' cannot be written \(No space left"):
             study().run(directory=copy, progress=False)
-    assert study_shards.status(copy).missing == 1
+    assert shards.status(copy).missing == 1
     assert not [f for f in copy.rglob(".*")]
 
 
@@ -415,7 +415,7 @@ def test_the_hash_changes_with_what_changes_numbers_and_with_nothing_else(
         key(**base, estimators={"e": mf.rivals.output_error(tf2, maxiter=3)}),
     ]  # fmt: skip
     assert key(**base, estimators={"other name": own["e"]}) == key(**base, estimators=own)
-    monkeypatch.setattr("modfun.study_work.CHUNK", 1024)
+    monkeypatch.setattr("modfun.study.work.CHUNK", 1024)
     different.append(key(**base))
     monkeypatch.undo()
     small_parts(monkeypatch)

@@ -253,9 +253,9 @@ def test_bad_runs(options: dict[str, Any], cure: str) -> None:
 def test_memory_does_not_grow_with_replicates(kept: str, tmp_path: Path) -> None:
     """The estimates of the longer study are 96 MB, which no peak shows."""
     code = f"""
-        import resource, modfun.study_work
+        import resource, modfun.study.work
         from study_cases import study
-        modfun.study_work.LARGEST = 2**20
+        modfun.study.work.LARGEST = 2**20
         for replicates in (10**5, 10**6):
             study(estimators=["ls"], harmonics=6).run(replicates=replicates, progress=False, {kept})
             print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)

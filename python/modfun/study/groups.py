@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .callables import source
-from .errors import DataError, SpecError
-from .lti import LTI
-from .records import Record
-from .simulation import Experiment, experiment
-from .structures import TransferFunction
-from .study_axes import Axis
-from .study_functions import attempt, generator, series
+from .. import _core
+from ..callables import source
+from ..errors import DataError, SpecError
+from ..lti import LTI
+from ..records import Record
+from ..simulation import Experiment, experiment
+from ..structures import TransferFunction
+from .axes import Axis
+from .functions import attempt, generator, series
 
 __all__ = ["Group", "groups"]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .errors import SpecError
-from .tables import nearest
+from ..errors import SpecError
+from ..tables import nearest
 
 __all__ = ["Axis", "axis", "levels"]
 

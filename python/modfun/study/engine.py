@@ -8,9 +8,9 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
-from .errors import ModfunError, SpecError
-from .study_tally import Tally
-from .study_work import Part, Work, compute
+from ..errors import ModfunError, SpecError
+from .tally import Tally
+from .work import Part, Work, compute
 
 __all__ = ["Engine", "Store", "engine", "tallies"]
 

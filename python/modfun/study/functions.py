@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SpecError
-from .records import Record
-from .results import Fit
+from ..errors import SpecError
+from ..records import Record
+from ..results import Fit
 
 __all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .callables import source
-from .errors import ModfunWarning, SpecError
-from .records import Record
-from .structures import TransferFunction
-from .study_axes import Axis
-from .study_functions import Failed, attempt, generator, record
+from ..callables import source
+from ..errors import ModfunWarning, SpecError
+from ..records import Record
+from ..structures import TransferFunction
+from .axes import Axis
+from .functions import Failed, attempt, generator, record
 
 __all__ = ["Generated", "cells", "grid_axes"]
 

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .callables import source
-from .study_called import LEVEL, called
-from .study_contenders import Contender
-from .study_generated import Generated
-from .study_groups import Group
-from .study_plan import Plan
-from .study_tally import STATUS, Tally
+from .. import _core
+from ..callables import source
+from .called import LEVEL, called
+from .contenders import Contender
+from .generated import Generated
+from .groups import Group
+from .plan import Plan
+from .tally import STATUS, Tally
 
 __all__ = ["Part", "Work", "compute", "parts"]
 

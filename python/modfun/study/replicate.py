@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from .errors import DataError, ModfunWarning, SpecError
-from .records import Record
-from .study_axes import Axis
-from .study_called import estimate
-from .study_functions import Failed
-from .study_plan import Plan
-from .tables import nearest
+from ..errors import DataError, ModfunWarning, SpecError
+from ..records import Record
+from ..tables import nearest
+from .axes import Axis
+from .called import estimate
+from .functions import Failed
+from .plan import Plan
 
 __all__ = ["replicate"]
 

@@ -12,9 +12,9 @@ import modfun as mf
 import numpy as np
 import pytest
 import study_functions_kit as kit
-from modfun import study_file
 from modfun.options import Options
-from modfun.study_work import Work
+from modfun.study import toml_file
+from modfun.study.work import Work
 from study_cases import same
 
 ROOT = Path(__file__).parents[2]
@@ -59,7 +59,7 @@ def equal(one: mf.MonteCarlo, two: mf.MonteCarlo) -> bool:
 
 def test_each_key_is_an_argument_of_the_study() -> None:
     arguments = set(inspect.signature(mf.MonteCarlo.__init__).parameters) - {"self", "options"}
-    assert set(study_file.KEYS) == arguments | set(Options.__dataclass_fields__) - {"method"}
+    assert set(toml_file.KEYS) == arguments | set(Options.__dataclass_fields__) - {"method"}
 
 
 def test_the_example_is_the_same_study_in_python(file: Any) -> None:
@@ -77,15 +77,15 @@ def test_the_example_is_the_same_study_in_python(file: Any) -> None:
         replicates=1000,
         seed=1,
     )
-    assert equal(study_file.load(file(study_file.EXAMPLE)), study)
+    assert equal(toml_file.load(file(toml_file.EXAMPLE)), study)
 
 
 def test_the_estimators_in_the_comments_of_the_example_can_be_used(file: Any, tmp_path: Path) -> None:
     (tmp_path / "my_functions.py").write_text("def mine(record, rng):\n    return [3, 8, 5]\n")
-    inner = re.search(r"#   \[estimators\]\n(?:#   .*\n)+", study_file.EXAMPLE)
+    inner = re.search(r"#   \[estimators\]\n(?:#   .*\n)+", toml_file.EXAMPLE)
     assert inner is not None
-    text = re.sub(r"(?m)^(estimators|harmonics|trend) = .*\n", "", study_file.EXAMPLE)
-    study = study_file.load(file(text + re.sub(r"(?m)^#   ", "", inner[0])))
+    text = re.sub(r"(?m)^(estimators|harmonics|trend) = .*\n", "", toml_file.EXAMPLE)
+    study = toml_file.load(file(text + re.sub(r"(?m)^#   ", "", inner[0])))
     assert study.estimators == ("ml, wide band", "oe", "mine")
 
 
@@ -156,7 +156,7 @@ def test_every_key_reaches_its_argument(file: Any, tmp_path: Path, monkeypatch: 
     (tmp_path / "study_functions_more.py").write_text(MORE)
     monkeypatch.setattr(sys, "path", [*sys.path])
     samples = np.cos(np.arange(33)).tolist()
-    found = study_file.load(file(FULL.replace("SAMPLES", ", ".join(map(repr, samples)))))
+    found = toml_file.load(file(FULL.replace("SAMPLES", ", ".join(map(repr, samples)))))
     import study_functions_more as more  # type: ignore[import-not-found]
 
     model = mf.TransferFunction(poles=2, zeros=1, delay=0.25)
@@ -202,7 +202,7 @@ def test_every_key_reaches_its_argument(file: Any, tmp_path: Path, monkeypatch: 
 
 
 def test_records_of_the_users_own(file: Any) -> None:
-    found = study_file.load(
+    found = toml_file.load(
         file("""
         generate = "study_functions_kit:student"
         grid = { df = [3, 30] }
@@ -230,7 +230,7 @@ def test_several_inputs(file: Any) -> None:
     text = PLAIN.replace('"sin(t**2/5)"', '["sin(t)", "cos(t**2)"]').replace(
         "{ num = [5], den = [1, 3, 8] }", "{ num = [[[5], [1, 1]]], den = [1, 3, 8] }"
     )
-    found = study_file.load(file(text + 'model = { poles = 2, zeros = [0, "none"] }\n'))
+    found = toml_file.load(file(text + 'model = { poles = 2, zeros = [0, "none"] }\n'))
     study = mf.MonteCarlo(
         system=mf.tf([[[5], [1, 1]]], [1, 3, 8]), input=["sin(t)", "cos(t**2)"], duration=10.0, intervals=64,
         nsr=0.1, estimators=["ls"], harmonics=6, model=mf.TransferFunction(poles=2, zeros=[0, None]),
@@ -312,26 +312,26 @@ def test_what_is_wrong_is_named_with_its_place(case: str, file: Any) -> None:
     assert there in PLAIN
     text = PLAIN.replace(there, instead) if there else PLAIN + instead
     with pytest.raises(mf.SpecError, match=said) as caught:
-        study_file.load(file(text))
+        toml_file.load(file(text))
     assert "study.toml" in str(caught.value)
 
 
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(mf.SpecError, match="mc init"):
-        study_file.load(tmp_path / "study.toml")
+        toml_file.load(tmp_path / "study.toml")
     (tmp_path / "study.toml").write_bytes(b"a = '\xff'")
     with pytest.raises(mf.SpecError, match="not TOML"):
-        study_file.load(tmp_path / "study.toml")
+        toml_file.load(tmp_path / "study.toml")
 
 
 def test_a_module_that_fails_says_why(file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "study_kit_broken.py").write_text("1 / 0\n")
     with pytest.raises(mf.SpecError, match=r"cannot be imported: ZeroDivisionError"):
-        study_file.load(file(PLAIN + 'noise = "study_kit_broken:f"'))
+        toml_file.load(file(PLAIN + 'noise = "study_kit_broken:f"'))
     (tmp_path / "study_kit_needy.py").write_text("import no_such_package\n")
     with pytest.raises(mf.SpecError, match=r"cannot be imported: .*no_such_package"):
-        study_file.load(file(PLAIN + 'noise = "study_kit_needy:f"'))
+        toml_file.load(file(PLAIN + 'noise = "study_kit_needy:f"'))
 
 
 def test_the_study_files_of_the_docs_are_understood(file: Any) -> None:
@@ -340,4 +340,4 @@ def test_the_study_files_of_the_docs_are_understood(file: Any) -> None:
     )
     assert found
     for text in found:
-        study_file.load(file(text))
+        toml_file.load(file(text))

@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError, ModfunWarning, SpecError
-from .study_files import SampleFile, append, packed, read_part, unpacked, write, write_part
-from .study_frozen import freeze, thaw
-from .study_plan import Plan
-from .study_tally import Tally
-from .study_work import Part, Work, parts
+from .. import _core
+from ..errors import DataError, ModfunWarning, SpecError
+from .files import SampleFile, append, packed, read_part, unpacked, write, write_part
+from .frozen import freeze, thaw
+from .plan import Plan
+from .tally import Tally
+from .work import Part, Work, parts
 
 __all__ = ["Directory"]
 

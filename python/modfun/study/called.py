@@ -15,17 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import ModfunWarning
-from .records import Record
-from .results import Fit
-from .study_contenders import Contender
-from .study_fitted import fit_one, fit_records
-from .study_functions import Failed, attempt, generator, number, parameters
-from .study_generated import Generated
-from .study_groups import Group
-from .study_plan import Plan
-from .study_tally import STATUS, TEXTS, USED, Tally, united
+from .. import _core
+from ..errors import ModfunWarning
+from ..records import Record
+from ..results import Fit
+from .contenders import Contender
+from .fitted import fit_one, fit_records
+from .functions import Failed, attempt, generator, number, parameters
+from .generated import Generated
+from .groups import Group
+from .plan import Plan
+from .tally import STATUS, TEXTS, USED, Tally, united
 
 __all__ = ["LEVEL", "called", "estimate"]
 

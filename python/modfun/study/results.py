@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import plot
-from .bounds import crlb
-from .errors import DataError, SpecError
-from .extras import optional
-from .records import Record
-from .study_axes import Axis
-from .study_groups import Group
-from .study_metrics import Metric, Metrics
-from .study_plan import Plan
-from .study_tally import STATUS, USED, Tally
-from .tables import Table
+from .. import plot
+from ..bounds import crlb
+from ..errors import DataError, SpecError
+from ..extras import optional
+from ..records import Record
+from ..tables import Table
+from .axes import Axis
+from .groups import Group
+from .metrics import Metric, Metrics
+from .plan import Plan
+from .tally import STATUS, USED, Tally
 
 __all__ = ["Results"]
 
@@ -309,7 +309,7 @@ class Results:
         DataError
             A function of yours made no record in this replicate; its own exception is the cause.
         """
-        from .study_replicate import replicate
+        from .replicate import replicate
 
         return replicate(self._plan, self.draw, self.replicates, number, cell)
 

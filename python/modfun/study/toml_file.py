@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import rivals
-from . import study_values as values
-from .errors import DataError, ModfunError, SpecError
-from .estimation import Estimator
-from .lti import LTI, ss, tf
-from .structures import TransferFunction
-from .studies import MonteCarlo
-from .study_values import Key, Reader
-from .tables import nearest
+from .. import rivals
+from ..errors import DataError, ModfunError, SpecError
+from ..estimation import Estimator
+from ..lti import LTI, ss, tf
+from ..structures import TransferFunction
+from ..studies import MonteCarlo
+from ..tables import nearest
+from . import toml_values as values
+from .toml_values import Key, Reader
 
 __all__ = ["EXAMPLE", "load"]
 

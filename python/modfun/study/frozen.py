@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .callables import address, at
-from .errors import DataError
-from .estimation import Estimator
-from .lti import LTI
-from .options import Options
-from .simulation import Experiment
-from .structures import TransferFunction
-from .study_axes import Axis
-from .study_contenders import Contender
-from .study_generated import Generated
-from .study_groups import Group
-from .study_plan import Plan
+from ..callables import address, at
+from ..errors import DataError
+from ..estimation import Estimator
+from ..lti import LTI
+from ..options import Options
+from ..simulation import Experiment
+from ..structures import TransferFunction
+from .axes import Axis
+from .contenders import Contender
+from .generated import Generated
+from .groups import Group
+from .plan import Plan
 
 __all__ = ["freeze", "thaw"]
 

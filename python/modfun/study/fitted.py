@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from .errors import ModfunError
-from .estimation import Estimator, _fit, fit_many
-from .many import FitMany
-from .records import Record
-from .results import Fit
+from ..errors import ModfunError
+from ..estimation import Estimator, _fit, fit_many
+from ..many import FitMany
+from ..records import Record
+from ..results import Fit
 
 __all__ = ["fit_one", "fit_records"]
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModfunError
-from .study_work import Part
+from ..errors import ModfunError
+from .work import Part
 
 __all__ = ["SampleFile", "append", "packed", "read_part", "unpacked", "write", "write_part"]
 

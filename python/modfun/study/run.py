@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .callables import importable
-from .errors import ModfunWarning, SpecError
-from .progress import Progress
-from .study_engine import engine, tallies
-from .study_plan import Plan
-from .study_results import Results
-from .study_tally import USED, Tally
-from .study_work import Work, parts
+from ..callables import importable
+from ..errors import ModfunWarning, SpecError
+from ..progress import Progress
+from .engine import engine, tallies
+from .plan import Plan
+from .results import Results
+from .tally import USED, Tally
+from .work import Work, parts
 
 if TYPE_CHECKING:
-    from .study_directory import Directory
+    from .directory import Directory
 
 __all__ = ["collected", "far_from", "run", "summed"]
 
@@ -48,7 +48,7 @@ def run(
     store: Directory | None = None
     least = 0
     if directory is not None:
-        from .study_directory import Directory
+        from .directory import Directory
 
         store = Directory.open(directory, work)
         least = store.replicates

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .records import Record
-from .study_axes import Axis
-from .study_contenders import Contender
-from .study_generated import Generated
-from .study_groups import Group
+from ..records import Record
+from .axes import Axis
+from .contenders import Contender
+from .generated import Generated
+from .groups import Group
 
 __all__ = ["Plan"]
 

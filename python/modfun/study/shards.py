@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .errors import DataError, SpecError
-from .records import Record
-from .study_directory import SAMPLES, Directory
-from .study_replicate import replicate as made_again
-from .study_results import Results
-from .study_run import collected, far_from, summed
-from .study_work import Part
+from ..errors import DataError, SpecError
+from ..records import Record
+from .directory import SAMPLES, Directory
+from .replicate import replicate as made_again
+from .results import Results
+from .run import collected, far_from, summed
+from .work import Part
 
 __all__ = ["Status", "load", "merge", "replicate", "status"]
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .callables import at
-from .errors import SpecError
-from .tables import nearest
+from ..callables import at
+from ..errors import SpecError
+from ..tables import nearest
 
 __all__ = [
     "Key",

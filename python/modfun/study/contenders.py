@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .callables import source
-from .errors import SpecError
-from .estimation import Estimator
-from .options import WORDS, Options
-from .prepared import channels, prepare
-from .records import Record
-from .structures import TransferFunction
-from .study_generated import Generated
-from .study_groups import Group
-from .tables import nearest
+from ..callables import source
+from ..errors import SpecError
+from ..estimation import Estimator
+from ..options import WORDS, Options
+from ..prepared import channels, prepare
+from ..records import Record
+from ..structures import TransferFunction
+from ..tables import nearest
+from .generated import Generated
+from .groups import Group
 
 __all__ = ["Contender", "contenders"]
 

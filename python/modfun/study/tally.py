@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
+from .. import _core
 
 __all__ = ["STATUS", "TEXTS", "USED", "Tally", "united"]
 

@@ -6,13 +6,13 @@ import io
 from pathlib import Path
 from typing import Any
 
-from . import html
-from ._core import __version__
-from .errors import SpecError
-from .extras import optional
-from .study_directory import FILE, Directory
-from .study_results import Results
-from .tables import Table
+from .. import html
+from .._core import __version__
+from ..errors import SpecError
+from ..extras import optional
+from ..tables import Table
+from .directory import FILE, Directory
+from .results import Results
 
 __all__ = ["page"]
 
