@@ -1,5 +1,6 @@
 //! Many fits of one structure at once: eight records a block, blocks over threads, the same bits as one by one.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::fit::RecordView;
@@ -45,7 +46,7 @@ pub struct Many {
 
 /// The problem all replicates share: lines, design and how samples become coefficients.
 pub(crate) struct Shared {
-    pub design: Design,
+    pub design: Arc<Design>,
     pub plans: Vec<CoefficientPlan>,
     /// First and last line as asked for.
     pub(super) range: Range,
@@ -54,7 +55,7 @@ pub(crate) struct Shared {
 
 impl Shared {
     pub(super) fn new(design: Design, plans: Vec<CoefficientPlan>, range: Range) -> Shared {
-        Shared { design, plans, range, workers: Spare::new() }
+        Shared { design: Arc::new(design), plans, range, workers: Spare::new() }
     }
 
     fn worker(&self) -> Worker {
@@ -65,6 +66,7 @@ impl Shared {
             samples: vec![Wide::ZERO; samples],
             re: vec![Wide::ZERO; lines],
             im: vec![Wide::ZERO; lines],
+            one: [vec![0.0; lines], vec![0.0; lines]],
         }
     }
 }
@@ -76,6 +78,15 @@ struct Worker {
     samples: Vec<Wide>,
     re: Vec<Wide>,
     im: Vec<Wide>,
+    /// Re and Im of one record.
+    one: [Vec<f64>; 2],
+}
+
+/// The same in all lanes: one record has the bits of any lane of eight.
+fn spread(from: &[f64], to: &mut [Wide]) {
+    for (from, to) in from.iter().zip(to) {
+        *to = Wide::splat(*from);
+    }
 }
 
 /// Copies coefficients of the used lines into the workspace.
@@ -130,7 +141,7 @@ impl Fitter {
         batch: &Batch<'_>,
         thread_count: usize,
         progress: &mut dyn FnMut(usize, usize) -> Control,
-    ) -> Result<(Many, Design), Error> {
+    ) -> Result<(Many, Arc<Design>), Error> {
         let inputs = self.o.structure.numerators.len();
         batch.check(self.records[0].samples, inputs)?;
         let replicates = batch.y.len();
@@ -157,22 +168,26 @@ impl Fitter {
                 }
                 let count = (to - first).min(LANES);
                 for (k, plan) in shared.plans.iter().enumerate() {
-                    if k > 0 && once && *loaded {
+                    let scratch = &mut w.scratch[k];
+                    if k > 0 && once {
+                        if !*loaded {
+                            let [re, im] = &mut w.one;
+                            plan.run_in(self.isa, batch.u[k - 1], re, im, scratch)?;
+                            spread(re, &mut w.re);
+                            spread(im, &mut w.im);
+                            load(&mut w.space, k, lines, &w.re, &w.im);
+                        }
                         continue;
                     }
                     for lane in 0..LANES {
                         // Spare lanes repeat the last record: finite work, thrown away.
                         let r = first + lane.min(count - 1);
-                        let from = match (k, once) {
-                            (0, _) => batch.y[r],
-                            (_, true) => batch.u[k - 1],
-                            (_, false) => batch.u[r * inputs + k - 1],
-                        };
+                        let from = if k == 0 { batch.y[r] } else { batch.u[r * inputs + k - 1] };
                         for (to, value) in w.samples.iter_mut().zip(from) {
                             to.0[lane] = *value;
                         }
                     }
-                    plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, &mut w.scratch[k])?;
+                    plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, scratch)?;
                     load(&mut w.space, k, lines, &w.re, &w.im);
                 }
                 *loaded = true;
@@ -195,7 +210,7 @@ impl Fitter {
         for part in parts {
             all.append(part?);
         }
-        Ok((all, d.clone()))
+        Ok((all, Arc::clone(d)))
     }
 }
 

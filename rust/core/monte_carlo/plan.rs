@@ -112,7 +112,7 @@ impl Plan {
     /// The design of each group's estimators: lines and degrees of freedom.
     #[must_use]
     pub fn designs(&self) -> Vec<Vec<&Design>> {
-        self.groups.iter().map(|g| g.tasks.iter().map(|t| &t.shared.design).collect()).collect()
+        self.groups.iter().map(|g| g.tasks.iter().map(|t| &*t.shared.design).collect()).collect()
     }
 }
 
