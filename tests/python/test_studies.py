@@ -49,8 +49,8 @@ def test_intervals_of_ml_cover_and_those_of_ls_do_not(published: mf.Results) -> 
     assert np.all((by_name["ml"] > 0.925) & (by_name["ml"] < 0.985))
     assert published.axes["nsr"] == (0.0, 0.2, 0.6)
     assert published.bias.shape == (3, 3, 3)
-    expected = np.sqrt(published.coverage * (1 - published.coverage) / 20_000)
-    np.testing.assert_allclose(published.coverage_mcse, expected)
+    share = (published.coverage * 20_000 + 0.5) / 20_001
+    np.testing.assert_allclose(published.coverage_mcse, np.sqrt(share * (1 - share) / 20_000))
 
 
 def test_standard_errors_are_what_repetition_shows() -> None:

@@ -246,8 +246,12 @@ def test_parts_of_other_places_and_studies(made: tuple[Path, mf.Results], copy: 
 
 def test_estimates_that_were_changed_are_made_again(made: tuple[Path, mf.Results], copy: Path) -> None:
     flip(copy / "samples.npy", 128 + 8 * 24 * 600)
+    with pytest.raises(mf.DataError, match=r"samples.npy' is missing or damaged at replicates 512 to 1023"):
+        mf.load(copy)
     assert same(study().run(directory=copy, keep="samples", progress=False), made[1])
     os.truncate(copy / "samples.npy", 5000)
+    with pytest.raises(mf.DataError, match=r"samples.npy' is missing or damaged at replicates 0 to 511"):
+        mf.load(copy)
     assert same(study().run(directory=copy, keep="samples", progress=False), made[1])
 
 

@@ -215,12 +215,18 @@ class Directory:
 
     def sampled(self, plan: Plan) -> F64 | None:
         """Estimates (replicate, group, level, estimator, parameter) mapped from the file, if all are in."""
+        file = SampleFile(self.path / SAMPLES, plan.shape)
         for part in self.parts:
             found = self._part(part.number)
             if found is None or found[1]["samples"].size == 0:
                 return None
-        file = SampleFile(self.path / SAMPLES, plan.shape)
-        return file.rows(self.replicates) if (self.path / SAMPLES).exists() else None
+            if file.digest(part) != found[1]["samples"].tobytes():
+                raise DataError(
+                    f"{str(file.path)!r} is missing or damaged at replicates {part.first} to "
+                    f"{part.first + part.replicates - 1}; run the study again with this directory= and "
+                    'keep="samples", it makes only these'
+                )
+        return file.rows(self.replicates)
 
     def _part(self, number: int) -> tuple[Part, dict[str, NDArray[Any]]] | None:
         return read_part(self._file(number), self.manifest["study"], number, self.manifest["part"])

@@ -59,11 +59,8 @@ def series(value: Any, what: str, shape: tuple[int, ...], meaning: str) -> F64:
     Failed
         Numbers that are not finite.
     """
-    try:
-        found = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != shape or value is None:  # which NumPy takes for nan
+    found = _real(value)
+    if found is None or found.shape != shape:
         raise SpecError(
             f"MonteCarlo: {what} returned {_said(value)}; return {meaning}, an array of shape {shape}"
         )
@@ -124,11 +121,8 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
                 f"{', '.join(missing)} of {', '.join(names)} is missing: return all, or give model="
             )
         answer = [answer[name] for name in names]
-    try:
-        theta = np.asarray(answer, dtype=np.float64)
-    except (TypeError, ValueError):
-        theta = np.empty(0)
-    if theta.shape != (len(names),):
+    theta = _real(answer)
+    if theta is None or theta.shape != (len(names),):
         raise SpecError(
             f"MonteCarlo: the estimator {who!r} returned {_said(answer)}; return a dict, an array of "
             f"{', '.join(names)}, or a Fit"
@@ -136,9 +130,22 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
     return theta
 
 
+def _real(value: Any) -> F64 | None:
+    """Real numbers as an array; None for what is complex, text, ragged or nothing at all."""
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind in "cSU" or value is None:  # NumPy would drop imaginary parts and read text
+            return None
+        return found.astype(np.float64)
+    except (TypeError, ValueError):
+        return None
+
+
 def _said(value: Any) -> str:
     try:
-        shape = np.shape(value)
+        found = np.asarray(value)
+        shape, kind = found.shape, {"c": "complex ", "S": "text, ", "U": "text, "}.get(found.dtype.kind, "")
     except ValueError:  # ragged
-        shape = ()
-    return f"{type(value).__name__} of shape {shape}" if shape else f"{type(value).__name__}"
+        shape, kind = (), ""
+    name = type(value).__name__
+    return f"{kind}{name} of shape {shape}" if shape else f"{kind if kind[:1] == 'c' else ''}{name}"

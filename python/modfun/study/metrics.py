@@ -27,8 +27,6 @@ class Metric:
         Standard error sd/√R over R values.
     sd, sd_mcse : ndarray
         Standard error √((m₄ − m₂²)/R)/2sd (delta method).
-    median, median_mcse : ndarray
-        Standard error 1.2533 sd/√R, as for normal values.
     count : ndarray of int
         Values R.
     failures : ndarray of int
@@ -41,8 +39,6 @@ class Metric:
     mean_mcse: F64
     sd: F64
     sd_mcse: F64
-    median: F64
-    median_mcse: F64
     count: I64
     failures: I64
     samples: F64 | None
@@ -68,7 +64,7 @@ class Metrics(Mapping[str, Metric]):
 
     def table(self) -> Table:
         """A row a cell, estimator and metric."""
-        figures = ("mean", "mean_mcse", "sd", "sd_mcse", "median", "median_mcse", "count", "failures")
+        figures = ("mean", "mean_mcse", "sd", "sd_mcse", "count", "failures")
         columns: dict[str, list[object]] = {name: [] for name in (*self._axes, "metric", *figures)}
         for where in np.ndindex(*(len(labels) for labels in self._axes.values())):
             for name, one in self._found.items():

@@ -121,7 +121,7 @@ class Tally:
                 "median": known * median,
                 "median_mcse": np.sqrt(np.pi / 2) * found["bias_mcse"],
                 "coverage": covered,
-                "coverage_mcse": np.sqrt(covered * (1 - covered) / self.intervals),
+                "coverage_mcse": _share_mcse(covered, self.intervals),
             }
 
     @property
@@ -154,3 +154,9 @@ def united(one: tuple[I64, I64], two: tuple[I64, I64]) -> tuple[I64, I64]:
     bins, counts = bins[order], counts[order]
     first = np.flatnonzero(np.concatenate([[True], bins[1:] != bins[:-1]]))
     return bins[first], np.add.reduceat(counts, first)
+
+
+def _share_mcse(share: F64, of: NDArray[np.int64]) -> F64:
+    """Standard error of a share; half a case is added on both sides, so that it is not 0 at 0 and at 1."""
+    middle = (share * of + 0.5) / (of + 1.0)
+    return np.asarray(np.sqrt(middle * (1 - middle) / of), dtype=np.float64)

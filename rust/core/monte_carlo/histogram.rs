@@ -21,7 +21,8 @@ pub type Occupied = (u16, u64);
 /// Errors of one parameter being counted.
 ///
 /// Errors from 2⁻⁴⁴ to 2²⁰ times the truth's size (its power of two; 1 for a zero truth) are kept
-/// to 0.4 %. Smaller ones count as 0, larger ones and infinities as the largest.
+/// to 0.4 %. Smaller ones count as 0; larger ones and infinities are counted, but a quantile that lies
+/// among them is NaN.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
     /// The inverse of a power of two near the truth's size.
@@ -72,7 +73,7 @@ impl Histogram {
 /// The quantile of counted errors for `share` in [0, 1] (order statistics interpolated linearly, as
 /// NumPy does), within 0.4 % of the order statistics' sizes.
 ///
-/// NaN where nothing was counted, a NaN was, or `share` is outside.
+/// NaN where nothing was counted, a NaN was, `share` is outside, or the errors there are too large.
 #[must_use]
 pub fn quantile(occupied: &[Occupied], truth: f64, share: f64) -> f64 {
     let n: u64 = occupied.iter().map(|(_, count)| count).sum();
@@ -100,6 +101,9 @@ fn order_statistic(occupied: &[Occupied], rank: u64) -> f64 {
         let size = bin.abs_diff(SIDE) as u64;
         if size == 0 {
             return 0.0;
+        }
+        if size == SIDE as u64 {
+            return f64::NAN;
         }
         // The bin's bits, and half a bin more.
         let middle = f64::from_bits(((FIRST + size - 1) << 45) | 1 << 44);
@@ -156,11 +160,14 @@ mod tests {
             (-1e-13, 0.0),
             (1.2e-13, 1.2e-13),
             (-2e6, -2e6),
-            (1e9, 2_097_152.0),
-            (f64::NEG_INFINITY, -2_097_152.0),
         ] {
             let got = median(&[error], -3.0);
             assert!((got - want).abs() <= 0.004 * want.abs(), "{error}: {got}");
+        }
+        for error in [1e9, -2.1e6, f64::NEG_INFINITY] {
+            assert!(median(&[error], -3.0).is_nan(), "{error}");
+            // The others keep their quantiles.
+            assert!((quantile(&counted(&[error, 1.0, 1.0], -3.0), -3.0, 0.5) - 1.0).abs() < 0.004);
         }
         assert!((median(&[0.1], 0.0) - 0.1).abs() <= 0.0004);
         assert!(median(&[0.1, f64::NAN], 1.0).is_nan());
