@@ -18,7 +18,7 @@ from .errors import SpecError
 from .progress import clock
 from .results import Fit
 from .study import shards, toml_file
-from .study.directory import FILE, Directory
+from .study.directory import FILE, MANIFEST, OWN, Directory
 from .study.files import write
 from .study.results import Results
 from .study.shards import Status
@@ -174,6 +174,7 @@ def report(
     """Write tables, figure, failures and provenance of a study as one HTML page."""
     from .study import report
 
+    _page(out)
     results = shards.load(directory)
     out.write_text(report.page(directory, results), encoding="utf-8")
     say(f"wrote {out}")
@@ -233,6 +234,23 @@ def _here() -> None:
     """Functions of a study are imported again, from the folder where the command is called, too."""
     if "" not in sys.path:
         sys.path.insert(0, "")
+
+
+def _page(out: Path) -> None:
+    """Refuse to write a page over a file of a study, or over anything else that is no page."""
+    place = out.resolve()
+    for folder in (place.parent, place.parent.parent):
+        own = place.relative_to(folder).parts
+        if own and own[0] in OWN and (folder / MANIFEST).exists():
+            raise SpecError(
+                f"mc report: --out {out} is the place of {own[0]}, which belongs to the study in "
+                f"{str(folder)!r}; name another file, as report.html"
+            )
+    if place.is_file() and place.suffix.lower() not in (".html", ".htm"):
+        raise SpecError(
+            f"mc report: --out {out} is there already and no .html file, so that it stays as it is; name a "
+            "new file, as report.html"
+        )
 
 
 # Looks --------------------------------------------------------------------------------------------

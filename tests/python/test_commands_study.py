@@ -376,6 +376,27 @@ def test_the_report_is_one_page_that_loads_nothing(results: mf.Results) -> None:
     assert Path("r.html").read_text(encoding="utf-8") == before
 
 
+def test_a_report_overwrites_pages_only(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("run", "study.toml", "--out", "a", "--replicates", "10") == 0
+    part = next(Path("a", "parts").iterdir())
+    kept = {path: path.read_bytes() for path in (Path("study.toml"), Path("a/manifest.json"), part)}
+    Path("link.html").symlink_to("study.toml")
+    capsys.readouterr()
+    for out, said in (
+        ("study.toml", "no .html file, so that it stays as it is; name a new file, as report.html"),
+        ("link.html", "no .html file, so that it stays as it is"),
+        ("a/manifest.json", "is the place of manifest.json, which belongs to the study in"),
+        ("a/samples.npy", "is the place of samples.npy, which belongs to the study in"),
+        (str(part), "is the place of parts, which belongs to the study in"),
+    ):
+        assert run("report", "a", "--out", out) == 2
+        assert f"mc report: --out {out} {'' if 'place' in said else 'is there already and '}{said}" in (
+            capsys.readouterr().err
+        )
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert not Path("a/samples.npy").exists()
+
+
 def test_a_report_without_an_axis_of_numbers_says_why_there_is_no_figure() -> None:
     pytest.importorskip("matplotlib")
     Path("study.toml").write_text(STUDY.replace("[0.1, 0.4]", "0.1"))
