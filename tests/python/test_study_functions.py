@@ -359,7 +359,17 @@ def _quadratic(cell: Any, rng: Any) -> mf.Record:
         (lambda: generated(grid=[3]), mf.SpecError, "dict from names"),
         (lambda: generated(grid={"df": [[3]]}), mf.SpecError, "numbers or texts"),
         (lambda: generated(truth={"a1": "x"}), mf.SpecError, "parameter names to numbers"),
-        (lambda: generated(truth=lambda cell: 3), mf.SpecError, "truth returned 3"),
+        (lambda: generated(truth=lambda cell: 3), mf.SpecError, "truth returned 3 in the cell {'df': 3}"),
+        (
+            lambda: generated(truth=lambda cell: None),
+            mf.SpecError,
+            "truth returned None .*{} where nothing is",
+        ),
+        (
+            lambda: generated(truth=lambda cell: cell["dof"]),
+            mf.SpecError,
+            "truth failed in the cell {'df': 3} with KeyError: 'dof'; return a dict",
+        ),
         (lambda: generated(truth={"a9": 1.0}), mf.SpecError, "a9.*a1, a2, b0"),
         (lambda: generated(model=None), mf.SpecError, "give model="),
         (

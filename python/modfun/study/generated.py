@@ -156,15 +156,22 @@ def _first(generate: Any, cell: dict[str, Any], seed: int, index: int) -> Record
 
 
 def _known(truth: Any, cell: dict[str, Any]) -> dict[str, float]:
-    found = truth(dict(cell)) if callable(truth) else truth
-    if found is None:
+    if truth is None:
         return {}
+    try:
+        found = attempt("", truth, dict(cell)) if callable(truth) else truth
+    except Failed as failed:
+        raise SpecError(
+            f"MonteCarlo: truth failed in the cell {cell} with {failed}; return a dict from parameter names "
+            "to numbers for every cell, {} where nothing is known"
+        ) from failed.__cause__
     try:
         return {str(name): float(value) for name, value in found.items()}
     except (AttributeError, TypeError, ValueError):
+        said = f"returned {found!r} in the cell {cell}" if callable(truth) else f"is {found!r}"
         raise SpecError(
-            f"MonteCarlo: truth {'returned' if callable(truth) else 'is'} {found!r}; give a dict from "
-            "parameter names to numbers, or a function of the cell that returns one"
+            f"MonteCarlo: truth {said}; give a dict from parameter names to numbers, or a function of the "
+            "cell that returns one, {} where nothing is known"
         ) from None
 
 
