@@ -9,6 +9,7 @@ import sys
 import textwrap
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import modfun as mf
@@ -227,11 +228,35 @@ def test_tasks_in_flight_are_bounded_and_may_come_in_any_order() -> None:
     assert same(found, made.run(progress=False))
 
 
+def _done(value: Any) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_result(value)
+    return future
+
+
 @pytest.mark.parametrize(
     ("options", "cure"),
     [
         ({"executor": 3}, "with submit"),
-        ({"executor": lambda f, items: []}, "fewer results"),
+        ({"executor": ThreadPoolExecutor}, r"the class ThreadPoolExecutor; .* as ThreadPoolExecutor\(\)"),
+        ({"executor": lambda f, items: []}, "fewer results .* an iterable with function"),
+        ({"executor": lambda f, items: None}, "executor= returned None; .* an iterable with function"),
+        ({"executor": lambda f, items: [1] * len(items)}, "is a int, not .* an iterable with function"),
+        ({"executor": lambda f, items: [None] * len(items)}, "is None, not .* an iterable with function"),
+        ({"executor": lambda f, items: {k: f(k) for k in items}}, "is a Part, not .* an iterable with"),
+        ({"executor": lambda f: f}, r"failed with TypeError: .*called as f\(function, parts\)"),
+        (
+            {"executor": SimpleNamespace(submit=lambda f, part: 3)},
+            "returned a int, no future; .*returns a future",
+        ),
+        (
+            {"executor": SimpleNamespace(submit=lambda f: 3)},
+            "submit .* failed with TypeError.*returns a future",
+        ),
+        (
+            {"executor": SimpleNamespace(submit=lambda f, part: _done(3))},
+            "held a int, not .*returns a future",
+        ),
         ({"shard": (0, 2)}, "give directory="),
         ({"shard": (2, 2), "directory": "x"}, "0 <= k < n"),
         ({"shard": 3, "directory": "x"}, "0 <= k < n"),
@@ -243,6 +268,18 @@ def test_tasks_in_flight_are_bounded_and_may_come_in_any_order() -> None:
 def test_bad_runs(options: dict[str, Any], cure: str) -> None:
     with pytest.raises(mf.SpecError, match=cure):
         study().run(progress=False, **options)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_a_map_raises_is_the_cause(late: bool) -> None:
+    def fails(function: Any, items: Any) -> Any:
+        if late:
+            return (function(item) if item.number == 0 else {}["x"] for item in items)
+        raise KeyError("x")
+
+    with pytest.raises(mf.SpecError, match="executor= failed with KeyError: 'x'") as caught:
+        study().run(executor=fails, progress=False)
+    assert isinstance(caught.value.__cause__, KeyError)
 
 
 # Memory ------------------------------------------------------------------------------------------

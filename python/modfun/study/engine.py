@@ -20,6 +20,16 @@ BYTES = 2**28  # of estimates that may be on their way at once
 UNKNOWN = 64  # tasks in flight where an executor does not tell how many workers it has
 SLICE = 0.1  # seconds between two looks for Ctrl-C
 
+FUTURE = ("add_done_callback", "result", "cancel")  # what is called of one
+SUBMITS = (
+    "give an executor whose submit(function, part) returns a future with the result of function(part), as "
+    "those of concurrent.futures"
+)
+MAPS = (
+    "a map-like function is called as f(function, parts) and returns an iterable with function(part) of each "
+    "part, as map does"
+)
+
 
 class Engine(Protocol):
     """Computes parts; answers come in any order."""
@@ -88,8 +98,16 @@ class Submitted:
     def begin(self, part: Part) -> None:
         try:
             future = self._executor.submit(self._task, part)
+        except ModfunError:
+            raise
         except RuntimeError as error:
             raise _died(error) from error
+        except Exception as error:
+            raise SpecError(
+                f"run: submit of executor= failed with {type(error).__name__}: {error}; {SUBMITS}"
+            ) from error
+        if not all(callable(getattr(future, name, None)) for name in FUTURE):
+            raise SpecError(f"run: submit of executor= returned {_said(future)}, no future; {SUBMITS}")
         self._futures.add(future)
         future.add_done_callback(self._done.put)
 
@@ -102,12 +120,12 @@ class Submitted:
                 continue
         self._futures.discard(future)
         try:
-            answer: Answer = future.result()
+            found = future.result()
         except ModfunError:
             raise
         except Exception as error:
             raise _died(error) from error
-        return answer
+        return _answer(found, "a future of executor= held", SUBMITS)
 
     def stop(self) -> None:
         for future in self._futures:
@@ -122,22 +140,29 @@ class Mapped:
         self._task = partial(_task, work)
         self._call = call
         self._batch: list[Part] = []
-        self._answers: Iterator[Answer] = iter(())
+        self._answers: Iterator[Any] = iter(())
 
     def begin(self, part: Part) -> None:
         self._batch.append(part)
 
     def answer(self) -> Answer:
-        if self._batch:
-            batch, self._batch = self._batch, []
-            self._answers = iter(self._call(self._task, batch))
         try:
-            return next(self._answers)
+            if self._batch:
+                batch, self._batch = self._batch, []
+                found = self._call(self._task, batch)
+                if not isinstance(found, Iterable):
+                    raise SpecError(f"run: executor= returned {_said(found)}; {MAPS}")
+                self._answers = iter(found)
+            answer = next(self._answers)
+        except ModfunError:
+            raise
         except StopIteration:
             raise SpecError(
-                "run: executor= returned fewer results than it was given parts; a map-like function returns "
-                "function(item) of each item"
+                f"run: executor= returned fewer results than it was given parts; {MAPS}"
             ) from None
+        except Exception as error:
+            raise SpecError(f"run: executor= failed with {type(error).__name__}: {error}; {MAPS}") from error
+        return _answer(answer, "executor= returned a result that is", MAPS)
 
     def stop(self) -> None:
         self._batch = []
@@ -148,6 +173,11 @@ def engine(work: Work, executor: Any, threads: int, progress: Callable[[float], 
     if executor is None:
         return Threads(work, threads, progress)
     _ = work.key  # made once here, not in every process
+    if isinstance(executor, type) and hasattr(executor, "submit"):
+        raise SpecError(
+            f"run: executor is the class {executor.__name__}; give an instance of it, as "
+            f"{executor.__name__}()"
+        )
     if hasattr(executor, "submit"):
         return Submitted(work, executor)
     if callable(executor):
@@ -200,6 +230,18 @@ def tallies(
 
 def _task(work: Work, part: Part) -> Answer:
     return part, compute(work, part)
+
+
+def _answer(found: Any, what: str, cure: str) -> Answer:
+    """What a task gave back, refused where an executor made something else of it."""
+    if isinstance(found, tuple) and list(map(type, found)) == [Part, Tally]:
+        part, tally = found
+        return part, tally
+    raise SpecError(f"run: {what} {_said(found)}, not what function(part) returned; {cure}")
+
+
+def _said(value: Any) -> str:
+    return "None" if value is None else f"a {type(value).__name__}"
 
 
 def _window(work: Work, wanted: int) -> int:
