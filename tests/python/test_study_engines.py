@@ -282,6 +282,17 @@ def test_what_a_map_raises_is_the_cause(late: bool) -> None:
     assert isinstance(caught.value.__cause__, KeyError)
 
 
+def test_memory_that_is_refused_points_to_a_directory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*given: Any) -> Any:
+        raise MemoryError
+
+    made = study()
+    monkeypatch.setattr("modfun.study.run._available", lambda: None)
+    monkeypatch.setattr("modfun.study.run.np.full", none)
+    with pytest.raises(mf.SpecError, match=r"2660 replicates needs 0.0 GiB, .* give directory="):
+        made.run(keep="samples", progress=False)
+
+
 # Memory ------------------------------------------------------------------------------------------
 
 

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 from contextlib import closing
 from itertools import islice
-from math import ceil
+from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,7 +192,7 @@ def _here(executor: Any) -> bool:
 
 def _room(work: Work, replicates: int) -> F64:
     """Memory for all estimates, refused where it cannot be had."""
-    size = 8 * replicates * int(np.prod(work.plan.shape))
+    size = 8 * replicates * prod(work.plan.shape)
     free = _available()
     if free is not None and size > free:
         raise SpecError(
@@ -200,7 +200,13 @@ def _room(work: Work, replicates: int) -> F64:
             f"{free / 2**30:.1f} GiB of memory are free; give directory=, which keeps them in a file, or "
             "fewer replicates"
         )
-    return np.full((replicates, *work.plan.shape), np.nan)
+    try:
+        return np.full((replicates, *work.plan.shape), np.nan)
+    except (MemoryError, ValueError) as error:  # a limit of the process, or more than can be addressed
+        raise SpecError(
+            f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB, which this process "
+            "cannot have; give directory=, which keeps them in a file, or fewer replicates"
+        ) from error
 
 
 def _available() -> int | None:
