@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
@@ -163,6 +164,8 @@ def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directo
         if directory is None:
             raise SpecError("run: shard= leaves its parts in a directory for the others; give directory=")
         _slice(shard)
+    if directory is not None:
+        _place(directory)
     for what, call in work.plan.functions:
         if executor is not None and not _here(executor):
             importable(call, what, "the processes of executor=")
@@ -179,6 +182,22 @@ def _slice(shard: Any) -> tuple[int, None, int]:
     except (TypeError, ValueError):
         raise SpecError(f"run: shard={shard!r} must be (k, n) with 0 <= k < n, as (3, 64)") from None
     return k, None, n
+
+
+def _place(directory: Any) -> None:
+    """Refuse what no directory can be called."""
+    try:
+        os.stat(Path(directory))
+    except FileNotFoundError:
+        pass
+    except (TypeError, ValueError, OSError) as error:
+        shown = repr(directory)
+        shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
+        why = error.strerror if isinstance(error, OSError) else error
+        raise SpecError(
+            f"run: directory={shown} cannot name a directory ({why}); give a path as a text or a Path, as "
+            "'runs/a'"
+        ) from error
 
 
 def _here(executor: Any) -> bool:
@@ -204,8 +223,8 @@ def _room(work: Work, replicates: int) -> F64:
         return np.full((replicates, *work.plan.shape), np.nan)
     except (MemoryError, ValueError) as error:  # a limit of the process, or more than can be addressed
         raise SpecError(
-            f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB, which this process "
-            "cannot have; give directory=, which keeps them in a file, or fewer replicates"
+            f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB, which this "
+            "process cannot have; give directory=, which keeps them in a file, or fewer replicates"
         ) from error
 
 
