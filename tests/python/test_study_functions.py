@@ -326,6 +326,26 @@ def test_noise_that_fails_is_counted_for_all() -> None:
         res.replicate(bad, nsr=0.1)
 
 
+def test_until_says_why_there_is_nothing_to_see() -> None:
+    failing = mf.MonteCarlo(**BASE, nsr=[0.1, 0.3], estimators={"own": _fails})
+    with pytest.raises(
+        mf.SpecError, match=r"every replicate failed \(128 raised\), the first with ZeroDivisionError: div"
+    ):
+        failing.run(until={"bias": 0.1}, progress=False)
+    unknown = generated(truth=None)
+    with pytest.raises(mf.SpecError, match=r"without a true parameter bias has .* give truth=, or use sd"):
+        unknown.run(until={"bias": 0.1}, progress=False)
+    found = unknown.run(until={"sd": 0.02}, progress=False)
+    assert found.sd_mcse.max() <= 0.02
+    assert found.replicates > 64
+    before = unknown.run(replicates=found.replicates - 64, progress=False)
+    assert before.sd_mcse.max() > 0.02
+
+
+def _fails(rec: mf.Record, rng: Any) -> Any:
+    return 1 / 0
+
+
 def test_what_the_core_refuses_in_one_replicate_is_counted() -> None:
     def short_at_times(cell: Any, rng: np.random.Generator) -> mf.Record:
         rec = kit.student({"df": 30}, rng)

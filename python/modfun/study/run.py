@@ -20,7 +20,7 @@ from ..progress import Progress
 from .engine import engine, tallies
 from .plan import Plan
 from .results import Results
-from .tally import USED, Tally
+from .tally import STATUS, USED, Tally
 from .work import Work, parts
 
 if TYPE_CHECKING:
@@ -134,14 +134,29 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
 def far_from(total: Tally, plan: Plan, until: Mapping[str, float]) -> float:
     """How many times its limit the largest error is, of all figures asked for; it falls as 1/√replicates."""
     found = total.figures(plan.truth)
+    known = ~np.isnan(plan.truth)
+    everything = np.broadcast_to(np.arange(known.shape[-1]) < len(plan.parameters), known.shape)
     far = 0.0
     for name, limit in until.items():
-        errors = found[f"{name}_mcse"][~np.isnan(plan.truth)]
+        seen = everything if name == "sd" and not known.any() else known  # which needs no truth
+        errors = found[f"{name}_mcse"][seen]
         errors = errors[~np.isnan(errors)]
         if not errors.size:
-            raise SpecError(f"run: until={dict(until)!r}: this study has no {name} whose error could be seen")
+            raise SpecError(f"run: until={dict(until)!r}: {_unseen(total, known, name)}")
         far = max(far, float(errors.max()) / limit)
     return far
+
+
+def _unseen(total: Tally, known: NDArray[np.bool_], name: str) -> str:
+    """Why a figure has no error that could be seen."""
+    counts = total.status.sum(axis=(0, 1, 2))
+    if not counts[:USED].any():
+        ends = ", ".join(f"{n} {word}" for word, n in zip(STATUS, counts.tolist(), strict=True) if n)
+        first = f", the first with {total.raised[0]['text']}" if total.raised else ""
+        return f"every replicate failed ({ends}){first}; mend that first: replicates=1 shows it"
+    if name != "sd" and not known.any():
+        return f"without a true parameter {name} has no error that could be seen; give truth=, or use sd"
+    return f"this study has no {name} whose error could be seen"
 
 
 def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directory: Any, shard: Any) -> None:
