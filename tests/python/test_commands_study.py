@@ -480,6 +480,14 @@ def test_bad_use_is_exit_code_2_with_one_sentence(case: str, capsys: pytest.Capt
     assert "Traceback" not in err
 
 
+def test_a_module_that_leaves_python_is_exit_code_2(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("study_kit_leaves.py").write_text("import sys\nsys.exit(0)\n")
+    Path("leaves.toml").write_text('noise = "study_kit_leaves:f"\n' + STUDY)
+    assert run("run", "leaves.toml", "--out", "a") == 2
+    assert "study_kit_leaves cannot be imported: SystemExit: 0" in capsys.readouterr().err
+    assert not Path("a").exists()
+
+
 def test_an_unfinished_study_has_no_report_yet(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("run", "study.toml", "--out", "a", "--shard", "0/2") == 0
     assert run("report", "a", "--out", "r.html") == 2

@@ -246,6 +246,8 @@ WRONG: dict[str, tuple[str, str, str]] = {
     "true for a number": ("64", "true", "intervals = True; give a whole number"),
     "a fraction for a count": ("", "replicates = 10.5", "replicates = 10.5; give a whole number"),
     "number for a word": ("", "trend = 1", 'trend = 1; give "none", "constant"'),
+    "a word of Python": ("", 'trend = "None"', """trend = 'None'; give "none", "constant", "linear" or"""),
+    "a list for a word": ("", "trend = [1]", r'trend = \[1\]; give "none", "constant"'),
     "table for a number": ("", "seed = { a = 1 }", "seed = {'a': 1}; give a whole number"),
     "texts for levels": ("nsr = 0.1", 'nsr = ["a"]', r"nsr = \['a'\]; give a number, or a list"),
     "a date for a signal": ('"sin(t**2/5)"', "2020-01-01", "input = .*; give a text in t"),
@@ -332,6 +334,15 @@ def test_a_module_that_fails_says_why(file: Any, tmp_path: Path, monkeypatch: py
     (tmp_path / "study_kit_needy.py").write_text("import no_such_package\n")
     with pytest.raises(mf.SpecError, match=r"cannot be imported: .*no_such_package"):
         toml_file.load(file(PLAIN + 'noise = "study_kit_needy:f"'))
+
+
+def test_a_module_that_leaves_python_is_an_error(
+    file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "study_kit_leaving.py").write_text("raise SystemExit(0)\n")
+    with pytest.raises(mf.SpecError, match=r"noise = .* cannot be imported: SystemExit: 0"):
+        toml_file.load(file(PLAIN + 'noise = "study_kit_leaving:f"'))
 
 
 def test_the_study_files_of_the_docs_are_understood(file: Any) -> None:

@@ -14,6 +14,7 @@ from .. import rivals
 from ..errors import DataError, ModfunError, SpecError
 from ..estimation import Estimator
 from ..lti import LTI, ss, tf
+from ..options import TRENDS
 from ..structures import TransferFunction
 from ..studies import MonteCarlo
 from ..tables import nearest
@@ -270,8 +271,8 @@ def _estimator(key: Key, value: Any) -> Any:
     return Unmade(key, RIVALS[word], key.read({n: v for n, v in value.items() if n != "rival"}, known))
 
 
-def _trend(key: Key, value: Any) -> str | None:
-    if not isinstance(value, str):
+def _trend(key: Key, value: Any) -> Any:
+    if value not in ("none", *TRENDS):
         raise key.wrong(value, '"none", "constant", "linear" or "auto"')
     return None if value == "none" else value
 

@@ -118,7 +118,7 @@ def imported(key: Key, place: str) -> Any:
     module, _, name = place.partition(":")
     try:
         found = importlib.import_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a script may leave at its end
         if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
             raise key.refuse(
                 f" = {place!r}: there is no module {module} beside the study file, nor where Python looks"
