@@ -106,4 +106,4 @@ def _said(call: Callable[..., Any]) -> str:
         return f"a {type(call).__name__}"
     if "<lambda>" in name:
         return "a lambda"
-    return f"the function {name}, defined inside of another," if "<locals>" in name else f"{name}"
+    return f"the function {name} inside of another function" if "<locals>" in name else f"{name}"

@@ -260,6 +260,8 @@ def _done(value: Any) -> Future[Any]:
         ({"shard": (0, 2)}, "give directory="),
         ({"shard": (2, 2), "directory": "x"}, "0 <= k < n"),
         ({"shard": 3, "directory": "x"}, "0 <= k < n"),
+        ({"shard": (0.0, 2), "directory": "x"}, r"shard=\(0.0, 2\) must be \(k, n\), whole numbers"),
+        ({"shard": (True, 2), "directory": "x"}, r"shard=\(True, 2\) must be \(k, n\), whole numbers"),
         ({"shard": (0, 2), "directory": "x", "until": {"bias": 1.0}}, "until="),
         ({"directory": 5}, "directory=5 cannot name a directory .* give a path as a text"),
         ({"directory": ["a"]}, r"directory=\['a'\] cannot name a directory"),

@@ -270,6 +270,10 @@ def test_what_another_process_cannot_import_is_refused(tmp_path: Path) -> None:
         assert study.run(progress=False).failures.sum() == 0
         with pytest.raises(mf.SpecError, match="draw='samples'"):
             study.run(progress=False, draw="coefficients")
+    with pytest.raises(
+        mf.SpecError, match=r"<locals>\.inner inside of another function, which a reader of dir"
+    ):
+        cases["generate"].run(progress=False, directory=tmp_path / "no")
 
 
 def test_the_hash_follows_the_functions(tmp_path: Path) -> None:
@@ -428,6 +432,21 @@ def test_what_cannot_be_run_is_refused_at_once(study: Any, error: Any, cure: str
 def test_what_is_wrong_in_kind_ends_the_run(study: Any, cure: str) -> None:
     with pytest.raises(mf.SpecError, match=cure):
         study().run(progress=False)
+
+
+def test_a_label_of_the_other_kind_is_told_so() -> None:
+    found = simulated(replicates=3).run(progress=False)
+    with pytest.raises(
+        mf.SpecError, match=r"nsr='0\.3' is a text, in the study it is a number; give nsr=0\.3"
+    ):
+        found.replicate(0, nsr="0.3")
+    found = generated(grid={"df": ["3", "30"]}, generate=_of_texts, replicates=3).run(progress=False)
+    with pytest.raises(mf.SpecError, match=r"df=3 is a number, in the study it is a text; give df='3'"):
+        found.replicate(0, df=3)
+
+
+def _of_texts(cell: Any, rng: Any) -> mf.Record:
+    return kit.student({"df": int(cell["df"])}, rng)
 
 
 def test_partials_and_methods_have_hashes_of_their_own() -> None:

@@ -27,10 +27,15 @@ class Axis:
         for k, own in enumerate(self.labels):
             if own == label:
                 return k
-        raise SpecError(f"{self.name}={label!r} is not in the study; {nearest(label, self._texts())}")
-
-    def _texts(self) -> list[str]:
-        return [str(label) for label in self.labels]
+        meant = next((own for own in self.labels if str(own) == str(label)), None)
+        if meant is not None:
+            kinds = ("a text", "a number") if isinstance(label, str) else ("a number", "a text")
+            raise SpecError(
+                f"{self.name}={label!r} is {kinds[0]}, in the study it is {kinds[1]}; give "
+                f"{self.name}={meant!r}"
+            )
+        texts = [str(own) for own in self.labels]
+        raise SpecError(f"{self.name}={label!r} is not in the study; {nearest(label, texts)}")
 
 
 def axis(name: str, given: Any) -> tuple[Axis, tuple[Any, ...]]:

@@ -191,12 +191,13 @@ def _check(work: Work, until: Mapping[str, float] | None, executor: Any, directo
 def _slice(shard: Any) -> tuple[int, None, int]:
     """The parts of a shard (k, n), as arguments of islice."""
     try:
-        k, n = (int(v) for v in shard)
-        if not 0 <= k < n:
-            raise ValueError
+        k, n = shard
     except (TypeError, ValueError):
-        raise SpecError(f"run: shard={shard!r} must be (k, n) with 0 <= k < n, as (3, 64)") from None
-    return k, None, n
+        k = n = None
+    whole = all(isinstance(v, int | np.integer) and not isinstance(v, bool) for v in (k, n))
+    if not (whole and 0 <= k < n):
+        raise SpecError(f"run: shard={shard!r} must be (k, n), whole numbers with 0 <= k < n, as (3, 64)")
+    return int(k), None, int(n)
 
 
 def _place(directory: Any) -> None:
