@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -486,6 +487,24 @@ def test_a_module_that_leaves_python_is_exit_code_2(capsys: pytest.CaptureFixtur
     assert run("run", "leaves.toml", "--out", "a") == 2
     assert "study_kit_leaves cannot be imported: SystemExit: 0" in capsys.readouterr().err
     assert not Path("a").exists()
+
+
+@pytest.mark.parametrize("line", ["raise SystemExit(0)", "1 / 0"])
+def test_a_study_is_read_though_its_module_fails_by_now(
+    line: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"study_kit_changed_{len(line)}"
+    module = Path(f"{name}.py")
+    module.write_text("def f(rng, y, dt):\n    return rng.standard_normal(y.size)\n")
+    Path("own.toml").write_text(f'noise = "{name}:f"\n' + STUDY)
+    assert run("run", "own.toml", "--out", "a", "--replicates", "3") == 0
+    monkeypatch.delitem(sys.modules, name)
+    importlib.invalidate_caches()
+    module.write_text(f"{line}\n")
+    assert run("status", "a") == 0
+    assert run("replicate", "a", "0", "--cell", "system=two", "--cell", "nsr=0.1") == 2
+    said = "SystemExit: 0" if "Exit" in line else "ZeroDivisionError: division by zero"
+    assert f"{name}:f of this study cannot be imported ({said})" in capsys.readouterr().err
 
 
 def test_an_unfinished_study_has_no_report_yet(capsys: pytest.CaptureFixture[str]) -> None:

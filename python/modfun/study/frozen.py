@@ -94,5 +94,5 @@ def thaw(value: Any, arrays: Arrays) -> Any:
 def _imported(place: str) -> Any:
     try:
         return at(place)
-    except (ImportError, AttributeError) as error:
-        return Lost(place, str(error))
+    except (Exception, SystemExit) as error:  # whatever its module does today
+        return Lost(place, f"{type(error).__name__}: {error}")
