@@ -72,7 +72,8 @@ def run(
             if missing:
                 bar.say(f"shard {shard[0]} of {shard[1]} is done; {missing} parts of others are missing")
                 return None
-            return collected(store, work.plan, work.draw, work.samples)
+            kept = store.sampled(work.plan, check=False) if work.samples else None
+            return collected(store, work.plan, work.draw, kept)
         total: Tally | None = None
         done = 0
         with closing(tallies(parts(size, most), workers, store)) as found:
@@ -97,14 +98,13 @@ def run(
             stacklevel=3,
         )
     if store is not None:
-        samples = store.sampled(work.plan) if work.samples else None
+        samples = store.sampled(work.plan, check=False) if work.samples else None
     return _results(work.plan, work.draw, total, done, samples)
 
 
-def collected(store: Directory, plan: Plan, draw: str, samples: bool) -> Results:
+def collected(store: Directory, plan: Plan, draw: str, samples: F64 | None) -> Results:
     """Results of a directory whose parts are all there."""
-    kept = store.sampled(plan) if samples else None
-    return _results(plan, draw, summed(store), store.replicates, kept)
+    return _results(plan, draw, summed(store), store.replicates, samples)
 
 
 def summed(store: Directory) -> Tally:

@@ -127,7 +127,7 @@ def load(directory: str | Path) -> Results:
             "damaged; run the study again with this directory=, it makes only these"
         )
     plan, draw = store.study()
-    return collected(store, plan, draw, samples=True)
+    return collected(store, plan, draw, store.sampled(plan, check=True))
 
 
 def replicate(directory: str | Path, number: int, cell: Mapping[str, Any]) -> tuple[Record, dict[str, Any]]:
