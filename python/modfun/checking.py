@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .masking import runs
 from .tables import Findings
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ F64 = NDArray[np.float64]
 
 def check_record(record: Record) -> Findings:
     """Return the findings of `Record.check`."""
-    sentences = [*_clock(record), *_length(record)]
+    sentences = [*_clock(record), *_length(record), *_masked(record)]
     for name in (*record.outputs, *record.inputs):
         values = record[name]
         if values.min() == values.max():
@@ -62,6 +63,21 @@ def _clock(record: Record) -> Iterator[str]:
         "up to "
         f"{100 * stray:.2g} % of a step.{rounded}"
     )
+
+
+def _masked(record: Record) -> Iterator[str]:
+    for name in record.outputs:
+        good = record._good(name)
+        if good.all():
+            continue
+        starts, lengths = runs(~good)
+        first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
+        before, after = max(first - 1, 0), min(first + length, len(good) - 1)
+        yield (
+            f"Output {name!r}: {int((~good).sum())} of {len(good)} samples are masked, {int(length)} in a "
+            f"row at most, a gap of {record.t[after] - record.t[before]:.4g} s from t = "
+            f"{record.t[before]:g} s."
+        )
 
 
 def _length(record: Record) -> Iterator[str]:
@@ -136,20 +152,15 @@ def _is_smooth(values: F64) -> bool:
     return float(np.mean(np.diff(values, 2) ** 2)) < 0.05 * float(np.mean(np.diff(values) ** 2))
 
 
-def _runs(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return first index and length of each run of True."""
-    edges = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
-    starts = np.flatnonzero(edges == 1)
-    return starts, np.flatnonzero(edges == -1) - starts
-
-
 def _clipped(record: Record, name: str) -> Iterator[str]:
     values = record[name]
     if (~_changes(values)).mean() > 0.5:  # coarse steps or rest; said by _stale
         return
     for end, extreme in (("largest", float(values.max())), ("smallest", float(values.min()))):
-        there = values == extreme
-        starts, lengths = _runs(there)
+        there = (values == extreme) & record._good(name)
+        if not there.any():
+            continue
+        starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
             yield (
@@ -161,8 +172,10 @@ def _clipped(record: Record, name: str) -> Iterator[str]:
 
 def _stale(record: Record, name: str) -> Iterator[str]:
     values = record[name]
+    good = record._good(name)
     inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
-    starts, lengths = _runs(inside)
+    inside &= good[1:] & good[:-1]
+    starts, lengths = runs(inside)
     if inside.mean() > 0.2 or (lengths.size and lengths.max() >= max(10, 0.05 * len(values))):
         worst = int(np.argmax(lengths))
         yield (

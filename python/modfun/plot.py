@@ -21,6 +21,8 @@ __all__ = ["bode", "poles", "record", "residuals", "response", "spectrum", "stud
 def record(rec: Record, ax: Any = None) -> Any:
     """Draw a record over time: outputs above, inputs below, held inputs as steps.
 
+    Masked samples are left out; dotted lines bridge them.
+
     Parameters
     ----------
     rec : Record
@@ -38,7 +40,14 @@ def record(rec: Record, ax: Any = None) -> Any:
     for name, here in zip(names, axes, strict=True):
         style = "steps-post" if held.get(name) == "zoh" else "default"
         color = "C1" if name in rec.inputs and len(set(axes)) > 1 else None
-        here.plot(rec.t, rec[name], drawstyle=style, label=name, color=color, linewidth=1.0)
+        here.plot(rec.t, rec._shown(name), drawstyle=style, label=name, color=color, linewidth=1.0)
+        masked = ~rec._good(name)
+        if masked.any():
+            masked |= np.append(masked[1:], False) | np.insert(
+                masked[:-1], 0, False
+            )  # to the good ones beside
+            bridge = np.where(masked, rec[name], np.nan)
+            here.plot(rec.t, bridge, ":", color="0.5", linewidth=1.0, label=f"_{name} masked")
     _label(axes, names, rec.units, "time (s)")
     return _returned(ax, axes)
 

@@ -16,6 +16,7 @@ from . import html
 from .checking import check_record
 from .errors import DataError, ModfunWarning, SpecError
 from .extras import optional
+from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .samples import (
     F64,
     FEWEST,
@@ -66,6 +67,14 @@ class Record:
         for all inputs, one an input, or words by input name (inputs left out are smooth).
     keep : mapping of str to array_like, optional
         Further channels to carry along, such as an event marker for `split`.
+    mask : array_like of bool, shape (time,) or (output, time), optional
+        True where a sample of the outputs counts, False where it is left out (an outlier, a dropout); one
+        row for all outputs or one an output. What `y` holds there, nan included, is replaced by straight
+        lines between the good samples on both sides, or the nearest good one at the ends, so that `y` is
+        finite throughout; fits do not use these values. Inputs must be known everywhere.
+    sigma : array_like, shape (time,) or (output, time), optional
+        Relative noise of each sample of the outputs, positive: a standard deviation up to a factor an
+        output, which is estimated. Default: the same for all samples.
     t0 : float, default 0.0
         Time of the first sample in seconds, with `dt` or `fs`.
 
@@ -79,6 +88,9 @@ class Record:
     outputs, inputs : tuple of str
     intersample : tuple of str
         One word an input.
+    mask : ndarray of bool, shape (output, time), or None
+        None where every sample counts.
+    sigma : ndarray, shape (output, time), or None
 
     Raises
     ------
@@ -98,7 +110,9 @@ class Record:
     4.0
     """
 
-    __slots__ = ("_keep", "_units", "dt", "inputs", "intersample", "outputs", "t", "u", "y")
+    __slots__ = (
+        "_keep", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "t", "u", "y",
+    )  # fmt: skip
 
     y: F64
     u: F64
@@ -107,6 +121,8 @@ class Record:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     intersample: tuple[str, ...]
+    mask: Mask | None
+    sigma: F64 | None
     _units: dict[str, str]
     _keep: dict[str, F64]
 
@@ -124,6 +140,8 @@ class Record:
         units: Mapping[str, str] | None = None,
         intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
         keep: Mapping[str, ArrayLike] | None = None,
+        mask: ArrayLike | None = None,
+        sigma: ArrayLike | None = None,
         t0: float = 0.0,
     ) -> None:
         ys = channels_of(y, "y", axis)
@@ -151,9 +169,12 @@ class Record:
                 )
         if count < FEWEST:
             raise DataError(f"Record: {count} samples are too few; at least {FEWEST} are needed")
+        times, step = times_of(count, dt, fs, t, t0)
+        good = mask_of(mask, ys.shape, axis)
+        refuse_scarce(good, out_names, "Record")
+        ys = filled(ys, good, times)
         for names, values in [(out_names, ys), (in_names, us), *(((name,), v) for name, v in kept.items())]:
             refuse_nonfinite(names, values)
-        times, step = times_of(count, dt, fs, t, t0)
         known = (*out_names, *in_names, *kept)
         for name in units or {}:
             if name not in known:
@@ -166,13 +187,16 @@ class Record:
             outputs=out_names,
             inputs=in_names,
             intersample=intersample_of(intersample, in_names),
+            mask=good,
+            sigma=sigma_of(sigma, good, times, ys.shape, axis),
             _units={str(name): str(unit) for name, unit in (units or {}).items()},
             _keep={name: values[0] for name, values in kept.items()},
         )
 
     def _set(self, **fields: Any) -> None:
-        for name in ("y", "u", "t"):
-            fields[name] = frozen(fields[name])
+        for name in ("y", "u", "t", "mask", "sigma"):
+            if fields[name] is not None:
+                fields[name] = frozen(fields[name])
         fields["_keep"] = {name: frozen(values) for name, values in fields["_keep"].items()}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -257,7 +281,10 @@ class Record:
         return (
             (self.dt, self.outputs, self.inputs, self.intersample, self._units, self.kept)
             == (other.dt, other.outputs, other.inputs, other.intersample, other._units, other.kept)
-            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("y", "u", "t"))
+            and all(
+                np.array_equal(getattr(self, name), getattr(other, name))  # None is equal to None alone
+                for name in ("y", "u", "t", "mask", "sigma")
+            )
             and all(np.array_equal(self._keep[name], other._keep[name]) for name in self._keep)
         )
 
@@ -276,7 +303,7 @@ class Record:
         Raises
         ------
         DataError
-            If fewer than 8 samples lie in the window.
+            If fewer than 8 samples lie in the window, or the mask leaves fewer of an output.
         """
         slack = 1e-6 * self.duration / self.intervals  # so that 0.1·k typed as a decimal hits its sample
         first = int(np.searchsorted(self.t, t0 - slack, side="left"))
@@ -286,7 +313,9 @@ class Record:
                 f"window({t0:g}, {t1:g}) holds {max(last - first, 0)} samples, at least {FEWEST} are needed; "
                 f"the record runs from {self.t[0]:g} to {self.t[-1]:g} s"
             )
-        return self._slice(first, last)
+        part = self._slice(first, last)
+        refuse_scarce(part.mask, part.outputs, f"window({t0:g}, {t1:g})")
+        return part
 
     def _slice(self, first: int, last: int) -> Record:
         part = slice(first, last)
@@ -294,7 +323,11 @@ class Record:
         if dt is None:  # a part of an uneven record may well be even
             t, dt = times_of(last - first, None, None, t, 0.0)
         keep = {name: values[part] for name, values in self._keep.items()}
-        return self._like(y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep)
+        mask = None if self.mask is None or self.mask[:, part].all() else self.mask[:, part]
+        sigma = None if self.sigma is None else self.sigma[:, part]
+        return self._like(
+            y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma
+        )
 
     def split(self, *, every: float | None = None, on: str | None = None) -> list[Record]:
         """Cut the record into several.
@@ -311,6 +344,7 @@ class Record:
         Returns
         -------
         list of Record
+            Without pieces too short or too much masked to be records, with a warning.
 
         Raises
         ------
@@ -335,7 +369,7 @@ class Record:
                 "the "
                 f"record, which has {len(self.t)} samples in {self.duration:g} s"
             )
-        return [self._slice(int(a), int(b) + 1) for a, b in pairwise(edges)]
+        return self._pieces([(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={every:g})")
 
     def _split_on(self, channel: str) -> list[Record]:
         values = self[channel]
@@ -362,7 +396,23 @@ class Record:
                 ModfunWarning,
                 stacklevel=3,
             )
-        return [self._slice(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)]
+        bounds = [(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)]
+        return self._pieces(bounds, f"split(on={channel!r})")
+
+    def _pieces(self, bounds: Sequence[tuple[int, int]], what: str) -> list[Record]:
+        """Return the pieces of which the mask leaves enough."""
+        pieces = [self._slice(first, last) for first, last in bounds]
+        left = [piece for piece in pieces if not scarce(piece.mask).size]
+        if not left:
+            refuse_scarce(pieces[0].mask, self.outputs, what)
+        if len(left) < len(pieces):
+            warnings.warn(
+                f"{what}: of {len(pieces) - len(left)} of {len(pieces)} pieces the mask leaves fewer than "
+                f"{FEWEST} samples of an output; they are left out",
+                ModfunWarning,
+                stacklevel=4,
+            )
+        return left
 
     def select(self, outputs: Names = None, inputs: Names = None) -> Record:
         """Return a record with these channels as outputs and inputs; the others are dropped.
@@ -371,14 +421,33 @@ class Record:
         ----------
         outputs, inputs : str or sequence of str, optional
             Names of any channels of the record, kept ones included; None: as they are. ``inputs=[]``
-            leaves no input. Kept channels that are not named stay kept.
+            leaves no input. Kept channels that are not named stay kept. A channel that becomes an
+            output counts in all its samples.
+
+        Raises
+        ------
+        SpecError
+            If a channel does not exist or is named twice, or no output is left.
+        DataError
+            If an output with masked samples would become an input, which must be known everywhere.
         """
         outs = self.outputs if outputs is None else listed(outputs)
         ins = self.inputs if inputs is None else listed(inputs)
         if not outs:
             raise SpecError(f"select: a record needs an output; there are: {', '.join(self.channels)}")
         refuse_duplicates((*outs, *ins))
+        for name in ins:
+            if not self._good(name).all():
+                raise DataError(
+                    f"select: {name!r} has {int((~self._good(name)).sum())} masked samples, and an input "
+                    "must be known everywhere; take a window without them, or assign it with the gaps filled"
+                )
         count = len(self.t)
+        good = np.array([self._good(name) for name in outs])
+        sigma = None
+        if self.sigma is not None:
+            rows = dict(zip(self.outputs, self.sigma, strict=True))
+            sigma = np.array([rows.get(name, np.ones(count)) for name in outs])
         words = dict(zip(self.inputs, self.intersample, strict=True))
         keep = {name: values for name, values in self._keep.items() if name not in (*outs, *ins)}
         return self._like(
@@ -387,6 +456,8 @@ class Record:
             outputs=tuple(outs),
             inputs=tuple(ins),
             intersample=tuple(words.get(name, "smooth") for name in ins),
+            mask=None if good.all() else good,
+            sigma=sigma,
             _keep=keep,
             _units={name: unit for name, unit in self._units.items() if name in (*outs, *ins, *keep)},
         )
@@ -399,7 +470,8 @@ class Record:
         **channels : array_like, shape (time,), or callable
             Samples by channel name, or a function of the record that returns them; all functions see
             the record as it was. A new name becomes a kept channel: `select` makes it an output or
-            input. The unit of a channel that is replaced is forgotten.
+            input. The unit of a channel that is replaced is forgotten; what is masked stays masked and
+            may be nan.
 
         Examples
         --------
@@ -416,6 +488,8 @@ class Record:
                     f"assign({name}=...): shape {values.shape[1:] if len(values) == 1 else values.shape} "
                     f"where ({len(self.t)},) is needed, one value a sample"
                 )
+            if name in self.outputs:
+                values = filled(values, self._good(name)[None], self.t)
             refuse_nonfinite((name,), values)
             if name in self.outputs:
                 y[self.outputs.index(name)] = values[0]
@@ -426,6 +500,27 @@ class Record:
         units = {name: unit for name, unit in self._units.items() if name not in channels}
         return self._like(y=y, u=u, _keep=keep, _units=units)
 
+    def weigh(self, mask: ArrayLike | None = None, sigma: ArrayLike | None = None) -> Record:
+        """Return a record with samples of its outputs left out, or trusted less.
+
+        Parameters
+        ----------
+        mask, sigma : array_like, shape (time,) or (output, time), optional
+            As in `Record`. Samples already masked stay so; None leaves things as they are.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> rec = Record(y=[0.0, 1, 2, 3, 99, 5, 6, 7, 8], dt=0.1, outputs="q")
+        >>> rec.weigh(mask=rec["q"] < 50)["q"][4]
+        np.float64(4.0)
+        """
+        more = mask_of(mask, self.y.shape)
+        good = more if self.mask is None else self.mask if more is None else self.mask & more
+        refuse_scarce(good, self.outputs, "weigh")
+        weights = self.sigma if sigma is None else sigma_of(sigma, good, self.t, self.y.shape)
+        return self._like(y=filled(self.y, good, self.t), mask=good, sigma=weights)
+
     # What it says ----------------------------------------------------------------------------
 
     def check(self) -> Findings:
@@ -434,7 +529,8 @@ class Record:
         Returns
         -------
         Findings
-            Prints as a list; false where there is nothing to say. Looked at: steps and gaps, clipping,
+            Prints as a list; false where there is nothing to say. Looked at: steps and gaps, masked
+            samples, clipping,
             stale samples, a held input declared smooth, inputs without excitation, offsets and drift,
             noise levels, length and rate, outliers.
         """
@@ -445,7 +541,8 @@ class Record:
 
         With q = order + 2, the variance is N·mean|Δ^q V(m)|²/C(2q, q) over the upper half of the
         harmonics; the difference removes what the ends of the record leak there. Right for white noise
-        only: on filtered records it is too low.
+        only: on filtered records it is too low, and so it is where many samples are masked, since the
+        lines between their neighbours carry little noise.
 
         Parameters
         ----------
@@ -487,7 +584,8 @@ class Record:
         """Return the amplitude spectrum of every output and input.
 
         The mean is removed and a Hann window, (1 − cos 2πt/T)/2, put over the record, so that its ends
-        do not cover the upper harmonics with leakage; amplitudes are those of sinusoids.
+        do not cover the upper harmonics with leakage; amplitudes are those of sinusoids. Masked samples
+        enter as the lines between their neighbours.
 
         Returns
         -------
@@ -521,10 +619,24 @@ class Record:
         return plot.record(self, ax=ax)
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``)."""
+        """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).
+
+        Masked samples are nan.
+        """
         pandas = optional("pandas", "pandas", "Record.to_pandas")
         index = pandas.Index(self.t, name="t")
-        return pandas.DataFrame({name: self[name] for name in self.channels}, index=index)
+        return pandas.DataFrame({name: self._shown(name) for name in self.channels}, index=index)
+
+    def _good(self, channel: str) -> Mask:
+        """Return where the samples of a channel count."""
+        if self.mask is not None and channel in self.outputs:
+            row: Mask = self.mask[self.outputs.index(channel)]
+            return row
+        return np.ones(len(self.t), dtype=np.bool_)
+
+    def _shown(self, channel: str) -> F64:
+        """Return the samples of a channel, nan where they are masked."""
+        return np.where(self._good(channel), self[channel], np.nan)
 
     def _summary(self) -> tuple[str, list[tuple[str, str, str]]]:
         if self.dt is None:
@@ -533,8 +645,12 @@ class Record:
         else:
             pace = f"dt = {self.dt:.6g} s"
         start = f" from t = {self.t0:g} s" if self.t0 else ""
-        line = f"Record of {self.duration:.6g} s{start}: {len(self.t)} samples, {pace}"
-        roles = ["output"] * len(self.outputs)
+        own = "" if self.sigma is None else ", own sigma"
+        line = f"Record of {self.duration:.6g} s{start}: {len(self.t)} samples, {pace}{own}"
+        roles = []
+        for name in self.outputs:
+            masked = int((~self._good(name)).sum())
+            roles.append(f"output, {masked} masked" if masked else "output")
         roles += [f"input, {word}" for word in self.intersample] + ["kept"] * len(self._keep)
         rows = []
         for name, role in zip(self.channels, roles, strict=True):

@@ -331,7 +331,7 @@ class Fit:
         """
         record = self._record(rec, "predict")
         simulated, _ = prediction.simulate_fit(self, record, initial_state)
-        return record._like(y=simulated)
+        return record._like(y=simulated, mask=None, sigma=None)
 
     def errors(self, rec: Record | int | None = None) -> F64:
         """Measured less simulated output in time, (output, time)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from .errors import DataError, SpecError
 from .tables import nearest
 
 F64 = NDArray[np.float64]
+Array = TypeVar("Array", bound=NDArray[Any])
 Names = str | Sequence[str] | None
 
 INTERSAMPLE = ("smooth", "zoh", "foh")
@@ -19,18 +21,18 @@ FEWEST = 8  # samples a record must have
 EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
 
 
-def frozen(values: F64) -> F64:
+def frozen(values: Array) -> Array:
     """Return a read-only, C-contiguous view or copy; the caller's own array stays as it is."""
-    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array = np.ascontiguousarray(values).view()
     array.flags.writeable = False
-    return array
+    return array  # type: ignore[return-value]
 
 
 def floats(values: ArrayLike, what: str) -> F64:
     if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
         raise DataError(
             f"Record: {what} has {int(np.ma.getmaskarray(values).sum())} masked samples, which a fit would "
-            "use all the same; cut the record there (window, split) or fill them"
+            "use all the same; of y give y=y.data, mask=~y.mask, else cut the record there or fill them"
         )
     try:
         array = np.asarray(values)
@@ -83,7 +85,8 @@ def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
             raise DataError(
                 f"Record: channel {name!r} has {bad.size} values that are not finite, the first at index "
                 f"{bad[0]} "
-                f"({channel[bad[0]]}); cut the record there, or fill the gap before"
+                f"({channel[bad[0]]}); cut the record there, fill the gap before, or leave samples of "
+                "outputs out with mask=, False where they are to be ignored"
             )
 
 

@@ -1,0 +1,95 @@
+"""The mask and sigma of a record: samples of its outputs to leave out, or to trust less."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import DataError
+from .samples import FEWEST, channels_of
+
+__all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "scarce", "sigma_of"]
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def mask_of(given: ArrayLike | None, shape: tuple[int, int], axis: int = -1) -> Mask | None:
+    """Return a mask (output, time), True where a sample counts; None where all do."""
+    if given is None:
+        return None
+    flags = _per_output(given, "mask", shape, axis)
+    if not np.isin(flags, (0.0, 1.0)).all():
+        raise DataError(
+            f"Record: mask holds values from {np.min(flags):g} to {np.max(flags):g} where True (the sample "
+            "counts) or False (it is left out) is needed; give a condition such as mask=np.isfinite(y)"
+        )
+    mask: Mask = flags == 1.0
+    return None if mask.all() else mask
+
+
+def sigma_of(
+    given: ArrayLike | None, mask: Mask | None, times: F64, shape: tuple[int, int], axis: int = -1
+) -> F64 | None:
+    """Return relative standard deviations (output, time), interpolated where samples are masked."""
+    if given is None:
+        return None
+    sigma = filled(_per_output(given, "sigma", shape, axis), mask, times)
+    bad = np.argwhere(~(np.isfinite(sigma) & (sigma > 0)))
+    if len(bad):
+        output, k = bad[0]
+        raise DataError(
+            f"Record: sigma has {len(bad)} values that are not positive and finite, the first at index {k} "
+            f"({sigma[output, k]}); give the relative noise of each sample, and leave samples that say "
+            "nothing out with mask="
+        )
+    return sigma
+
+
+def _per_output(given: ArrayLike, what: str, shape: tuple[int, int], axis: int) -> F64:
+    values = channels_of(given, what, axis if np.ndim(given) == 2 else -1)
+    if values.shape not in (shape, (1, shape[1])):
+        raise DataError(
+            f"Record: {what} has shape {np.shape(given)}; it must have one value a sample of y, "
+            f"({shape[1]},), or {shape} for one row an output"
+        )
+    return np.repeat(values, shape[0], axis=0) if values.shape != shape else values
+
+
+def filled(values: F64, mask: Mask | None, times: F64) -> F64:
+    """Return values (channel, time) with lines between the neighbours where samples are masked.
+
+    Before the first and after the last good sample its value is repeated. An output with no good sample
+    is left to `refuse_scarce`.
+    """
+    if mask is None:
+        return values
+    out = values.copy()
+    for row, good in zip(out, mask, strict=True):
+        if good.any() and not good.all():
+            row[~good] = np.interp(times[~good], times[good], row[good])
+    return out
+
+
+def scarce(mask: Mask | None) -> NDArray[np.intp]:
+    """Return the outputs of which fewer than 8 samples are left."""
+    return np.flatnonzero(mask.sum(axis=1) < FEWEST) if mask is not None else np.zeros(0, dtype=np.intp)
+
+
+def refuse_scarce(mask: Mask | None, outputs: Sequence[str], what: str) -> None:
+    few = scarce(mask)
+    if few.size:
+        assert mask is not None
+        raise DataError(
+            f"{what}: the mask leaves {int(mask[few[0]].sum())} samples of output {outputs[few[0]]!r}, at "
+            f"least {FEWEST} are needed; mask is True where a sample is good, False where it is left out"
+        )
+
+
+def runs(flags: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return first index and length of each run of True."""
+    edges = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
+    starts = np.flatnonzero(edges == 1)
+    return starts, np.flatnonzero(edges == -1) - starts
