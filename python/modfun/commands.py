@@ -28,7 +28,7 @@ reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again
 app.add_typer(reproduce, name="reproduce")
 app.add_typer(mc, name="mc")
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE", help="Tables with a header: .csv, .npz")]
+Files = Annotated[list[Path], typer.Argument(metavar="FILE", help=".csv, .npz, .mat or .parquet.")]
 Outputs = Annotated[list[str] | None, typer.Option("--output", "-y", help="Column of the output.")]
 Inputs = Annotated[
     list[str] | None, typer.Option("--input", "-u", help="Column of an input; repeat for several.")
@@ -41,6 +41,7 @@ Between = Annotated[
     list[str] | None,
     typer.Option("--intersample", help="Inputs between samples: smooth, zoh or foh; once, or one an input."),
 ]
+Part = Annotated[str | None, typer.Option(help="Struct or experiment of a .mat file that holds several.")]
 
 
 def _version(wanted: bool) -> None:
@@ -66,6 +67,7 @@ def check(
     time: Time = None,
     dt: Step = None,
     intersample: Between = None,
+    part: Part = None,
     json_to: Json = None,
 ) -> None:
     """Show the columns of files; with --output, say what is wrong or doubtful about the record."""
@@ -73,12 +75,12 @@ def check(
 
     answers: list[dict[str, Any]] = []
     for file in files:
-        table = columns(file)
+        table = columns(file, part=part)
         answer: dict[str, Any] = {"file": str(file), "columns": table.to_dict()}
         if json_to != "-":
             print(f"{file}\n{table}")
         if output:
-            rec = _record(file, output, input, time, dt, intersample)
+            rec = _record(file, output, input, time, dt, intersample, part)
             findings = rec.check()
             answer["findings"] = list(findings)
             if json_to != "-":
@@ -103,6 +105,7 @@ def fit(
     time: Time = None,
     dt: Step = None,
     intersample: Between = None,
+    part: Part = None,
     method: Annotated[str, typer.Option(help="ml, awls, wls or ls.")] = "ml",
     band: Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")] = None,
     harmonics: Annotated[
@@ -120,7 +123,7 @@ def fit(
     """Fit a transfer function to one file, or to several files as one problem."""
     if not output or len(output) != 1:
         raise SpecError("fit: give exactly one --output, the column to be modelled")
-    records = [_record(file, output, input, time, dt, intersample) for file in files]
+    records = [_record(file, output, input, time, dt, intersample, part) for file in files]
     structure = TransferFunction(poles=poles, zeros=_zeros(zeros), delay=_one_or_all(delay) or 0.0)
     result = estimation.fit(
         records,
@@ -169,11 +172,12 @@ def _record(
     time: str | None,
     dt: float | None,
     intersample: list[str] | None,
+    part: str | None,
 ) -> Record:
     from .io import read
 
     between = _one_or_all(intersample)
-    return read(file, time=time, dt=dt, outputs=output, inputs=input or [], intersample=between or "smooth")
+    return read(file, time=time, dt=dt, outputs=output, inputs=input, intersample=between, part=part)
 
 
 def _zeros(given: list[str] | None) -> Any:

@@ -3,52 +3,41 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .delimited import number, read_delimited
 from .errors import DataError, SpecError
+from .masking import Mask, mask_of
+from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
 from .records import Record
-from .samples import even_step
+from .samples import EVEN
+from .sources import Source, Told, open_source
 from .tables import Table, nearest
 
 __all__ = ["columns", "read"]
 
 F64 = NDArray[np.float64]
 Channels = str | Sequence[str] | Mapping[str, str]
-
-SECONDS = {
-    "s": 1.0,
-    "sec": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "μs": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-    "h": 3600.0,
-}
+PerOutput = str | Mapping[str, str]
 
 
 def read(
     source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any,
     *,
-    outputs: Channels,
+    outputs: Channels | None = None,
     inputs: Channels | None = None,
     time: str | None = None,
     keep: Channels | None = None,
     dt: float | None = None,
     units: Mapping[str, str] | None = None,
-    intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+    intersample: str | Sequence[str] | Mapping[str, str] | None = None,
+    mask: PerOutput | None = None,
+    sigma: PerOutput | None = None,
+    missing: str = "refuse",
+    part: str | None = None,
 ) -> Record:
     """Make a Record from a file, a frame or a dictionary of arrays.
 
@@ -56,9 +45,12 @@ def read(
     ----------
     source : path, frame or mapping
         A text file (.csv, .tsv, .txt, .dat; columns separated by comma, semicolon or tab; see Notes), an
-        .npz file of arrays, a frame with ``columns`` (pandas, polars), or arrays by name.
+        .npz file of arrays, a .mat file (extra ``mat`` for version 7.3), a .parquet file (extra
+        ``parquet``), a frame with ``columns`` (pandas, polars), an xarray.Dataset or DataArray, or arrays
+        by name.
     outputs, inputs : str, sequence of str or mapping
-        Columns by name, or ``{new name: name in the source}``.
+        Columns by name, or ``{new name: name in the source}``. Both may be left out where the source says
+        them itself: an exported iddata, what `Record.to_pandas` and `Record.to_xarray` made.
     time : str, optional
         Column of times, increasing. It is converted to seconds where its name says the unit, as in
         ``TIME [ms]`` or ``t_ms``. Default: the one column named t or time (with or without a unit), unless
@@ -68,9 +60,20 @@ def read(
     dt : float, optional
         Sampling interval in seconds, instead of a column of times.
     units : mapping of str to str, optional
-        Units by (new) channel name; default: what stands in brackets in the column's name.
+        Units by (new) channel name; default: what the source says, or what stands in brackets in the
+        column's name.
     intersample : optional
-        How the inputs go between samples, as in `Record`.
+        How the inputs go between samples, as in `Record`; default: what the source says, or "smooth".
+    mask : str or mapping of str to str, optional
+        Column that is 1 or true where a sample of the outputs counts, 0 or false where it is left out;
+        ``{output: column}`` for some outputs only.
+    sigma : str or mapping of str to str, optional
+        Column of the relative noise of each sample, for all outputs or by output.
+    missing : {"refuse", "mask"}, default "refuse"
+        What to do with missing and infinite values of outputs; elsewhere they are always refused.
+    part : str, optional
+        Which struct of a .mat file, ``"z2"``, or which experiment of an iddata, ``"Exp2"`` or
+        ``"z2.Exp2"``, where there are several.
 
     Returns
     -------
@@ -88,7 +91,9 @@ def read(
     -----
     In text files, empty lines and lines that begin with # or % are skipped, the first line names the
     columns (``column1``, ``column2``, ... if it is all numbers) and a line of units below it is skipped.
-    An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...
+    An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
+    a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
+    of other structs are columns ``struct.field``.
 
     Examples
     --------
@@ -98,43 +103,62 @@ def read(
     >>> rec.outputs, rec.units["q"], round(rec.dt, 6)
     (('q',), 'deg/s', 0.1)
     """
-    table = _open(source)
     if time is not None and dt is not None:
         raise SpecError(f"read: give time={time!r} or dt={dt!r}, not both")
-    clock = _guess_time(table) if time is None and dt is None else time
-    roles = [
-        _roles(given, option) for given, option in ((outputs, "outputs"), (inputs, "inputs"), (keep, "keep"))
-    ]
-    old = list(
-        dict.fromkeys([*([clock] if clock else []), *(name for role in roles for name in role.values())])
-    )
-    for name in old:
+    if missing not in ("refuse", "mask"):
+        raise SpecError(f"read: missing={missing!r} is unknown; {nearest(missing, ('refuse', 'mask'))}")
+    table = open_source(source, part)
+    told = table.told
+    if outputs is None and not told.outputs:
+        raise SpecError(f"read: say with outputs= which of the columns they are: {', '.join(table.names)}")
+    clock = _clock_of(table) if time is None and dt is None else time
+    out = _roles(told.outputs if outputs is None else outputs, "outputs")
+    into = _roles(_left(told.inputs, out) if inputs is None else inputs, "inputs")
+    kept = _roles(_left(told.kept, out, into) if keep is None else keep, "keep")
+    good = _per_output(mask, out, "mask")
+    trust = _per_output(sigma, out, "sigma")
+    if sigma is None:
+        trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
+    named = {new: name for role in (out, into, kept) for new, name in role.items()}
+    whole = [*([clock] if clock else []), *into.values(), *kept.values(), *good.values()]
+    wanted = list(dict.fromkeys([*whole, *out.values(), *trust.values()]))
+    for name in wanted:
         _refuse_unknown(table, name)
-    values = table.load(old)
-    for name in old:
-        _refuse_missing(table, name, values[name])
-    out, into, kept = roles
-    named = {new: unit for role in roles for new, name in role.items() if (unit := _unit(name))}
-    count = len(values[old[0]]) if old else 0
-    return Record(
+    values = table.load(wanted)
+    may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
+    for name in wanted:
+        if name in whole or name not in may_miss:
+            _refuse_missing(table, name, values[name], name in out.values())
+    count = len(values[wanted[0]]) if wanted else 0
+    ok = _mask(values, out, good, count)
+    forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
+    record = Record(
         y=np.reshape([values[name] for name in out.values()], (len(out), count)),
         u=np.reshape([values[name] for name in into.values()], (len(into), count)) if into else None,
-        dt=dt,
-        t=None if clock is None else values[clock] * _seconds(clock),
+        **_sampling(table, values, clock, dt),
         outputs=tuple(out),
         inputs=tuple(into),
-        units={**named, **(units or {})},
-        intersample=intersample,
+        units={**{new: u for new, name in named.items() if (u := unit_of(name, told))}, **(units or {})},
+        intersample=forms if intersample is None else intersample,
         keep={new: values[name] for new, name in kept.items()},
+        mask=ok,
+        sigma=[values[trust[new]] if new in trust else np.ones(count) for new in out] if trust else None,
     )
+    if clock is not None and record.dt is not None and record.dt == told.dt:
+        return record._like(t=values[clock])  # as they were written, to the last bit
+    return record
 
 
-def columns(source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any) -> Table:
+def columns(
+    source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any, *, part: str | None = None
+) -> Table:
     """List the columns of a source that `read` takes.
 
     Parameters
     ----------
     source : path, frame or mapping
+        As in `read`.
+    part : str, optional
         As in `read`.
 
     Returns
@@ -143,126 +167,35 @@ def columns(source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any) -> T
         ``column``, ``unit``, ``min``, ``max``, ``missing`` (values), ``note``: which one is the time and
         how even it is, which are constant or text.
     """
-    table = _open(source)
-    times = _time_candidates(table)
+    table = open_source(source, part)
+    times = time_candidates(table)
     rows: list[tuple[Any, ...]] = []
     count = 0
     for name, values in _loadable(table).items():
         if values is None:
-            rows.append((name, _unit(name), None, None, None, "text"))
+            rows.append((name, unit_of(name, table.told), None, None, None, "text"))
             continue
         count = len(values)
         good = values[np.isfinite(values)]
         low, high = (float(good.min()), float(good.max())) if good.size else (None, None)
-        note = "empty" if low is None else "constant" if low == high else ""
+        note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
         if name in times:
-            note = f"time, {_pace(values * _seconds(name))}"
-        rows.append((name, _unit(name), low, high, len(values) - good.size, note))
+            note = f"time, {pace(values * seconds_of(name, table.told))}"
+        rows.append((name, unit_of(name, table.told), low, high, len(values) - good.size, note))
     header = ("column", "unit", "min", "max", "missing", "note")
+    step = f", dt = {table.told.dt:.6g} s" if table.told.dt and not times else ""
     return Table(
-        dict(zip(header, zip(*rows, strict=True), strict=True)), title=f"{table.label}: {count} rows"
+        dict(zip(header, zip(*rows, strict=True), strict=True)), title=f"{table.label}: {count} rows{step}"
     )
 
 
-# Sources: anything that has named columns ---------------------------------------------------------
+def _told_role(name: str, told: Told) -> str:
+    if name in told.inputs:
+        return ", ".join(["input", *([told.intersample[name]] if name in told.intersample else [])])
+    return "output" if name in told.outputs else ""
 
 
-@dataclass(frozen=True)
-class _Source:
-    label: str
-    names: tuple[str, ...]
-    load: Callable[[Sequence[str]], dict[str, F64]]
-    place: Callable[[int], str]  # what a row is called in messages
-
-
-def _open(source: Any) -> _Source:
-    if isinstance(source, str | os.PathLike):
-        return _open_file(Path(source))
-    if isinstance(source, Mapping):
-        return _from_arrays(source, "the dictionary")
-    if hasattr(source, "columns") and hasattr(source, "__getitem__"):
-        arrays = {str(name): source[name] for name in source.columns}
-        index = getattr(source, "index", None)
-        label = getattr(index, "name", None)
-        if isinstance(label, str) and label not in arrays:  # pandas often keeps the times there
-            arrays = {label: index, **arrays}
-        return _from_arrays(arrays, "the frame")
-    raise SpecError(
-        f"read: {type(source).__name__} is no source; give a path to a .csv or .npz file, a pandas or polars "
-        "frame, or a dictionary of arrays"
-    )
-
-
-def _open_file(path: Path) -> _Source:
-    if not path.is_file():
-        if path.exists():
-            raise DataError(
-                f"read: {os.fspath(path)!r} is not a regular file; give the path of a .csv or .npz"
-            )
-        here = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
-        close = nearest(path.name, here).partition("there are")[0].strip()
-        raise DataError(f"read: there is no file {os.fspath(path)!r}; {close or 'check the path'}")
-    kind = path.suffix.lower()
-    if kind == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                return _from_arrays(dict(arrays), path.name)
-        except (OSError, ValueError) as problem:
-            raise DataError(f"{path.name} cannot be read as .npz: {problem}") from None
-    if kind not in ("", ".csv", ".tsv", ".txt", ".dat"):
-        raise SpecError(f"read: {path.name}: files of kind {kind} are not read; convert it to .csv or .npz")
-    text = read_delimited(path)
-    return _Source(path.name, text.names, text.load, lambda row: f"line {text.line_numbers[row]}")
-
-
-def _from_arrays(given: Mapping[Any, Any], label: str) -> _Source:
-    arrays: dict[str, NDArray[Any]] = {}
-    for key, values in given.items():
-        array = np.asarray(values)
-        if array.ndim == 1:
-            arrays[str(key)] = array
-        elif array.ndim == 2:
-            if array.shape[0] > array.shape[1]:
-                raise DataError(
-                    f"{label}: {key!r} has shape {array.shape}, {array.shape[0]} channels of "
-                    f"{array.shape[1]} "
-                    "samples; give it as (channel, time), transposed"
-                )
-            arrays.update({f"{key}{k}": row for k, row in enumerate(array, start=1)})
-    if not arrays:
-        raise DataError(f"{label} holds no 1-D or 2-D array")
-
-    def load(names: Sequence[str]) -> dict[str, F64]:
-        loaded = {name: _numeric(arrays[name], name, label) for name in names}
-        lengths = {name: len(values) for name, values in loaded.items()}
-        if len(set(lengths.values())) > 1:
-            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise DataError(f"{label}: the columns differ in length ({listed}); all must be sampled alike")
-        return loaded
-
-    return _Source(label, tuple(arrays), load, lambda row: f"row {row}")
-
-
-def _numeric(array: NDArray[Any], name: str, label: str) -> F64:
-    if array.dtype.kind in "biuf":
-        return np.asarray(array, dtype=np.float64)
-    if array.dtype.kind in "mM":  # dates: seconds from the first
-        return np.asarray((array - array[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
-    if array.dtype.kind == "c":
-        raise DataError(f"{label}: column {name!r} is complex; give real and imaginary part as two columns")
-    values = np.empty(len(array))
-    for row, value in enumerate(array):
-        found = number(str(value))
-        if found is None:
-            raise DataError(
-                f"{label}, row {row}: column {name!r} holds {value!r} where a number is needed; correct or "
-                "drop it"
-            )
-        values[row] = found
-    return values
-
-
-def _loadable(table: _Source) -> dict[str, F64 | None]:
+def _loadable(table: Source) -> dict[str, F64 | None]:
     """Return every column, None for those that are text."""
     names = list(dict.fromkeys(table.names))
     try:
@@ -277,7 +210,7 @@ def _loadable(table: _Source) -> dict[str, F64 | None]:
         return loaded
 
 
-# Names, units and times ---------------------------------------------------------------------------
+# Which column is what ----------------------------------------------------------------------------
 
 
 def _roles(given: Channels | None, option: str) -> dict[str, str]:
@@ -292,69 +225,66 @@ def _roles(given: Channels | None, option: str) -> dict[str, str]:
     return {name: name for name in names}
 
 
-def _refuse_unknown(table: _Source, name: str) -> None:
+def _left(told: tuple[str, ...], *taken: Mapping[str, str]) -> list[str]:
+    """Return the columns of a role that the source tells, without those given another role."""
+    used = {name for role in taken for name in role.values()}
+    return [name for name in told if name not in used]
+
+
+def _per_output(given: PerOutput | None, out: dict[str, str], option: str) -> dict[str, str]:
+    """Return {output: column}."""
+    if given is None:
+        return {}
+    if isinstance(given, str):
+        return dict.fromkeys(out, given)
+    for name in given:
+        if name not in out:
+            raise SpecError(f"read: {option} names {name!r}, which is no output; {nearest(name, list(out))}")
+    return dict(given)
+
+
+def _mask(values: dict[str, F64], out: dict[str, str], good: dict[str, str], count: int) -> Mask | None:
+    """Return where the outputs count: where their columns are finite and those of `good` are true."""
+    ok = np.array([np.isfinite(values[name]) for name in out.values()]).reshape(len(out), count)
+    for row, new in zip(ok, out, strict=True):
+        told = mask_of(values[good[new]], (1, count)) if new in good else None
+        row &= True if told is None else told[0]
+    return None if ok.all() else ok
+
+
+def _clock_of(table: Source) -> str | None:
+    """Return the column of times, None where the source has a step instead."""
+    if table.told.time is None and table.told.dt is not None:
+        return None
+    return table.told.time or guess_time(table)
+
+
+def _sampling(table: Source, values: dict[str, F64], clock: str | None, dt: float | None) -> dict[str, Any]:
+    """Return the options of Record that say when the samples were taken."""
+    told = table.told
+    if clock is None:
+        return {"dt": told.dt, "t0": told.t0} if dt is None else {"dt": dt}
+    times = values[clock] * seconds_of(clock, told)
+    if told.dt is not None and len(times):
+        grid = times[0] + told.dt * np.arange(len(times))
+        if np.abs(times - grid).max() <= EVEN * told.dt:
+            return {"dt": told.dt, "t0": float(times[0])}
+    return {"t": times}
+
+
+def _refuse_unknown(table: Source, name: str) -> None:
     if name not in table.names:
         raise SpecError(f"read: {table.label} has no column {name!r}; {nearest(name, table.names)}")
     if table.names.count(name) > 1:
         raise DataError(f"{table.label} has {table.names.count(name)} columns named {name!r}; rename them")
 
 
-def _refuse_missing(table: _Source, name: str, values: F64) -> None:
+def _refuse_missing(table: Source, name: str, values: F64, output: bool) -> None:
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         places = ", ".join(table.place(int(row)) for row in bad[:5]) + (", ..." if bad.size > 5 else "")
         raise DataError(
             f"{table.label}: column {name!r} has {bad.size} missing or infinite values ({places}); fill or "
-            "cut these "
-            "rows, or read the stretches between them as separate records"
+            "cut these rows, or read the stretches between them as separate records"
+            + (", or leave them out with missing='mask'" if output else "")
         )
-
-
-def _unit(name: str) -> str:
-    """Return what stands in brackets at the end of a column's name."""
-    match = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    return match[1].strip() if match else ""
-
-
-def _time_word(name: str) -> tuple[str, str]:
-    """Return a name without its unit, and the unit, both in lower case: "TIME [s]", "t_s"."""
-    unit = _unit(name)
-    if unit:
-        return re.split(r"[\[(]", name)[0].strip(" _").lower(), unit.lower()
-    word, mark, tail = name.strip().lower().rpartition("_")
-    return (word, tail) if mark and tail in SECONDS else (name.strip().lower(), "")
-
-
-def _seconds(name: str) -> float:
-    return SECONDS.get(_time_word(name)[1], 1.0)
-
-
-def _time_candidates(table: _Source) -> list[str]:
-    return [name for name in table.names if _time_word(name)[0] in ("t", "time", "timestamp", "elapsed time")]
-
-
-def _guess_time(table: _Source) -> str:
-    found = _time_candidates(table)
-    if len(found) == 1:
-        return found[0]
-    problem = (
-        f"several columns may be the time ({', '.join(found)})" if found else "no column is named t or time"
-    )
-    cure = "say which with time=" if found else "name it with time=, or give dt="
-    raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {', '.join(table.names)}")
-
-
-def _pace(times: F64) -> str:
-    steps = np.diff(times)
-    if not (steps.size and np.isfinite(times).all() and (steps > 0).all()):
-        return "but it does not increase everywhere"
-    usual = float(np.median(steps))
-    gaps = int((steps > 1.5 * usual).sum())
-    if gaps:
-        return f"{gaps} gap{'s' * (gaps > 1)}, usual step {usual:.6g} s"
-    step = even_step(times)
-    return (
-        f"uneven, steps {steps.min():.4g} to {steps.max():.4g} s"
-        if step is None
-        else f"even, dt = {step:.6g} s"
-    )

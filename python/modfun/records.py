@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from . import html
 from .checking import check_record
 from .errors import DataError, ModfunWarning, SpecError
-from .extras import optional
 from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .samples import (
     F64,
@@ -621,11 +620,22 @@ class Record:
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).
 
-        Masked samples are nan.
+        Masked samples are nan, sigma stands in columns ``name_sigma``. `modfun.read` makes the same record
+        of the frame, or of the .parquet file it was written to: ``frame.attrs`` holds the rest.
         """
-        pandas = optional("pandas", "pandas", "Record.to_pandas")
-        index = pandas.Index(self.t, name="t")
-        return pandas.DataFrame({name: self._shown(name) for name in self.channels}, index=index)
+        from . import labelled
+
+        return labelled.to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """Return an xarray.Dataset of all channels over ``t`` (extra ``xarray``).
+
+        Masked samples are nan, sigma stands in variables ``name_sigma``; units, roles and the form of
+        inputs between samples are attributes. `modfun.read` makes the same record of it.
+        """
+        from . import labelled
+
+        return labelled.to_xarray(self)
 
     def _good(self, channel: str) -> Mask:
         """Return where the samples of a channel count."""

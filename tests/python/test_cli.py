@@ -48,6 +48,29 @@ def test_json_goes_to_standard_output_or_to_a_file_that_loads(table, tmp_path, c
     assert fit.params.tolist() == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
 
 
+def test_a_wrong_column_gets_the_nearest_names(table, capsys):
+    assert main(["fit", str(table), "--output", "Qq", "--input", "de"]) == 2
+    assert "run.csv has no column 'Qq'; did you mean 'q'? there are: t_s, q, de" in capsys.readouterr().err
+    assert main(["fit", str(table), "--output", "q", "--input", "del"]) == 2
+    assert "no column 'del'; did you mean 'de'?" in capsys.readouterr().err
+
+
+def test_an_exported_iddata_from_the_shell(table, tmp_path, capsys):
+    from scipy.io import savemat
+
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    one = {"OutputData": rec.y.T, "InputData": rec.u.T, "Ts": rec.dt, "InterSample": "bl"}
+    savemat(tmp_path / "run.mat", {"z1": one, "z2": one})
+    words = ["--output", "y", "--poles", "2", "--zeros", "0"]
+    assert main(["fit", str(tmp_path / "run.mat"), *words]) == 2
+    assert "choose one with part=: z1, z2" in capsys.readouterr().err
+    assert main(["fit", str(tmp_path / "run.mat"), *words, "--part", "z1", "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["params"] == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
+    assert main(["check", str(tmp_path / "run.mat"), "--part", "z2"]) == 0
+    assert "input, smooth" in capsys.readouterr().out
+
+
 def test_options_reach_the_fit(table, capsys):
     words = [
         "--band",

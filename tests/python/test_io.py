@@ -148,6 +148,41 @@ def test_many_rows_are_read_exactly(file):
     assert np.array_equal(rec.y, values.T[::-1])
 
 
+# Samples left out or trusted less ------------------------------------------------------------------
+
+
+def test_missing_values_of_outputs_may_be_masked(file):
+    path = file(text(rows=HOLE))
+    rec = read(path, outputs="q", inputs="de", missing="mask")
+    assert np.flatnonzero(~rec.mask[0]).tolist() == [3, 7]
+    assert rec == expected(mask=~np.isin(np.arange(N + 1), [3, 7]))
+    assert read(path, outputs="de", missing="mask").mask is None
+    with pytest.raises(DataError, match=r"'q' has 2 missing .* with missing='mask'"):
+        read(path, outputs="q")
+    with pytest.raises(DataError, match=r"'q' has 2 missing .*separate records$"):
+        read(path, outputs="de", inputs="q", missing="mask")
+    with pytest.raises(SpecError, match="missing='maks' is unknown; did you mean 'mask'"):
+        read(path, outputs="q", missing="maks")
+
+
+def test_columns_of_masks_and_sigmas():
+    ok = np.abs(T - 1) > 0.1
+    source = {**ARRAYS, "ok": ok, "s": 1 + T, "r": Q + 2}
+    rec = read(source, outputs=["q", "r"], inputs="de", mask="ok", sigma={"r": "s"})
+    assert np.array_equal(rec.mask, [ok, ok])
+    assert np.array_equal(rec.sigma, [np.ones(N + 1), 1 + T])
+    gap = {**source, "r": np.where(T > 1.9, np.nan, Q)}
+    both = read(gap, outputs=["q", "r"], mask={"r": "ok"}, missing="mask")
+    assert both.mask[0].all()
+    assert np.array_equal(both.mask[1], ok & (T <= 1.9))
+    with pytest.raises(SpecError, match="mask names 'x', which is no output; there are: q"):
+        read(source, outputs="q", mask={"x": "ok"})
+    with pytest.raises(SpecError, match="no column 'okay'; did you mean 'ok'"):
+        read(source, outputs="q", mask="okay")
+    with pytest.raises(DataError, match="mask holds values from 1 to 3"):
+        read(source, outputs="q", mask="s")
+
+
 # Columns -----------------------------------------------------------------------------------------
 
 
