@@ -312,46 +312,23 @@ class LTI:
         Parameters
         ----------
         pade : int, optional
-            Order of the Padé approximation of the delays; needed if there are any.
+            Order of the Padé approximation of the delays, at least 1; needed if there are any. It is good
+            up to about pade/delay rad/s.
 
         Raises
         ------
         SpecError
-            There is a delay and `pade` is not given.
+            There is a delay and `pade` is not given, or is no whole number above 0.
         """
-        import control
+        from . import interop
 
-        late = any(self.delays)
-        if late and pade is None:
-            raise SpecError(
-                f"to_control: delays {self.delays} s have no rational form; give pade=, an order such as 3"
-            )
-        if self.matrices is not None:
-            system = control.ss(*self.matrices)
-            if late:
-                parts = [control.ss(control.tf(*control.pade(d, pade))) for d in self.delays]
-                system = system * control.append(*parts)
-            return system
-        num, den = self.polynomials()
-        wait = [control.pade(d, pade) if d else ([1.0], [1.0]) for d in self.delays]
-        nums = [[np.polymul(n, w[0]) for n, w in zip(row, wait, strict=True)] for row in num]
-        dens = [[np.polymul(d, w[1]) for d, w in zip(row, wait, strict=True)] for row in den]
-        return control.tf(nums, dens)
+        return interop.to_control(self, pade)
 
     def to_scipy(self) -> Any:
         """The same as a `scipy.signal.lti` object; delays are refused, SciPy has none."""
-        from scipy import signal
+        from . import interop
 
-        if any(self.delays):
-            raise SpecError(
-                f"to_scipy: SciPy's systems have no delay and this one has {self.delays} s; "
-                "use to_control(pade=…), or make the system without delay"
-            )
-        if self.matrices is not None:
-            return signal.StateSpace(*self.matrices)
-        if self.shape == (1, 1):
-            return signal.TransferFunction(self.num, self.den)
-        return signal.StateSpace(*self.to_ss()._state())
+        return interop.to_scipy(self)
 
     # In print --------------------------------------------------------------------------------
 
@@ -435,7 +412,7 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
     num : array_like, or nested lists of them, or a system of python-control or SciPy
         Numerator in descending powers of s: one polynomial; a list of polynomials, one an input; or a
         list (output) of lists (input) of polynomials. A `control.TransferFunction`, `control.StateSpace`
-        or `scipy.signal.lti` object stands alone.
+        or `scipy.signal.lti` object stands alone; one in state space stays so.
     den : array_like, or nested lists of them
         Denominator, common to all paths, or nested as `num` is. It is made monic.
     delay : float or sequence of float
@@ -459,7 +436,9 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
     s^2 + 3 s + 8
     """
     if den is None:
-        return _convert(num, delay)
+        from . import interop
+
+        return interop.system_of(num, delay)
     nums = _table(num, "num")
     outputs, inputs = len(nums), len(nums[0])
     dens = _table(den, "den")
@@ -491,9 +470,9 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
 
 
 def ss(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
+    A: ArrayLike | Any,
+    B: ArrayLike | None = None,
+    C: ArrayLike | None = None,
     D: ArrayLike | None = None,
     *,
     delay: float | Sequence[float] = 0.0,
@@ -504,6 +483,7 @@ def ss(
     ----------
     A, B, C : array_like
         Matrices (state, state), (state, input), (output, state); a vector B is one input, C one output.
+        A system (`LTI`, or of python-control or SciPy) stands alone.
     D : array_like, optional
         Feedthrough (output, input), default zero.
     delay : float or sequence of float
@@ -518,6 +498,12 @@ def ss(
     SpecError
         Matrices whose sizes do not fit, or are not finite.
     """
+    if B is None and C is None and D is None and not isinstance(A, np.ndarray | list | tuple | float | int):
+        from . import interop
+
+        return interop.system_of(A, delay).to_ss()
+    if B is None or C is None:
+        raise SpecError("mf.ss: give A, B and C (and D), or a system of python-control or SciPy")
     a = np.atleast_2d(np.asarray(A, dtype=np.float64))
     n = a.shape[0] if a.size else 0
     a = a.reshape(n, n) if a.size == n * n else a
@@ -535,32 +521,6 @@ def ss(
         raise SpecError("mf.ss: a matrix holds nan or inf; all entries must be finite")
     matrices = (_freeze(a), _freeze(b), _freeze(c), _freeze(d))
     return LTI(None, None, matrices, _delays(delay, b.shape[1], "mf.ss"))
-
-
-def _convert(given: Any, delay: float | Sequence[float]) -> LTI:
-    """A system of python-control or SciPy, by what it has rather than by its class: neither is imported."""
-    if isinstance(given, LTI):
-        return given if not np.any(delay) else LTI(
-            given.numerators, given.denominators, given.matrices, _delays(delay, given.shape[1], "mf.tf")
-        )  # fmt: skip
-    if getattr(given, "dt", None) not in (None, 0):
-        raise SpecError(
-            f"mf.tf: the system is discrete in time (dt = {given.dt}); convert it to continuous time first"
-        )
-    if all(hasattr(given, name) for name in "ABCD"):
-        return ss(given.A, given.B, given.C, given.D, delay=delay)
-    if hasattr(given, "num_list") and hasattr(given, "den_list"):
-        return tf(given.num_list, given.den_list, delay=delay)
-    if hasattr(given, "num") and hasattr(given, "den"):
-        num: Any = given.num
-        if np.ndim(given.den) == 1 and isinstance(num, np.ndarray) and num.ndim == 2:
-            num = [[row] for row in num]  # SciPy: one input, several outputs
-        return tf(num, given.den, delay=delay)
-    if hasattr(given, "to_tf"):
-        return _convert(given.to_tf(), delay)
-    raise SpecError(
-        f"mf.tf: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
-    )
 
 
 def _table(given: Any, name: str) -> list[list[F64]]:

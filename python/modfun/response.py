@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError
+from .extras import optional
 
 __all__ = ["FrequencyResponse"]
 
@@ -52,3 +53,7 @@ class FrequencyResponse:
         from .plot import bode
 
         return bode(self, ax=ax, hz=hz)
+
+    def to_control(self) -> Any:
+        """The same as a `control.FrequencyResponseData` (extra ``control``)."""
+        return optional("control", "control", "FrequencyResponse.to_control").frd(self.response, self.omega)

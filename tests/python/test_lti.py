@@ -229,41 +229,6 @@ def test_step():
     assert mf.tf([[[5], [1, 2]], [[1], None]], [1, 3, 8]).step(1.0, 10)[1].shape == (2, 2, 11)
 
 
-# Other packages ----------------------------------------------------------------------------------
-
-
-def test_scipy_there_and_back():
-    again = mf.tf(EQ24.to_scipy())
-    np.testing.assert_allclose(again.num, [5])
-    np.testing.assert_allclose(again.den, [1, 3, 8])
-    state = mf.tf(signal.StateSpace([[-1.0]], [[1.0]], [[2.0]], [[0.0]]))
-    assert state.dcgain() == pytest.approx(2.0)
-    poles = mf.tf(signal.ZerosPolesGain([], [-1, -2], 4.0))
-    assert poles.dcgain() == pytest.approx(2.0)
-    with pytest.raises(mf.SpecError, match="to_control"):
-        mf.tf([1], [1, 1], delay=0.1).to_scipy()
-    with pytest.raises(mf.SpecError, match="discrete"):
-        mf.tf(signal.TransferFunction([1], [1, 0.5], dt=0.1))
-
-
-def test_control_there_and_back():
-    control = pytest.importorskip("control", reason="python-control is not installed")
-    omega = np.array([0.5, 3.0])
-    for system in (EQ24, EQ24.to_ss(), mf.tf([[5], [1, 2]], [1, 3, 8])):
-        other = system.to_control()
-        expected = system.frequency_response(omega).response
-        np.testing.assert_allclose(mf.tf(other).frequency_response(omega).response, expected, rtol=1e-9)
-        found = np.atleast_3d(control.frequency_response(other, omega).frdata)
-        np.testing.assert_allclose(found, expected, rtol=1e-9)
-    late = mf.tf([5], [1, 3, 8], delay=0.1)
-    with pytest.raises(mf.SpecError, match="pade="):
-        late.to_control()
-    for form in (late, late_state := mf.ss(late.A, late.B, late.C, late.D, delay=0.1)):
-        found = np.ravel(control.frequency_response(form.to_control(pade=4), omega).frdata)
-        np.testing.assert_allclose(found, late.frequency_response(omega).response[0, 0], rtol=1e-5)
-    assert late_state.delay == 0.1
-
-
 # What is refused ---------------------------------------------------------------------------------
 
 
