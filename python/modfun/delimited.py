@@ -16,6 +16,7 @@ __all__ = ["Delimited", "number", "read_delimited"]
 
 F64 = NDArray[np.float64]
 
+TRUTH = {"true": 1.0, "false": 0.0}
 MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
 
 
@@ -24,6 +25,8 @@ def number(text: str) -> float | None:
     stripped = text.strip()
     if stripped.lower() in MISSING:
         return math.nan
+    if stripped.lower() in TRUTH:
+        return TRUTH[stripped.lower()]
     try:
         return float(stripped)
     except ValueError:

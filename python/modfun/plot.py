@@ -11,8 +11,9 @@ from .errors import SpecError
 from .extras import optional
 
 if TYPE_CHECKING:
-    from .records import Record, Spectrum
+    from .records import Record
     from .results import Fit
+    from .spectra import Spectrum
     from .study.results import Results
 
 __all__ = ["bode", "poles", "record", "residuals", "response", "spectrum", "study"]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import html
+from . import html, spectra
 from .checking import check_record
 from .errors import DataError, ModfunWarning, SpecError
 from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
@@ -31,9 +30,10 @@ from .samples import (
     refuse_nonfinite,
     times_of,
 )
+from .spectra import Spectrum
 from .tables import Findings, Table, nearest
 
-__all__ = ["Batch", "Record", "Spectrum"]
+__all__ = ["Batch", "Record"]
 
 
 class Record:
@@ -558,26 +558,7 @@ class Record:
         DataError
             If the record is uneven.
         """
-        if self.dt is None:
-            raise DataError(
-                "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
-            )
-        from . import _core
-
-        both = np.ascontiguousarray(np.concatenate((self.y, self.u)))
-        level = np.asarray(_core.noise_level(both, order))
-        rms = both.std(axis=1)
-        names = (*self.outputs, *self.inputs)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            percent = 100.0 * level / rms
-        columns = {
-            "channel": names,
-            "unit": [self._units.get(name, "") for name in names],
-            "noise_sd": level,
-            "rms": rms,
-            "percent": percent,
-        }
-        return Table(columns)
+        return spectra.noise_table(self, order)
 
     def spectrum(self) -> Spectrum:
         """Return the amplitude spectrum of every output and input.
@@ -591,25 +572,7 @@ class Record:
         Spectrum
             At ω = m·2π/T, m = 1, 2, ... up to half the sampling rate (at most 512 for uneven records).
         """
-        both = np.concatenate((self.y, self.u))
-        phase = (self.t - self.t[0]) / self.duration
-        hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * phase)
-        if self.dt is not None:
-            weights = np.full(len(self.t), 1.0 / self.intervals)
-        else:
-            steps = np.diff(phase)
-            weights = 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
-        shape = hann * weights / np.sum(hann * weights)
-        seen = 2.0 * shape * (both - (both @ shape)[:, None])
-        if self.dt is not None:  # the window is zero at the last sample, which makes N samples of it
-            lines = np.abs(np.fft.rfft(seen[:, :-1], axis=1))[:, 1:]
-        else:
-            count = min(self.intervals // 2, 512)
-            lines = np.array([np.abs(seen @ np.exp(-2j * np.pi * m * phase)) for m in range(1, count + 1)]).T
-        omega = 2.0 * np.pi / self.duration * np.arange(1, lines.shape[1] + 1)
-        names = (*self.outputs, *self.inputs)
-        units = {name: unit for name, unit in self._units.items() if name in names}
-        return Spectrum(frozen(omega), frozen(lines), names, units)
+        return spectra.spectrum_of(self)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw every channel over time; see `modfun.plot.record`."""
@@ -677,38 +640,6 @@ class Record:
     def _repr_html_(self) -> str:
         line, rows = self._summary()
         return html.table(("channel", "role", "range"), rows, title=line)
-
-
-@dataclass(frozen=True, eq=False)
-class Spectrum:
-    """Amplitudes of sinusoids by channel.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (line,)
-        Angular frequencies in rad/s.
-    amplitude : ndarray, shape (channel, line)
-    channels : tuple of str
-    units : dict of str to str
-    """
-
-    omega: F64
-    amplitude: F64
-    channels: tuple[str, ...]
-    units: dict[str, str]
-
-    def __getitem__(self, channel: str) -> F64:
-        """Return the amplitudes of a channel by name, shape (line,)."""
-        if channel not in self.channels:
-            raise SpecError(f"Spectrum: no channel {channel!r}; {nearest(channel, self.channels)}")
-        row: F64 = self.amplitude[self.channels.index(channel)]
-        return row
-
-    def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
-        """Draw the amplitudes over frequency; see `modfun.plot.spectrum`."""
-        from . import plot
-
-        return plot.spectrum(self, ax=ax, hz=hz)
 
 
 class Batch:

@@ -95,10 +95,11 @@ def _open_file(path: Path) -> Source:
     kind = path.suffix.lower()
     if kind == ".npz":
         try:
-            with np.load(path, allow_pickle=False) as arrays:
-                return from_arrays(dict(arrays), path.name)
-        except (OSError, ValueError) as problem:
-            raise DataError(f"{path.name} cannot be read as .npz: {problem}") from None
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
+                arrays = dict(held)
+        except Exception as problem:  # NumPy, zipfile and zlib have their own for damaged files
+            raise _damaged(path, problem) from None
+        return from_arrays(arrays, path.name)
     if kind == ".parquet":
         return _open_parquet(path)
     if kind == ".nc":
@@ -135,10 +136,10 @@ def _open_parquet(path: Path) -> Source:
 
 
 def _damaged(path: Path, problem: Exception) -> DataError:
-    said = str(problem).partition("\n")[0]
+    said = str(problem).partition("\n")[0] or type(problem).__name__
     return DataError(
-        f"{path.name} cannot be read as .parquet ({said}); it is damaged, cut short or of another kind: "
-        "write it again, or give a .csv"
+        f"{path.name} cannot be read as {path.suffix.lower()} ({said}); it is damaged, cut short or of "
+        "another kind: write it again, or give a .csv"
     )
 
 
@@ -209,7 +210,7 @@ def _numeric(array: NDArray[Any], name: str, label: str) -> F64:
         raise DataError(f"{label}: column {name!r} is complex; give real and imaginary part as two columns")
     values = np.empty(len(array))
     for row, value in enumerate(array):
-        found = float(value) if isinstance(value, bool) else number(str(value))
+        found = number(str(value))
         if found is None:
             raise DataError(
                 f"{label}, row {row}: column {name!r} holds {value!r} where a number is needed; correct or "

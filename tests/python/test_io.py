@@ -165,6 +165,13 @@ def test_missing_values_of_outputs_may_be_masked(file):
         read(path, outputs="q", missing="maks")
 
 
+def test_masks_written_as_words(file):
+    rows = [(t, q, str(t < 1)) for t, q in zip(T, Q, strict=True)]
+    assert np.array_equal(read(file(text("t,q,ok", rows=rows)), outputs="q", mask="ok").mask[0], T < 1)
+    frame = pd.DataFrame({"t": T, "q": Q, "ok": pd.array(T < 1, dtype="boolean").astype(object)})
+    assert np.array_equal(read(frame, outputs="q", mask="ok").mask[0], T < 1)
+
+
 def test_columns_of_masks_and_sigmas():
     ok = np.abs(T - 1) > 0.1
     source = {**ARRAYS, "ok": ok, "s": 1 + T, "r": Q + 2}
@@ -281,6 +288,17 @@ def test_refused_sources(case):
     source, error, words = SOURCES[case]
     with pytest.raises(error, match=words):
         read(source, outputs="q", inputs="de", time="t")
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_npz_cut_short_anywhere(tmp_path, save):
+    path = tmp_path / "a.npz"
+    save(path, **ARRAYS)
+    whole = path.read_bytes()
+    for share in (0.0, 0.01, 0.3, 0.9, 0.999):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(DataError, match=r"a\.npz cannot be read as \.npz .*cut short .*write it again"):
+            read(path, outputs="q")
 
 
 def test_refused_paths(tmp_path, file):
