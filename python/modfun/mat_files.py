@@ -134,4 +134,4 @@ def _item(item: Any, file: Any, h5py: Any) -> Any:
         return rows[0] if len(rows) == 1 else rows
     if values.dtype.names == ("real", "imag"):
         values = values["real"] + 1j * values["imag"]
-    return np.squeeze(values.T)
+    return np.squeeze(values.T) if values.dtype.kind in "biufc" else Opaque(kind)

@@ -83,9 +83,9 @@ def _is_iddata(fields: Fields) -> bool:
 
 
 def _open_iddata(fields: Fields, experiment: int, label: str) -> Source:
-    if str(_field(fields, "Domain") or "Time").lower().startswith("freq"):
+    if _word(fields, "Domain", "time", label).startswith("freq"):
         raise DataError(f"{label} is in the frequency domain; export the record in time that it was made of")
-    unit = str(_field(fields, "TimeUnit") or "seconds").lower()
+    unit = _word(fields, "TimeUnit", "seconds", label)
     if unit not in SECONDS:
         raise DataError(f"{label}: the unit of time {unit!r} is unknown; {nearest(unit, list(SECONDS))}")
     scale = SECONDS[unit]
@@ -103,8 +103,8 @@ def _open_iddata(fields: Fields, experiment: int, label: str) -> Source:
     step = _number(_of(_field(fields, "Ts"), experiment))
     clock = None
     if step is None or step <= 0:
-        times = np.ravel(_of(_field(fields, "SamplingInstants"), experiment, np.zeros(0)))
-        if len(times) != y.shape[1]:
+        times = _of(_field(fields, "SamplingInstants"), experiment)
+        if not isinstance(times, np.ndarray) or times.shape != y.shape[1:]:
             raise DataError(f"{label}: neither Ts nor SamplingInstants says when the samples were taken")
         clock = next(name for name in ("t", "time", "SamplingInstants") if name not in arrays)
         arrays = {clock: times * scale, **arrays}
@@ -135,11 +135,19 @@ def _field(fields: Fields, *names: str) -> Any:
     return None
 
 
-def _of(value: Any, experiment: int, default: Any = None) -> Any:
+def _of(value: Any, experiment: int) -> Any:
     """Return what belongs to one experiment, where a cell holds one an experiment."""
     if isinstance(value, list):
-        value = value[experiment] if experiment < len(value) else None
-    return default if value is None else value
+        return value[experiment] if experiment < len(value) else None
+    return value
+
+
+def _word(fields: Fields, name: str, default: str, label: str) -> str:
+    """Return a text in lower case, the default where there is none."""
+    value = _field(fields, name)
+    if value is not None and not isinstance(value, str):
+        raise DataError(f"{label}: {name} holds no text, such as {default!r}; correct or drop the field")
+    return value.lower() if value else default
 
 
 def _number(value: Any) -> float | None:

@@ -192,6 +192,7 @@ BAD = {
     "no output": (iddata(OutputData=np.zeros((0, 0))), "has no output: OutputData is empty"),
     "no times": (iddata(Ts=np.zeros((0, 0))), "neither Ts nor SamplingInstants"),
     "unit": (iddata(TimeUnit="fortnights"), "unit of time 'fortnights' is unknown"),
+    "no text": (iddata(TimeUnit=np.ones(3)), "TimeUnit holds no text, such as 'seconds'"),
     "names": (iddata(InputName=["q", "de"]), "names stand for two channels each"),
     "text": (iddata(OutputData="none"), r"OutputData holds no matrix \(time, channel\)"),
 }
