@@ -79,7 +79,7 @@ def check(
         answer: dict[str, Any] = {"file": str(file), "columns": table.to_dict()}
         if json_to != "-":
             print(f"{file}\n{table}")
-        if output:
+        if output or "output" in table["note"].tolist():  # an exported iddata says itself what is what
             rec = _record(file, output, input, time, dt, intersample, part)
             findings = rec.check()
             answer["findings"] = list(findings)
@@ -167,7 +167,7 @@ def _report(
 
 def _record(
     file: Path,
-    output: list[str],
+    output: list[str] | None,
     input: list[str] | None,
     time: str | None,
     dt: float | None,

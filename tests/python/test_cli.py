@@ -68,7 +68,9 @@ def test_an_exported_iddata_from_the_shell(table, tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["params"] == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
     assert main(["check", str(tmp_path / "run.mat"), "--part", "z2"]) == 0
-    assert "input, smooth" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "input, smooth" in out
+    assert "Record of 10 s" in out
 
 
 def test_options_reach_the_fit(table, capsys):
