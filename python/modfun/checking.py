@@ -74,7 +74,7 @@ def _masked(record: Record) -> Iterator[str]:
         first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
         before, after = max(first - 1, 0), min(first + length, len(good) - 1)
         yield (
-            f"Output {name!r}: {int((~good).sum())} of {len(good)} samples are masked, {int(length)} in a "
+            f"Output {name!r}: {int((~good).sum())} of {len(good)} samples masked, {int(length)} in a "
             f"row at most, a gap of {record.t[after] - record.t[before]:.4g} s from t = "
             f"{record.t[before]:g} s."
         )

@@ -21,10 +21,11 @@ def mask_of(given: ArrayLike | None, shape: tuple[int, int], axis: int = -1) -> 
     if given is None:
         return None
     flags = _per_output(given, "mask", shape, axis)
-    if not np.isin(flags, (0.0, 1.0)).all():
+    other = flags[~np.isin(flags, (0.0, 1.0))]
+    if other.size:
         raise DataError(
-            f"Record: mask holds values from {np.min(flags):g} to {np.max(flags):g} where True (the sample "
-            "counts) or False (it is left out) is needed; give a condition such as mask=np.isfinite(y)"
+            f"Record: mask holds {other[0]:g} where True (the sample counts) or False (it is left out) is "
+            "needed; give a condition such as mask=np.isfinite(y)"
         )
     mask: Mask = flags == 1.0
     return None if mask.all() else mask
