@@ -5,9 +5,11 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 import pytest
-from mat_writer import write_object, write_v73
 from modfun import DataError, Record, SpecError, columns, read
 from scipy.io import savemat
+
+pytest.importorskip("h5py")
+from mat_writer import write_object, write_v73
 
 N = 100
 T = 0.02 * np.arange(N + 1)
