@@ -145,7 +145,7 @@ def read(
         sigma=[values[trust[new]] if new in trust else np.ones(count) for new in out] if trust else None,
     )
     if clock is not None and record.dt is not None and record.dt == told.dt:
-        return record._like(t=values[clock])  # as they were written, to the last bit
+        return record._like(t=values[clock] * seconds_of(clock, told))  # as written, to the last bit
     return record
 
 

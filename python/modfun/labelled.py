@@ -130,6 +130,7 @@ def _channel_names(key: str, data: Any, values: Any, others: list[Any]) -> list[
 
 
 def _told(said: dict[str, dict[str, Any]], clock: str | None, attrs: Any) -> Told:
+    dt = attrs.get("dt")
     roles: dict[str, list[str]] = {"output": [], "input": [], "kept": []}
     for name, about in said.items():
         roles.get(str(about.get("role")), []).append(name)
@@ -138,7 +139,7 @@ def _told(said: dict[str, dict[str, Any]], clock: str | None, attrs: Any) -> Tol
         inputs=tuple(roles["input"]),
         kept=tuple(roles["kept"]),
         time=clock,
-        dt=float(attrs["dt"]) if "dt" in attrs else None,
+        dt=float(dt) if clock is not None and isinstance(dt, int | float | np.number) else None,
         units={name: str(about["units"]) for name, about in said.items() if "units" in about},
         intersample={n: str(about["intersample"]) for n, about in said.items() if "intersample" in about},
         masked=any("masked" in about for about in said.values()),

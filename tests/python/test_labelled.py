@@ -107,6 +107,10 @@ def test_a_data_set_of_ones_own():
     assert rec == Record(y=Y[0], u=T, t=T, outputs="q", inputs="e", units={"q": "deg/s"})
     assert columns(data)["column"].tolist() == ["time", "e", "q"]
     assert columns(data)["unit"].tolist() == ["ms", "", "deg/s"]
+    for dt in (0.05, 50.0, "50 ms", [0.05]):  # an attribute of others, which may mean anything
+        assert read(data.assign_attrs(dt=dt), outputs="q", inputs="e").dt == pytest.approx(0.05, rel=1e-12)
+    with pytest.raises(SpecError, match="or give dt="):
+        read(xr.Dataset({"q": ("t", Y[0])}, attrs={"dt": 50.0}), outputs="q")
     dated = data.assign_coords(time=np.datetime64("2024-01-01") + (1e9 * T).astype("timedelta64[ns]"))
     assert read(dated, outputs="q").dt == pytest.approx(0.05)
 
