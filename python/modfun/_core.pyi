@@ -1,7 +1,7 @@
 """The compiled core: C-contiguous float64 in, NumPy arrays and plain objects out."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Self, TypedDict, Unpack, final
+from typing import Any, NotRequired, Self, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,7 @@ class _Options(TypedDict):
     harmonics: int | None
     tol: float
     maxiter: int
+    transient: NotRequired[int]
 
 @final
 class Fitter:
@@ -90,7 +91,9 @@ class Fitter:
         time: Sequence[float | _F64],
         **options: Unpack[_Options],
     ) -> Self: ...
-    def fit(self, y: Sequence[_F64], u: Sequence[_F64]) -> dict[str, Any]: ...
+    def fit(
+        self, y: Sequence[_F64], u: Sequence[_F64], *, start: Sequence[float] | None = None
+    ) -> dict[str, Any]: ...
     def fit_many(
         self,
         y: _F64 | Sequence[_F64],

@@ -9,6 +9,9 @@ pub struct Structure {
     pub order: usize,
     /// Degree of the numerator of each input; `None` where an input has no path.
     pub numerators: Vec<Option<usize>>,
+    /// Coefficients of the transient polynomial: the order; more where structures of several orders
+    /// are compared, so that all of them see the same residual space.
+    pub transient: usize,
 }
 
 impl Structure {
@@ -32,7 +35,22 @@ impl Structure {
                 )));
             }
         }
-        Ok(Structure { order, numerators })
+        Ok(Structure { order, numerators, transient: order })
+    }
+
+    /// The same with so many transient coefficients, which is modulating of that order.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] where they are fewer than the poles.
+    pub fn with_transient(self, transient: usize) -> Result<Structure, Error> {
+        if transient < self.order {
+            return Err(Error::Spec(format!(
+                "building the structure: {transient} transient terms do not hold the end conditions of {} poles; \
+                 give at least as many",
+                self.order
+            )));
+        }
+        Ok(Structure { transient, ..self })
     }
 
     /// Number of unknown coefficients, the # of the report.
@@ -102,5 +120,7 @@ mod tests {
         let text = Structure::new(2, vec![Some(3)]).unwrap_err().to_string();
         assert!(text.contains("3 zeros") && text.contains("2 poles"), "{text}");
         assert!(Structure::new(0, vec![]).is_err());
+        let text = Structure::new(2, vec![]).unwrap().with_transient(1).unwrap_err().to_string();
+        assert!(text.contains("1 transient") && text.contains("2 poles"), "{text}");
     }
 }

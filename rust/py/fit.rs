@@ -55,6 +55,8 @@ pub struct Given {
     tol: f64,
     #[pyo3(item)]
     maxiter: usize,
+    #[pyo3(item, default)]
+    transient: Option<usize>,
 }
 
 impl Given {
@@ -86,7 +88,11 @@ impl Given {
             }
         };
         Ok(FitOptions {
-            structure: Structure::new(self.order, self.numerators.clone())?,
+            structure: {
+                let structure = Structure::new(self.order, self.numerators.clone())?;
+                let transient = self.transient.unwrap_or(structure.transient);
+                structure.with_transient(transient)?
+            },
             delays: self.delays.clone(),
             intersample: self.intersample.iter().map(hold).collect::<Result<_, _>>()?,
             rule,
@@ -195,11 +201,13 @@ impl Fitter {
     }
 
     /// Fits one structure to one record, or to several as one problem: lists of (channel, time).
+    #[pyo3(signature = (y, u, *, start=None))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
         y: Vec<PyReadonlyArray2<'py, f64>>,
         u: Vec<PyReadonlyArray2<'py, f64>>,
+        start: Option<Vec<f64>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         if y.len() != u.len() {
             return Err(to_python(Error::Data(format!(
@@ -215,7 +223,10 @@ impl Fitter {
             .into_iter()
             .map(|y| RecordView { y, u: inputs.by_ref().take(self.inputs).collect() })
             .collect();
-        let found = enter(py, None, |_| self.core.fit(&records))?;
+        let found = enter(py, None, |_| match &start {
+            None => self.core.fit(&records),
+            Some(theta) => self.core.fit_from(&records, theta),
+        })?;
         dictionary(py, found)
     }
 

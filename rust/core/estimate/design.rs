@@ -70,8 +70,8 @@ impl Design {
         extended: bool,
         lines: &[Lines],
     ) -> Result<Design, Error> {
-        let n = structure.order;
-        let transient_cols = transient_columns(n, extended, trend);
+        let (n, q) = (structure.order, structure.transient);
+        let transient_cols = transient_columns(q, extended, trend);
         let transient = transient_cols.len();
         let mut columns = transient_cols;
         columns.extend(parameter_columns(structure));
@@ -124,7 +124,7 @@ impl Design {
             records,
             columns,
             target,
-            differences: difference_weights(n),
+            differences: difference_weights(q),
             scale,
             unit: 1.0,
             band_edge,
@@ -244,7 +244,7 @@ fn record_design(
         transient: transient.iter().flat_map(|c| x.iter().map(|x| value(*x, c))).collect(),
         size_x: x.iter().map(|x| x.max(x_of(1))).collect(),
         powers: products.powers_of(&x),
-        rows: rows(structure.order, lines.first, lines.last, extended),
+        rows: rows(structure.transient, lines.first, lines.last, extended),
         lines: used,
         x,
         weight,

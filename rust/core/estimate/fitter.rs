@@ -124,6 +124,24 @@ impl Fitter {
         self.finish(desk, &ranges, start, rule)
     }
 
+    /// The same on lines that were given, iterated from these parameters rather than from `wls`.
+    ///
+    /// # Errors
+    /// As [`Fitter::fit`], and [`Error::Spec`] where the lines were not given or θ has another length.
+    pub fn fit_from(&self, records: &[RecordView<'_>], theta: &[f64]) -> Result<Fit, Error> {
+        let wanted = self.o.structure.parameters();
+        if self.o.band_is_sought() || theta.len() != wanted {
+            return Err(Error::Spec(format!(
+                "fitting from a start: it has {} numbers for {wanted} parameters and needs a band; give both",
+                theta.len()
+            )));
+        }
+        let mut desk = self.desks.lend();
+        let desk = desk.get_or(|| self.desk());
+        let ranges = self.choose(desk, records)?.ranges;
+        self.finish(desk, &ranges, Start::Theta(theta), None)
+    }
+
     /// Loads the records and says which lines to use: as given, or by the default rule.
     fn choose(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<Choice, Error> {
         self.load(desk, records)?;
