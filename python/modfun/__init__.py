@@ -10,6 +10,8 @@ from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarni
 from .estimation import Estimator, fit, fit_many
 from .io import columns, read
 from .lti import LTI, ss, tf
+from .order import OrderSelection, select_order
+from .rank import rank_test
 from .records import Batch, Record
 from .resampling import bootstrap
 from .response import FrequencyResponse
@@ -32,6 +34,7 @@ __all__ = [
     "ModfunError",
     "ModfunWarning",
     "MonteCarlo",
+    "OrderSelection",
     "Record",
     "Results",
     "SpecError",
@@ -46,9 +49,11 @@ __all__ = [
     "fit_many",
     "load",
     "plot",
+    "rank_test",
     "read",
     "regressors",
     "rivals",
+    "select_order",
     "signals",
     "simulate",
     "ss",

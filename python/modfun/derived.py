@@ -77,6 +77,61 @@ def poles(fit: Fit) -> tuple[C128, C128]:
     return found, gradient
 
 
+def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
+    """Standard errors between the pole and the zero that are nearest to cancelling, in every path.
+
+    Parameters
+    ----------
+    fit : Fit
+        Whose structure it is.
+    theta : (p,) array
+    cov : (p, p) array
+
+    Returns
+    -------
+    float
+        sqrt(d' C^-1 d), d the distance of the two in the plane (on the axis where both are real) and C its
+        covariance; inf where a path has no zeros.
+    """
+    den, nums = fit.polynomials(theta)
+    ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in fit.numerators)])
+    found = _roots(den, np.arange(1, fit.order + 1), theta.size, 0)
+    paths = [
+        _roots(num, np.arange(num.size), theta.size, int(at))
+        for num, at, d in zip(nums, ends[:-1], fit.numerators, strict=True)
+        if d is not None
+    ]
+    apart = [max((_nearest(pole, path, cov) for path in paths), default=np.inf) for pole in found]
+    return min(apart, default=np.inf)
+
+
+Root = tuple[complex, C128]
+
+
+def _roots(coefficients: F64, free: NDArray[np.intp], size: int, at: int) -> list[Root]:
+    """Roots of a polynomial with their derivatives; its coefficients `free` are parameters from `at` on."""
+    degree, slope = coefficients.size - 1, np.polyder(coefficients)
+    made = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for root in np.roots(coefficients):
+            gradient = np.zeros(size, complex)
+            gradient[at : at + free.size] = -(complex(root) ** (degree - free)) / np.polyval(slope, root)
+            made.append((complex(root), gradient))
+    return made
+
+
+def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
+    distances = [np.inf]
+    for zero, gradient in zeros:
+        apart, slope = pole[0] - zero, pole[1] - gradient
+        plane = np.array([slope.real, slope.imag])[: 1 if pole[0].imag == zero.imag == 0 else 2]
+        d = np.array([apart.real, apart.imag])[: len(plane)]
+        spread = plane @ cov @ plane.T
+        if np.all(np.isfinite(spread)) and np.linalg.det(spread) > 0:
+            distances.append(float(np.sqrt(d @ np.linalg.solve(spread, d))))
+    return min(distances)
+
+
 def damp(fit: Fit) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
     found, gradients = poles(fit)

@@ -11,12 +11,13 @@ from .errors import SpecError
 from .extras import optional
 
 if TYPE_CHECKING:
+    from .order import OrderSelection
     from .records import Record
     from .results import Fit
     from .spectra import Spectrum
     from .study.results import Results
 
-__all__ = ["bode", "poles", "record", "residuals", "response", "spectrum", "study"]
+__all__ = ["bode", "order", "poles", "record", "residuals", "response", "spectrum", "study"]
 
 
 def record(rec: Record, ax: Any = None) -> Any:
@@ -113,6 +114,52 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None) -> Any:
         here.grid(True, alpha=0.3)
     lower.set_xlabel("time (s)")
     return _returned(ax, [upper, lower])
+
+
+def order(selection: OrderSelection, ax: Any = None) -> Any:
+    """Draw residual level and criterion of the candidates over the number of poles.
+
+    Parameters
+    ----------
+    selection : OrderSelection
+    ax : Axes or sequence of two Axes, optional
+        A single Axes takes the criterion alone; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        Above the residual level (logarithmic) with the noise level dashed, below the criterion over its
+        lowest value; a number beside a point is that of its zeros, the chosen candidate is ringed.
+    """
+    axes = _axes(ax, 2, height=2.6)
+    upper, lower = axes
+    table = selection.table
+    poles, level = table["poles"], table["residual"]
+    score = table[selection.criterion] - np.nanmin(table[selection.criterion])
+    chosen = selection.fits.index(selection.best)
+    drawn = [(lower, score)] if lower is upper else [(upper, level), (lower, score)]
+    for here, values in drawn:
+        here.plot(poles, values, "o", color="C0", markersize=4)
+        here.plot(poles[chosen], values[chosen], "o", color="C3", markersize=11, fillstyle="none")
+        for x, value, zeros in zip(poles, values, table["zeros"], strict=True):
+            if np.isfinite(value):
+                here.annotate(
+                    f"{zeros}", (x, value), (6, 0), textcoords="offset points", va="center", fontsize=7
+                )
+        here.set_xticks(np.unique(poles))
+        here.margins(x=0.1)
+        here.grid(True, alpha=0.3)
+    if lower is not upper:
+        upper.set_yscale("log")
+        upper.set_ylabel("residual level")
+        if np.isfinite(selection.sigma):
+            upper.axhline(selection.sigma, color="0.3", linestyle="--", linewidth=0.8, label="noise level")
+            upper.legend(frameon=False)
+    words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[selection.criterion]
+    lower.set_yscale("symlog", linthresh=10.0)
+    lower.set_ylabel(f"{words} over its lowest")
+    lower.set_xlabel("poles (beside each point: zeros)")
+    return _returned(ax, axes)
 
 
 def bode(

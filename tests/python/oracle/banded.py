@@ -16,12 +16,16 @@ from .coefficients import coefficients, unit_variance
 
 
 class Differenced:
-    """One record: regressors, target and covariance of the differenced rows, in powers of s/scale."""
+    """One record: regressors, target and covariance of the rows, in powers of s/scale.
 
-    def __init__(self, record, order, numerators, harmonics, extended=True, rule="gregory"):
+    They are differenced n times, or as often as `differences` says.
+    """
+
+    def __init__(self, record, order, numerators, harmonics, extended=True, rule="gregory", differences=None):
         self.n, self.numerators = order, numerators
-        self.top = harmonics + order
-        self.first = -(order // 2) if extended else 0
+        self.q = order if differences is None else differences
+        self.top = harmonics + self.q
+        self.first = -(self.q // 2) if extended else 0
         self.last = harmonics
         self.intervals = record.y.size - 1
         omega0 = 2 * np.pi / (self.intervals * record.dt)
@@ -41,12 +45,12 @@ class Differenced:
         count = self.last - self.first + 1
         re, im = np.zeros((count, self.top + 1)), np.zeros((count, self.top + 1))
         for row, m in enumerate(range(self.first, self.last + 1)):
-            for j in range(self.n + 1):
-                c = (-1) ** (self.n - j) * comb(self.n, j)
+            for j in range(self.q + 1):
+                c = (-1) ** (self.q - j) * comb(self.q, j)
                 re[row, abs(m + j)] += c
                 im[row, abs(m + j)] += c * np.sign(m + j)
-        if self.first < 0 and self.n % 2 == 0:
-            im = im[1:]  # the row at -n/2 is real
+        if self.first < 0 and self.q % 2 == 0:
+            im = im[1:]  # the row at -q/2 is real
         return re, im
 
     def rows(self, lines):

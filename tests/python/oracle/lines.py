@@ -45,11 +45,15 @@ class Result:
 class Problem:
     """Lines lo..K of the records of one structure, in real rows (Re of every line, Im of those with m > 0).
 
-    Unknowns x: θ in powers of s/scale, then the end terms of each record; `top` is K, one or one a record.
+    Unknowns x: θ in powers of s/scale, then the end terms of each record; `top` is K, one or one a
+    record; `ends` the number of end terms, where it is not the order.
     """
 
-    def __init__(self, records, order, numerators, top, low=0, trend=None, extended=True, rule="gregory"):
+    def __init__(
+        self, records, order, numerators, top, low=0, trend=None, extended=True, rule="gregory", ends=None
+    ):
         self.n, self.numerators, self.trend, self.extended = order, numerators, trend, extended
+        self.terms = order if ends is None else ends
         low = max(low, 1) if trend is not None else low
         self.lines = []
         for record, last in zip(records, np.broadcast_to(top, len(records)), strict=True):
@@ -71,9 +75,9 @@ class Problem:
         """Real rows of the end terms of one record."""
         z, x = s / self.scale, m / m[-1] + 0j
         if self.extended:
-            columns = [z**j for j in range(self.n)]
+            columns = [z**j for j in range(self.terms)]
         else:
-            columns = [x**j for j in range(self.n)] + [1j * x**j for j in range(1, self.n)]
+            columns = [x**j for j in range(self.terms)] + [1j * x**j for j in range(1, self.terms)]
         if self.trend == "linear":
             columns.append(1 / z)
         return np.column_stack([rows(c, m) for c in columns])

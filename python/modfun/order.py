@@ -1,0 +1,345 @@
+"""How many poles and zeros a record supports: candidates of several orders compared on one residual space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import comb, inf, isfinite, log, nan, sqrt
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core, html
+from .derived import cancelling
+from .errors import FitError, SpecError
+from .estimation import _fit, _options, _records
+from .options import Choices, Options
+from .records import Record
+from .results import Fit
+from .structures import TransferFunction
+from .tables import Table
+
+__all__ = ["OrderSelection", "select_order"]
+
+F64 = NDArray[np.float64]
+Zeros = int | tuple[int | None, ...]
+CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
+DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OrderSelection:
+    """Candidates of several orders, and the one the record supports.
+
+    Attributes
+    ----------
+    table : Table
+        A row a candidate, over the same real equations for all: poles, zeros, unknowns (parameters and
+        the transient coefficients that the order needs), cost, residual (root mean square of the weighted
+        residuals, in units of the output: the report's residual norm), chi2 and p_value (cost in units of
+        the noise of the high band), aicc, bic, calibrated_bic, cancelling (standard errors between the
+        pole and the zero that are nearest to cancelling) and status.
+    best : Fit
+        The candidate with the lowest criterion, fitted by itself.
+    fits : tuple of Fit
+        All candidates, fitted by themselves, in the order of the table.
+    criterion : str
+        "calibrated_bic", or "bic" where the noise of the high band is not that of the fit.
+    band : (float, float)
+        That all candidates were compared on, rad/s.
+    sigma : float
+        Noise level that calibrates, of a sample of the output; nan with "bic".
+    notes : tuple of str
+        What was done and why, in sentences.
+    """
+
+    table: Table
+    best: Fit
+    fits: tuple[Fit, ...]
+    criterion: str
+    band: tuple[float, float]
+    sigma: float
+    notes: tuple[str, ...]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Residual level and criterion over the number of poles; see `modfun.plot.order`."""
+        from . import plot
+
+        return plot.order(self, ax=ax)
+
+    def __repr__(self) -> str:
+        return "\n".join([repr(self.table), "", *self.notes])
+
+    def _repr_html_(self) -> str:
+        return self.table._repr_html_() + html.listing(self.notes)
+
+
+def select_order(
+    data: Record | Sequence[Record],
+    *,
+    poles: int | Iterable[int] = range(1, 6),
+    zeros: str | int | Iterable[int | tuple[int | None, ...]] = "any",
+    delay: float | Sequence[float] = 0.0,
+    **options: Unpack[Choices],
+) -> OrderSelection:
+    """Compare transfer functions of several orders and choose one.
+
+    All candidates are fitted with the same number of transient terms, that of the highest order, and on
+    the same lines: the report's residuals differenced alike (section 4.10), so that their costs can be
+    compared. The criterion is cost/sigma**2 + k log N over the N real equations, k the number of
+    parameters and poles (each pole has its transient coefficient), sigma the noise level of the unused
+    high band and of the residuals of the largest candidate together. Where these two contradict each
+    other, as with filtered noise, the criterion is N log(cost/N) + k log N.
+
+    Parameters
+    ----------
+    data : Record or sequence of Record
+        One output.
+    poles : int or iterable of int, default 1 to 5
+    zeros : "any", int or iterable of (int or tuple), default "any"
+        "any": every number below that of the poles, the same for all inputs. Else those to try, where the
+        poles allow them; a tuple gives one number an input (None: no path).
+    delay : float or sequence of float, default 0
+        Known delay, s, as in `TransferFunction`.
+    **options
+        Those of `fit`, method "awls" or "ml" only. With neither `band` nor `harmonics` the candidates are
+        compared on the wide band of the default rule; where that is wider than the guideline for the
+        largest candidate (report, eq. (20)), on what that or the candidate chosen there needs.
+
+    Returns
+    -------
+    OrderSelection
+
+    Raises
+    ------
+    SpecError
+        No candidate, or an option that does not serve.
+    FitError
+        No candidate could be fitted.
+    """
+    records = _records(data, "select_order")
+    checked = _options("select_order", dict(options))
+    if checked.method not in ("awls", "ml") or checked.noise != "output":
+        raise SpecError(
+            f"select_order: method={checked.method!r} with noise={checked.noise!r} has residuals that do not "
+            'compare; use "ml" or "awls" with noise="output"'
+        )
+    structures = candidates(poles, zeros, delay)
+    fits = tuple(_fit(records, structure, checked) for structure in structures)
+    race = _Race(records, checked, structures, fits)
+    if checked.band is None and checked.harmonics is None:
+        wide = race.wide()
+        found = race.run(wide)
+        needed = (wide[0], max(race.guideline(), found.best.band[1]))
+        if needed[1] < wide[1]:
+            found = race.run(needed)
+    else:
+        found = race.run(fits[-1].band)
+    return found
+
+
+def candidates(
+    poles: int | Iterable[int],
+    zeros: str | int | Iterable[int | tuple[int | None, ...]],
+    delay: float | Sequence[float],
+) -> list[TransferFunction]:
+    """Structures to try, smaller ones first."""
+    try:
+        orders = sorted({poles} if isinstance(poles, int) else set(poles))
+    except TypeError:
+        raise SpecError(f"select_order: poles={poles!r} must be numbers of poles, as range(1, 6)") from None
+    if isinstance(zeros, str) and zeros != "any":
+        raise SpecError(f'select_order: zeros={zeros!r} must be "any", a number, or a list of numbers')
+    made = []
+    for n in orders:
+        degrees: list[Any]
+        if isinstance(zeros, str):
+            degrees = list(range(n))
+        else:
+            given = [zeros] if isinstance(zeros, int) else list(zeros)
+            degrees = [z for z in given if max(_degrees(z), default=0) <= n]
+        made += [TransferFunction(poles=n, zeros=z, delay=delay) for z in degrees]
+    if not made:
+        raise SpecError(
+            f"select_order: poles={poles!r} with zeros={zeros!r} leave no candidate; "
+            "there are at most as many zeros as poles"
+        )
+    return made
+
+
+def _degrees(zeros: Any) -> list[int]:
+    each = zeros if isinstance(zeros, tuple | list) else [zeros]
+    return [z for z in each if z is not None]
+
+
+# One residual space for all -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Race:
+    """The candidates on the way to the core."""
+
+    records: tuple[Record, ...]
+    options: Options
+    structures: list[TransferFunction]
+    fits: tuple[Fit, ...]
+
+    @property
+    def transient(self) -> int:
+        return max(s.poles for s in self.structures)
+
+    def wide(self) -> tuple[float, float]:
+        """The wide band of the default rule, in rad/s, that all records have."""
+        fit = self.fits[-1]
+        tops = [max(n // 8, min(n // 4, 16)) for n in fit.intervals]
+        return 0.0, min(top * w for top, w in zip(tops, fit.omega0, strict=True))
+
+    def guideline(self) -> float:
+        """Upper edge of 3 # + n lines for the largest candidate, in rad/s."""
+        fit = self.fits[-1]
+        lines = 3 * (fit.params.size + (fit.trend is not None) + (fit.trend == "linear")) + self.transient
+        return max(lines * w for w in fit.omega0)
+
+    def run(self, band: tuple[float, float]) -> OrderSelection:
+        """Every candidate on the band, each from several starts: larger ones have many minima."""
+        options = self.options.replace(harmonics=None, band=(band[0], band[1] * (1 + 1e-9)))
+        ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
+        rows: list[dict[str, Any]] = []
+        for structure, own in zip(self.structures, self.fits, strict=True):
+            core = _core.Fitter(
+                [rec.y.shape[1] for rec in self.records],
+                [rec.t if rec.dt is None else rec.dt for rec in self.records],
+                order=structure.poles,
+                numerators=own.numerators,
+                delays=own.delays,
+                intersample=own.intersample,
+                transient=self.transient,
+                **options.core(),
+            )
+            starts: list[F64 | None] = [None]
+            if np.all(np.isfinite(own.params)):
+                starts.append(own.params)
+            starts += [_widened(row, own) for row in rows if _holds(own, row["fit"]) and row["usable"]]
+            tried = [core.fit(ys, us, start=None if s is None else s.tolist()) for s in starts]
+            row = min(tried, key=lambda f: f["cost"] if _usable(f) else inf)
+            rows.append({**row, "fit": own, "usable": _usable(row)})
+        return _judge(self, rows, band)
+
+
+def _usable(found: dict[str, Any]) -> bool:
+    return found["status"] in ("ok", "maxiter") and isfinite(found["cost"])
+
+
+def _holds(larger: Fit, smaller: Fit) -> bool:
+    """Whether the larger has the same poles and paths, and one zero more in each."""
+    pairs = zip(larger.numerators, smaller.numerators, strict=True)
+    return larger.order == smaller.order and all((b is None) if a is None else b == a - 1 for a, b in pairs)
+
+
+def _widened(row: dict[str, Any], larger: Fit) -> F64:
+    """The same model with a leading zero in each numerator."""
+    den, nums = row["fit"].polynomials(row["theta"])
+    padded = [
+        np.r_[0.0, num] for num, degree in zip(nums, larger.numerators, strict=True) if degree is not None
+    ]
+    return np.concatenate([den[1:], *padded])
+
+
+# Which one ------------------------------------------------------------------------------------------
+
+
+def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> OrderSelection:
+    from scipy.special import chdtrc
+
+    usable = np.array([row["usable"] for row in rows])
+    if not usable.any():
+        raise FitError(
+            "select_order: no candidate could be fitted on the common band "
+            f"({', '.join(sorted({row['status'] for row in rows}))}); "
+            "give a record in which the inputs move more, or fewer poles"
+        )
+    cost = np.where(usable, [row["cost"] for row in rows], nan)
+    params = np.array([row["theta"].size for row in rows])
+    count = params + np.array([row["fit"].order for row in rows])
+    free = np.array([row["df_resid"] for row in rows])
+    n = int(free[0] + params[0])
+    high, pooled, notes = _levels(rows[-1], race.fits[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level = n * np.log(cost / n)
+        bic = level + count * log(n)
+        aicc = np.where(n - count > 2, level + 2 * (count + 1) * n / np.maximum(n - count - 2, 1), nan)
+        chi2, calibrated = cost / high**2, cost / pooled**2 + count * log(n)
+    pairs = np.array(
+        [cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if row["usable"] else nan for row in rows]
+    )
+    criterion = "calibrated_bic" if isfinite(pooled) else "bic"
+    score = np.where(usable, calibrated if isfinite(pooled) else bic, inf)
+    kept = np.where(pairs < CANCELS, inf, score)
+    best = int(np.argmin(kept if np.isfinite(kept).any() else score))
+    columns = {
+        "poles": [s.poles for s in race.structures],
+        "zeros": [s.zeros for s in race.structures],
+        "unknowns": count.tolist(),
+        "cost": cost.tolist(),
+        "residual": np.sqrt(cost / n).tolist(),
+        "chi2": chi2.tolist(),
+        "p_value": chdtrc(free, chi2).tolist(),
+        "aicc": aicc.tolist(),
+        "bic": bic.tolist(),
+        "calibrated_bic": calibrated.tolist(),
+        "cancelling": [None if not isfinite(d) else d for d in pairs.tolist()],
+        "status": [row["status"] for row in rows],
+    }
+    return OrderSelection(
+        table=Table(columns),
+        best=race.fits[best],
+        fits=race.fits,
+        criterion=criterion,
+        band=band,
+        sigma=pooled,
+        notes=(_chosen(race.structures[best], best, score, criterion, n), *notes),
+    )
+
+
+def _levels(last: dict[str, Any], largest: Fit) -> tuple[float, float, tuple[str, ...]]:
+    """Noise level of the high band; the same pooled with the largest candidate's, nan where they disagree."""
+    from scipy.special import fdtr
+
+    high = largest.high_band_sigma
+    if not high > 0:
+        return nan, nan, ("No empty high band tells the noise level: the criterion is BIC.",)
+    if not last["usable"]:
+        return high, high, ("The noise level is that of the high band.",)
+    free, df = high_band_df(largest), last["df_resid"]
+    ratio = (last["sigma"] / high) ** 2
+    below = float(fdtr(df, free, ratio))
+    if min(below, 1 - below) < DOUBT / 2:
+        text = (
+            f"The high band says a noise level of {high:.3g}, the residuals of the largest candidate "
+            f"{last['sigma']:.3g}: the noise is not white, or no candidate is large enough. "
+            "The criterion is BIC, and orders tend to be too high where the noise is coloured."
+        )
+        return high, nan, (text,)
+    pooled = sqrt((df * last["sigma"] ** 2 + free * high**2) / (df + free))
+    return high, pooled, (f"Noise level {pooled:.3g}, of the high band and the residuals together.",)
+
+
+def high_band_df(fit: Fit) -> float:
+    """Degrees of freedom of the high band's noise level: lines differenced q times are correlated."""
+    q = fit.order + 2
+    spread = comb(4 * q, 2 * q) / comb(2 * q, q) ** 2
+    return sum(2 * max(n // 2 - -(-n // 4) - q + 1, 1) for n in fit.intervals) / spread
+
+
+def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, n: int) -> str:
+    others = np.delete(score, best)
+    ahead = float(np.min(others) - score[best]) if others.size else inf
+    words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[criterion]
+    lead = (
+        f"{ahead:.3g} below the next"
+        if ahead >= 0
+        else f"{-ahead:.3g} above a candidate that was dropped because a pole and a zero of it cancel"
+    )
+    tail = f", {lead}" if isfinite(ahead) else ""
+    return f"Chosen: {structure!r}, {words} over {n} real equations{tail}."
