@@ -53,8 +53,9 @@ def section(records: int) -> str:
         "",
         f"Per cent of {records:,} records, with the Monte Carlo standard error; u = sin(t²/5), T = 10 s, "
         "N = 256, start from rest, white noise on the output, candidates of 1 to 5 poles with every "
-        "smaller number of zeros (15), all other options at their defaults. p counts the parameters. The column of 2p shows "
-        "what a heavier penalty would win and lose. Written by `python benches/order.py`.",
+        "smaller number of zeros (15), all other options at their defaults. p counts the parameters. "
+        "The column of 2p shows what a heavier penalty would win and lose. "
+        "Written by `python benches/order.py`.",
         "",
         "| system | NSR | " + " | ".join(COLUMNS) + " |",
         "|---" * (2 + len(COLUMNS)) + "|",

@@ -6,6 +6,7 @@ Units are seconds and rad/s, arrays are (channel, time).
 from . import plot, rivals, signals
 from ._core import __version__
 from .bounds import crlb
+from .collinear import Collinearity, collinearity
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .io import columns, read
@@ -25,6 +26,7 @@ from .tables import Table
 __all__ = [
     "LTI",
     "Batch",
+    "Collinearity",
     "DataError",
     "Estimator",
     "Fit",
@@ -43,6 +45,7 @@ __all__ = [
     "__version__",
     "bootstrap",
     "coefficients",
+    "collinearity",
     "columns",
     "crlb",
     "fit",

@@ -128,7 +128,7 @@ def test_public_names_mentioned_exist(page):
                     break
 
 
-@pytest.mark.parametrize("name", ["fit_simulated", "flight_record"])
+@pytest.mark.parametrize("name", ["fit_simulated", "flight_record", "feedback_collinearity"])
 def test_examples_run(name, tmp_path):
     done = subprocess.run(
         [sys.executable, "-W", "error", str(ROOT / "examples" / f"{name}.py")],
