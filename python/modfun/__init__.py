@@ -7,6 +7,7 @@ from . import plot, rivals, signals
 from ._core import __version__
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
+from .comparison import Comparison, CrossValidation, compare, cross_validate
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .io import columns, read
@@ -27,6 +28,8 @@ __all__ = [
     "LTI",
     "Batch",
     "Collinearity",
+    "Comparison",
+    "CrossValidation",
     "DataError",
     "Estimator",
     "Fit",
@@ -47,7 +50,9 @@ __all__ = [
     "coefficients",
     "collinearity",
     "columns",
+    "compare",
     "crlb",
+    "cross_validate",
     "fit",
     "fit_many",
     "load",

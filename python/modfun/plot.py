@@ -11,13 +11,25 @@ from .errors import SpecError
 from .extras import optional
 
 if TYPE_CHECKING:
+    from .comparison import Comparison, CrossValidation
     from .order import OrderSelection
     from .records import Record
     from .results import Fit
     from .spectra import Spectrum
     from .study.results import Results
 
-__all__ = ["bode", "order", "poles", "record", "residuals", "response", "spectrum", "study"]
+__all__ = [
+    "bode",
+    "comparison",
+    "cross_validation",
+    "order",
+    "poles",
+    "record",
+    "residuals",
+    "response",
+    "spectrum",
+    "study",
+]
 
 
 def record(rec: Record, ax: Any = None) -> Any:
@@ -114,6 +126,63 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None) -> Any:
         here.grid(True, alpha=0.3)
     lower.set_xlabel("time (s)")
     return _returned(ax, [upper, lower])
+
+
+def comparison(table: Comparison, ax: Any = None) -> Any:
+    """Draw the measured outputs of a record and what each fit simulates, with its fit in per cent.
+
+    Parameters
+    ----------
+    table : Comparison
+    ax : Axes or sequence of Axes, optional
+        One Axes an output, or a single one for all; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one output or one was given, otherwise one an output.
+    """
+    rec = table.record
+    axes = _axes(ax, len(rec.outputs), height=2.3)
+    percent = {(row["model"], row["output"]): row["fit_percent"] for row in table}
+    for here, name in zip(axes, rec.outputs, strict=True):
+        here.plot(rec.t, rec[name], color="0.6", linewidth=2.0, label=f"{name} measured")
+    for model, fit in table.fits.items():
+        simulated = fit.predict(rec)
+        for here, name in zip(axes, rec.outputs, strict=True):
+            words = f"{model}: {percent[model, name]:.1f} %"
+            here.plot(rec.t, simulated[name], linewidth=1.0, label=words)
+    _label(axes, rec.outputs, rec.units, "time (s)")
+    for here in dict.fromkeys(axes):
+        here.legend(frameon=False, fontsize=8)
+    return _returned(ax, axes)
+
+
+def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
+    """Draw how well each record left out is simulated, an estimator a line.
+
+    Parameters
+    ----------
+    table : CrossValidation
+    ax : Axes or sequence of Axes, optional
+        One Axes an output, or a single one for all; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+    """
+    outputs = list(dict.fromkeys(table["output"]))
+    axes = _axes(ax, len(outputs), height=2.4)
+    for here, output in zip(axes, outputs, strict=True):
+        for model in dict.fromkeys(table["model"]):
+            rows = (table["model"] == model) & (table["output"] == output)
+            here.plot(table["record"][rows], table["fit_percent"][rows], "o-", linewidth=0.8, label=model)
+        here.set_xticks(np.unique(table["record"]))
+        here.set_ylabel(f"{output}: fit (%)" if len(outputs) > 1 else "fit (%)")
+        here.grid(True, alpha=0.3)
+    axes[0].legend(frameon=False, fontsize=8)
+    axes[-1].set_xlabel("record left out")
+    return _returned(ax, axes)
 
 
 def order(selection: OrderSelection, ax: Any = None) -> Any:

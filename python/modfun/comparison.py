@@ -1,0 +1,205 @@
+"""Models beside each other: on one record, and on records that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import DataError, FitError, SpecError
+from .estimation import Estimator, _fit, _records
+from .records import Record
+from .results import Fit
+from .structures import TransferFunction
+from .tables import Table
+
+__all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
+
+SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
+
+
+class Comparison(Table):
+    """Scores of several fits on one record, a row a fit and output; see `compare`.
+
+    Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil.
+    """
+
+    __slots__ = ("fits", "record")
+
+    fits: dict[str, Fit]
+    record: Record
+
+    def __init__(self, fits: dict[str, Fit], record: Record) -> None:
+        columns: dict[str, list[Any]] = {"model": [], "parameters": [], "output": []}
+        columns |= {score: [] for score in SCORES}
+        for name, fit in fits.items():
+            for row in fit.score(record):
+                columns["model"].append(name)
+                columns["parameters"].append(fit.params.size)
+                for key in ("output", *SCORES):
+                    columns[key].append(row[key])
+        super().__init__(columns)
+        object.__setattr__(self, "fits", fits)
+        object.__setattr__(self, "record", record)
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Measured and simulated outputs; see `modfun.plot.comparison`."""
+        from . import plot
+
+        return plot.comparison(self, ax=ax)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Comparison, (self.fits, self.record)
+
+
+class CrossValidation(Table):
+    """Scores on records left out of the fit, a row an estimator, record and output; see `cross_validate`.
+
+    Columns: model, record (index of the one left out), output, signal_to_error (dB), fit_percent, r2, theil,
+    status (of the fit to the others; "overflow": the model is too unstable to be simulated).
+    """
+
+    __slots__ = ()
+
+    def summary(self) -> Table:
+        """Median scores over the records, a row an estimator and output, with the worst fit_percent."""
+        keys = list(dict.fromkeys(zip(self["model"], self["output"], strict=True)))
+        columns: dict[str, list[Any]] = {"model": [m for m, _ in keys], "output": [o for _, o in keys]}
+        of = [(self["model"] == m) & (self["output"] == o) for m, o in keys]
+        for score in SCORES:
+            # A record without a score counts as the worst.
+            worst = np.inf if score == "theil" else -np.inf
+            values = np.where(np.isnan(self[score]), worst, self[score])
+            columns[score] = [float(np.median(values[rows])) for rows in of]
+        columns["worst_fit_percent"] = [
+            float(np.min(np.nan_to_num(self["fit_percent"][rows], nan=-np.inf))) for rows in of
+        ]
+        return Table(columns)
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """fit_percent of each record left out; see `modfun.plot.cross_validation`."""
+        from . import plot
+
+        return plot.cross_validation(self, ax=ax)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return CrossValidation, (self.to_dict(), self.title)
+
+
+def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None) -> Comparison:
+    """Score several fits on one record: simulations, initial state and trend fitted, as `Fit.score`.
+
+    Parameters
+    ----------
+    models : mapping of str to Fit, or sequence of Fit
+        By name; in a sequence each is named by its poles and zeros.
+    rec : Record, optional
+        With the channels of the fits; default: the one that the fits have in common.
+
+    Returns
+    -------
+    Comparison
+        A Table with `.plot()`.
+
+    Raises
+    ------
+    SpecError
+        No fit, or things that are no fits.
+    DataError
+        A record with other channels, or none that is common.
+    """
+    fits = _named(models, Fit, "compare")
+    if rec is None:
+        own = [fit.records for fit in fits.values()]
+        rec = own[0][0] if own[0] is not None else None
+        if rec is None or any(r is None or len(r) != 1 or r[0] is not rec for r in own):
+            raise DataError("compare: the fits do not share one record of their own; give compare(fits, rec)")
+    if not isinstance(rec, Record):
+        raise SpecError(f"compare: rec is {type(rec).__name__!r}; give a Record")
+    return Comparison(fits, rec)
+
+
+def cross_validate(
+    records: Sequence[Record],
+    estimators: Mapping[str, Estimator | TransferFunction] | Sequence[Estimator | TransferFunction],
+) -> CrossValidation:
+    """Fit to all records but one, score on that one, for each in turn.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Two at least, with the same channels; ``rec.split(every=...)`` makes several of one.
+    estimators : mapping of str to Estimator, or sequence of Estimator
+        By name; in a sequence each is named by its poles and zeros. A structure stands for its Estimator.
+
+    Returns
+    -------
+    CrossValidation
+        A Table with `.summary()` and `.plot()`. What could not be fitted or simulated has nan for scores.
+
+    Raises
+    ------
+    SpecError, DataError
+        As `fit`, or fewer than two records.
+    """
+    all_records = _records(records, "cross_validate")
+    if len(all_records) < 2:
+        raise DataError(
+            "cross_validate: one record leaves nothing to fit when it is left out; "
+            "give several, or pieces of it: rec.split(every=...)"
+        )
+    made = {
+        name: Estimator(given) if isinstance(given, TransferFunction) else given
+        for name, given in _named(estimators, (Estimator, TransferFunction), "cross_validate").items()
+    }
+    names = ("model", "record", "output", *SCORES, "status")
+    columns: dict[str, list[Any]] = {name: [] for name in names}
+    for name, estimator in made.items():
+        for k, rec in enumerate(all_records):
+            fit = _fit(all_records[:k] + all_records[k + 1 :], estimator.model, estimator.options)
+            status = fit.status
+            rows: list[dict[str, Any]] = [{"output": output} for output in rec.outputs]
+            try:
+                rows = list(fit.score(rec))
+            except FitError:
+                pass
+            except DataError:
+                status = "overflow"
+            for row in rows:
+                values = [name, k, row["output"], *(row.get(score, np.nan) for score in SCORES), status]
+                for key, value in zip(names, values, strict=True):
+                    columns[key].append(value)
+    return CrossValidation(columns)
+
+
+def _named(given: Any, kind: Any, what: str) -> dict[str, Any]:
+    """Fits or estimators by name."""
+    if isinstance(given, Mapping):
+        named = {str(name): value for name, value in given.items()}
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        named = {}
+        for value in given:
+            label = _label(value)
+            same = sum(name == label or name.startswith(f"{label} (") for name in named)
+            named[f"{label} ({same + 1})" if same else label] = value
+    else:
+        raise SpecError(f'{what}: give them by name, {what}({{"n=2": ...}}), or as a list')
+    if not named:
+        raise SpecError(f"{what}: nothing was given")
+    word = "a Fit" if kind is Fit else "an Estimator"
+    for name, value in named.items():
+        if not isinstance(value, kind):
+            raise SpecError(f"{what}: {name!r} is {type(value).__name__!r}, not {word}")
+    return named
+
+
+def _label(value: Any) -> str:
+    structure = getattr(value, "structure", getattr(value, "model", value))
+    if not isinstance(structure, TransferFunction):
+        return type(value).__name__
+    zeros = structure.zeros
+    words = (
+        f"{zeros}" if isinstance(zeros, int) else ", ".join("none" if z is None else str(z) for z in zeros)
+    )
+    return f"{structure.poles} poles, {words} zeros"
