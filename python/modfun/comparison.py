@@ -23,6 +23,11 @@ class Comparison(Table):
     """Scores of several fits on one record, a row a fit and output; see `compare`.
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil.
+
+    Parameters
+    ----------
+    fits : dict of str to Fit
+    record : Record
     """
 
     __slots__ = ("fits", "record")
@@ -58,6 +63,11 @@ class CrossValidation(Table):
 
     Columns: model, record (index of the one left out), output, signal_to_error (dB), fit_percent, r2, theil,
     status (of the fit to the others; "overflow": the model is too unstable to be simulated).
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence
+    title : str, optional
     """
 
     __slots__ = ()
