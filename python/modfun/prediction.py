@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
+from .observer import observe
 from .records import Record
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["InitialState", "simulate_fit"]
+__all__ = ["InitialState", "observe_fit", "simulate_fit"]
 
 F64 = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class InitialState:
     state : (n,) array
         y, y', ... of the free response at the first sample.
     cov : (n, n) array
-        Covariance, from the residuals of the least squares taken as white; zeros if the state was given.
+        Covariance, from the residuals taken as white; zeros if the state was given.
     trend : array
         Offset, or offset and slope over the whole record, of the output (empty without a trend).
     """
@@ -96,6 +97,22 @@ def simulate_fit(
             "predict a shorter piece with rec.window(start, stop)"
         )
     return simulated[None], InitialState(state, cov, offsets)
+
+
+def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
+    """Initial state of a fitted model by an observer run backwards in time, the trend beside it."""
+    if rec.dt is None:
+        raise DataError(
+            "initial_state: an observer needs even sampling, and this record's steps are uneven; "
+            'use method="lstsq"'
+        )
+    den, _ = fit.polynomials()
+    n = fit.order
+    companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
+    left = (rec.y[0] - _forced(fit, rec))[None]
+    terms = len(trend_columns(rec.t, fit.trend))
+    found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
+    return InitialState(found.state, found.cov, found.trend.ravel())
 
 
 def _given(initial_state: str | ArrayLike | InitialState, n: int) -> F64:

@@ -338,25 +338,47 @@ class Fit:
         record = self._record(rec, "errors")
         return record.y - prediction.simulate_fit(self, record, None)[0]
 
-    def initial_state(self, rec: Record | int | None = None, method: str = "lstsq") -> InitialState:
-        """Initial state (y, y', ... of the free response at the first sample) by least squares.
+    def initial_state(
+        self,
+        rec: Record | int | None = None,
+        method: str = "lstsq",
+        *,
+        eigenvalues: ArrayLike | None = None,
+    ) -> InitialState:
+        """Initial state (y, y', ... of the free response at the first sample), the trend fitted beside.
 
         Parameters
         ----------
         rec : Record or int, optional
-        method : "lstsq"
-            Least squares on the sampled free response, the trend fitted beside.
+        method : {"lstsq", "observer"}
+            Least squares on the sampled free response; or a Luenberger observer run backwards in time
+            (report, section 4.7), which is a few per cent less accurate at best.
+        eigenvalues : array_like, optional
+            Of the observer's error backwards in time, rad/s, one a pole, with negative real parts.
+            Default: the frequencies of the poles, decaying as fast as these do forwards, and at least by
+            one time constant over the record.
 
         Returns
         -------
         InitialState
             `.state`, `.cov`, `.bse`, `.trend`; usable as an array.
+
+        Raises
+        ------
+        SpecError
+            Eigenvalues that do not serve.
+        FitError
+            A state that the observer cannot find: not shown by the output, or too fast for the samples.
         """
-        if method != "lstsq":
+        if method not in ("lstsq", "observer"):
             raise SpecError(
-                f"initial_state: method={method!r} is not available; {nearest(method, ['lstsq'])}"
+                f"initial_state: method={method!r} is not available; {nearest(method, ['lstsq', 'observer'])}"
             )
         record = self._record(rec, "initial_state")
+        if method == "observer":
+            return prediction.observe_fit(self, record, eigenvalues)
+        if eigenvalues is not None:
+            raise SpecError('initial_state: eigenvalues belong to method="observer"')
         return prediction.simulate_fit(self, record, None)[1]
 
     def score(self, rec: Record | int | None = None) -> Table:
