@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -41,6 +43,11 @@ Between = Annotated[
     list[str] | None,
     typer.Option("--intersample", help="Inputs between samples: smooth, zoh or foh; once, or one an input."),
 ]
+Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one an input.")]
+Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")]
+Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
+Trend = Annotated[str, typer.Option(help="auto, none, constant or linear.")]
+Picture = Annotated[Path | None, typer.Option(help="Draw to a file (.png, .pdf, .svg).")]
 Part = Annotated[str | None, typer.Option(help="Struct or experiment of a .mat file that holds several.")]
 
 
@@ -99,19 +106,15 @@ def fit(
         list[str] | None,
         typer.Option(help="Number of zeros, default poles - 1; once, or one an input (none: no path)."),
     ] = None,
-    delay: Annotated[
-        list[float] | None, typer.Option(help="Known delay in s; once, or one an input.")
-    ] = None,
+    delay: Delay = None,
     time: Time = None,
     dt: Step = None,
     intersample: Between = None,
     part: Part = None,
     method: Annotated[str, typer.Option(help="ml, awls, wls or ls.")] = "ml",
-    band: Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")] = None,
-    harmonics: Annotated[
-        int | None, typer.Option(help="Highest modulating index M instead of a band.")
-    ] = None,
-    trend: Annotated[str, typer.Option(help="auto, none, constant or linear.")] = "auto",
+    band: Band = None,
+    harmonics: Harmonics = None,
+    trend: Trend = "auto",
     noise: Annotated[str, typer.Option(help="output or equation.")] = "output",
     cov_type: Annotated[str, typer.Option(help="HC3 or nonrobust.")] = "HC3",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
@@ -143,9 +146,87 @@ def fit(
             print(f"\nSimulated against measured\n{result.score()}")
     write_json(json_to, result.to_dict())
     if plot is not None and usable:
-        _draw(result, plot)
+        _save(plot, partial(_response_and_bode, result))
     if not result.success:
         raise typer.Exit(1)
+
+
+@app.command()
+def order(
+    files: Files,
+    output: Outputs = None,
+    input: Inputs = None,
+    poles: Annotated[str, typer.Option(help="Number of poles, or fewest:most.")] = "1:5",
+    zeros: Annotated[
+        list[int] | None, typer.Option(help="Number of zeros to try; repeat. Default: all below the poles.")
+    ] = None,
+    delay: Delay = None,
+    time: Time = None,
+    dt: Step = None,
+    intersample: Between = None,
+    part: Part = None,
+    method: Annotated[str, typer.Option(help="ml or awls.")] = "ml",
+    band: Band = None,
+    harmonics: Harmonics = None,
+    trend: Trend = "auto",
+    json_to: Json = None,
+    plot: Picture = None,
+) -> None:
+    """Compare transfer functions of several orders, on one file or several as one problem."""
+    from .order import select_order
+
+    if not output or len(output) != 1:
+        raise SpecError("order: give exactly one --output, the column to be modelled")
+    found = select_order(
+        [_record(file, output, input, time, dt, intersample, part) for file in files],
+        poles=_poles(poles),
+        zeros=zeros or "any",
+        delay=_one_or_all(delay) or 0.0,
+        method=method,
+        band=_band(band),
+        harmonics=harmonics,
+        trend=None if trend == "none" else trend,
+    )
+    if json_to != "-":
+        print(f"{found}\n\n{found.best}")
+    answer = {"table": found.table.to_dict(), "criterion": found.criterion, "band": found.band}
+    write_json(json_to, answer | {"notes": found.notes, "best": found.best.to_dict()})
+    if plot is not None:
+        _save(plot, lambda pyplot: _figure(found.plot()))
+    if not found.best.success:
+        raise typer.Exit(1)
+
+
+@app.command()
+def compare(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FIT... FILE", help="Fits (.json of modfun fit), then one record.")
+    ],
+    time: Time = None,
+    dt: Step = None,
+    part: Part = None,
+    json_to: Json = None,
+    plot: Picture = None,
+) -> None:
+    """Score fits on a record: its columns are read by the names of the fits' channels."""
+    from .comparison import compare
+    from .storage import load
+
+    *paths, data = files
+    if not paths or data.suffix == ".json":
+        raise SpecError("compare: give one or more fits, written by modfun fit --json, and then one record")
+    fits = {str(path): load(path) for path in paths}
+    for path, fit in fits.items():
+        if not isinstance(fit, Fit):
+            raise SpecError(f"compare: {path} holds no fit; make one with modfun fit --json")
+    first = next(iter(fits.values()))
+    rec = _record(data, list(first.outputs), list(first.inputs), time, dt, list(first.intersample), part)
+    table = compare(fits, rec)
+    if json_to != "-":
+        print(table)
+    write_json(json_to, table.to_dict())
+    if plot is not None:
+        _save(plot, lambda pyplot: _figure(table.plot()))
 
 
 @reproduce.command("report")
@@ -210,8 +291,18 @@ def _band(given: str | None) -> float | tuple[float, float] | None:
     return edges[0] if len(edges) == 1 else (edges[0], edges[1])
 
 
-def _draw(result: Fit, to: Path) -> None:
-    from . import plot
+def _poles(given: str) -> Any:
+    ends = given.split(":")
+    if len(ends) > 2 or not all(word.isdigit() for word in ends):
+        raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
+    return range(int(ends[0]), int(ends[-1]) + 1)
+
+
+# Pictures -----------------------------------------------------------------------------------------
+
+
+def _save(to: Path, draw: Callable[[Any], Any]) -> None:
+    """Save the figure that a function makes with pyplot."""
     from .extras import optional
 
     optional("matplotlib", "plot", "--plot").use("Agg")
@@ -220,6 +311,15 @@ def _draw(result: Fit, to: Path) -> None:
     if to.suffix.lstrip(".").lower() not in known:
         raise SpecError(f"--plot {to}: unknown kind of picture; end the name in .png, .pdf or .svg")
     pyplot.close("all")
+    figure = draw(pyplot)
+    figure.savefig(to, dpi=120)
+    pyplot.close(figure)
+    say(f"drew {to}")
+
+
+def _response_and_bode(result: Fit, pyplot: Any) -> Any:
+    from . import plot
+
     across = 2 if result.inputs else 1
     figure, axes = pyplot.subplots(
         2, across, figsize=(6.0 * across, 5.5), squeeze=False, layout="constrained"
@@ -227,6 +327,9 @@ def _draw(result: Fit, to: Path) -> None:
     plot.response(result, 0, ax=axes[:, 0])
     if result.inputs:
         plot.bode(result, ax=axes[:, 1])
-    figure.savefig(to, dpi=120)
-    pyplot.close(figure)
-    say(f"drew {to}")
+    return figure
+
+
+def _figure(axes: Any) -> Any:
+    """The figure of what a plot returns: Axes, or an array of them."""
+    return getattr(axes, "flat", [axes])[0].figure

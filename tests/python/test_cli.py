@@ -117,6 +117,40 @@ def test_a_picture_is_drawn(table, tmp_path, capsys):
     assert ".png" in capsys.readouterr().err
 
 
+def test_orders_are_compared(table, tmp_path, capsys):
+    words = ["order", str(table), "--output", "q", "--input", "de", "--poles", "1:3", "--band", "12"]
+    assert main(words) == 0
+    out, err = capsys.readouterr()
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    found = mf.select_order(rec, poles=range(1, 4), band=12.0)
+    assert str(found) in out
+    assert err == ""
+    assert main([*words, "--zeros", "0", "--zeros", "1", "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["table"]["zeros"] == [0, 1, 0, 1, 0, 1]
+    assert printed["best"]["params"] == found.best.params.tolist()
+    pytest.importorskip("matplotlib")
+    assert main([*words, "--plot", str(tmp_path / "order.png")]) == 0
+    assert (tmp_path / "order.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_fits_are_compared_on_a_record(table, tmp_path, capsys):
+    one, two = tmp_path / "one.json", tmp_path / "two.json"
+    assert main(["fit", str(table), *FIT, "--json", str(two)]) == 0
+    assert main(["fit", str(table), *FIT[:4], "--poles", "1", "--zeros", "0", "--json", str(one)]) == 0
+    capsys.readouterr()
+    assert main(["compare", str(one), str(two), str(table)]) == 0
+    out, _ = capsys.readouterr()
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    expected = mf.compare({str(one): mf.load(one), str(two): mf.load(two)}, rec)
+    assert str(expected) in out
+    assert main(["compare", str(two), str(table), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["fit_percent"] == [expected["fit_percent"][1]]
+    pytest.importorskip("matplotlib")
+    assert main(["compare", str(two), str(table), "--plot", str(tmp_path / "both.svg")]) == 0
+    assert "<svg" in (tmp_path / "both.svg").read_text()
+
+
 def test_warnings_go_to_standard_error(table, capsys):
     assert main(["fit", str(table), *FIT, "--harmonics", "40"]) == 0
     out, err = capsys.readouterr()
@@ -162,6 +196,11 @@ BAD = {
     "text where a number goes": (["fit", "TABLE", *FIT, "--poles", "two"], "--poles"),
     "json into no folder": (["fit", "TABLE", *FIT, "--json", "/nowhere/fit.json"], "/nowhere/fit.json"),
     "check of nothing": (["check"], "FILE"),
+    "order without an output": (["order", "TABLE", "--input", "de"], "--output"),
+    "order of words": (["order", "TABLE", *FIT[:4], "--poles", "few"], "1:5"),
+    "order by ls": (["order", "TABLE", *FIT[:4], "--method", "ls"], "awls"),
+    "comparison of nothing": (["compare", "TABLE"], "modfun fit --json"),
+    "comparison with no fit": (["compare", "TABLE", "TABLE"], "load"),
     "intersample": (["fit", "TABLE", *FIT, "--intersample", "hold"], "smooth"),
 }
 
