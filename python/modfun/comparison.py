@@ -212,4 +212,5 @@ def _label(value: Any) -> str:
     words = (
         f"{zeros}" if isinstance(zeros, int) else ", ".join("none" if z is None else str(z) for z in zeros)
     )
-    return f"{structure.poles} poles, {words} zeros"
+    poles = f"{structure.poles} pole{'s' if structure.poles > 1 else ''}"
+    return f"{poles}, {words} zero{'' if words == '1' else 's'}"

@@ -220,7 +220,7 @@ class _Race:
             starts: list[F64 | None] = [None]
             if np.all(np.isfinite(own.params)):
                 starts.append(own.params)
-            starts += [_widened(row, own) for row in rows if _holds(own, row["fit"]) and row["usable"]]
+            starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
             tried = [core.fit(ys, us, start=None if s is None else s.tolist()) for s in starts]
             row = min(tried, key=lambda f: f["cost"] if _usable(f) else inf)
             rows.append({**row, "fit": own, "usable": _usable(row)})
@@ -231,19 +231,26 @@ def _usable(found: dict[str, Any]) -> bool:
     return found["status"] in ("ok", "maxiter") and isfinite(found["cost"])
 
 
-def _holds(larger: Fit, smaller: Fit) -> bool:
-    """Whether the larger has the same poles and paths, and one zero more in each."""
-    pairs = zip(larger.numerators, smaller.numerators, strict=True)
-    return larger.order == smaller.order and all((b is None) if a is None else b == a - 1 for a, b in pairs)
+def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
+    """The same model as a start of a larger one: with a leading zero in each numerator, or a pole at -far.
 
-
-def _widened(row: dict[str, Any], larger: Fit) -> F64:
-    """The same model with a leading zero in each numerator."""
-    den, nums = row["fit"].polynomials(row["theta"])
-    padded = [
-        np.r_[0.0, num] for num, degree in zip(nums, larger.numerators, strict=True) if degree is not None
-    ]
-    return np.concatenate([den[1:], *padded])
+    Nothing, where the larger one has not the same paths with one zero, or one pole, more.
+    """
+    smaller: Fit = row["fit"]
+    if [d is None for d in larger.numerators] != [d is None for d in smaller.numerators]:
+        return []
+    more = {
+        b - a
+        for a, b in zip(smaller.numerators, larger.numerators, strict=True)
+        if a is not None and b is not None
+    }
+    den, nums = smaller.polynomials(row["theta"])
+    paths = [num for num, degree in zip(nums, smaller.numerators, strict=True) if degree is not None]
+    if larger.order == smaller.order and more == {1}:
+        return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])]
+    if larger.order == smaller.order + 1 and more <= {0}:
+        return [np.concatenate([np.polymul(den, [1.0, far])[1:], *(far * num for num in paths)])]
+    return []
 
 
 # Which one ------------------------------------------------------------------------------------------

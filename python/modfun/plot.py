@@ -159,7 +159,7 @@ def comparison(table: Comparison, ax: Any = None) -> Any:
 
 
 def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
-    """Draw how well each record left out is simulated, an estimator a line.
+    """Draw how well each record left out is simulated, an estimator a line; below -100 % is left out.
 
     Parameters
     ----------
@@ -176,7 +176,8 @@ def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
     for here, output in zip(axes, outputs, strict=True):
         for model in dict.fromkeys(table["model"]):
             rows = (table["model"] == model) & (table["output"] == output)
-            here.plot(table["record"][rows], table["fit_percent"][rows], "o-", linewidth=0.8, label=model)
+            shown = np.where(table["fit_percent"][rows] < -100, np.nan, table["fit_percent"][rows])
+            here.plot(table["record"][rows], shown, "o-", linewidth=0.8, label=model)
         here.set_xticks(np.unique(table["record"]))
         here.set_ylabel(f"{output}: fit (%)" if len(outputs) > 1 else "fit (%)")
         here.grid(True, alpha=0.3)
@@ -198,7 +199,7 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
     -------
     Axes or ndarray of Axes
         Above the residual level (logarithmic) with the noise level dashed, below the criterion over its
-        lowest value; a number beside a point is that of its zeros, the chosen candidate is ringed.
+        lowest value; a number at a point is that of its zeros, the chosen candidate is ringed.
     """
     axes = _axes(ax, 2, height=2.6)
     upper, lower = axes
@@ -206,17 +207,18 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
     poles, level = table["poles"], table["residual"]
     score = table[selection.criterion] - np.nanmin(table[selection.criterion])
     chosen = selection.fits.index(selection.best)
-    drawn = [(lower, score)] if lower is upper else [(upper, level), (lower, score)]
-    for here, values in drawn:
-        here.plot(poles, values, "o", color="C0", markersize=4)
-        here.plot(poles[chosen], values[chosen], "o", color="C3", markersize=11, fillstyle="none")
-        for x, value, zeros in zip(poles, values, table["zeros"], strict=True):
+    degrees = [
+        max((z for z in np.ravel(np.array(d, object)) if z is not None), default=0) for d in table["zeros"]
+    ]
+    place = poles + 0.13 * (np.array(degrees) - (poles - 1) / 2)  # side by side, by their zeros
+    for here, values in [(lower, score)] if lower is upper else [(upper, level), (lower, score)]:
+        here.plot(place, values, "o", color="C0", markersize=4)
+        here.plot(place[chosen], values[chosen], "o", color="C3", markersize=11, fillstyle="none")
+        for x, value, zeros in zip(place, values, table["zeros"], strict=True):
             if np.isfinite(value):
-                here.annotate(
-                    f"{zeros}", (x, value), (6, 0), textcoords="offset points", va="center", fontsize=7
-                )
+                here.annotate(f"{zeros}", (x, value), (0, 6), textcoords="offset points", ha="center", size=7)
         here.set_xticks(np.unique(poles))
-        here.margins(x=0.1)
+        here.margins(x=0.1, y=0.15)
         here.grid(True, alpha=0.3)
     if lower is not upper:
         upper.set_yscale("log")
@@ -226,8 +228,9 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
             upper.legend(frameon=False)
     words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[selection.criterion]
     lower.set_yscale("symlog", linthresh=10.0)
+    lower.set_ylim(bottom=-3.0)
     lower.set_ylabel(f"{words} over its lowest")
-    lower.set_xlabel("poles (beside each point: zeros)")
+    lower.set_xlabel("poles (at each point: zeros)")
     return _returned(ax, axes)
 
 

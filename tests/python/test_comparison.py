@@ -46,7 +46,7 @@ def test_without_a_record_the_common_one_is_taken(fits):
 
 def test_a_list_is_named_by_poles_and_zeros(fits):
     table = mf.compare([*fits, fits[1]], record(1))
-    assert table["model"].tolist() == ["1 poles, 0 zeros", "2 poles, 0 zeros", "2 poles, 0 zeros (2)"]
+    assert table["model"].tolist() == ["1 pole, 0 zeros", "2 poles, 0 zeros", "2 poles, 0 zeros (2)"]
 
 
 def test_each_record_is_left_out_once():
