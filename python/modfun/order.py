@@ -26,6 +26,7 @@ F64 = NDArray[np.float64]
 Zeros = int | tuple[int | None, ...]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
+FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,8 +90,9 @@ def select_order(
     the same lines: the report's residuals differenced alike (section 4.10), so that their costs can be
     compared. The criterion is cost/sigma**2 + k log N over the N real equations, k the number of
     parameters and poles (each pole has its transient coefficient), sigma the noise level of the unused
-    high band and of the residuals of the largest candidate together. Where these two contradict each
-    other, as with filtered noise, the criterion is N log(cost/N) + k log N.
+    high band and of the residuals of the largest candidate together, but no finer than a thousandth of
+    the output. Where these two contradict each other, as with filtered noise, the criterion is
+    N log(cost/N) + k log N.
 
     Parameters
     ----------
@@ -125,7 +127,7 @@ def select_order(
             f"select_order: method={checked.method!r} with noise={checked.noise!r} has residuals that do not "
             'compare; use "ml" or "awls" with noise="output"'
         )
-    structures = candidates(poles, zeros, delay)
+    structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     fits = tuple(_fit(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
@@ -194,6 +196,10 @@ class _Race:
         fit = self.fits[-1]
         tops = [max(n // 8, min(n // 4, 16)) for n in fit.intervals]
         return 0.0, min(top * w for top, w in zip(tops, fit.omega0, strict=True))
+
+    def finest(self) -> float:
+        """Level below which residuals say nothing."""
+        return FINEST * float(np.sqrt(np.mean([np.var(rec.y) for rec in self.records])))
 
     def guideline(self) -> float:
         """Upper edge of 3 # + n lines for the largest candidate, in rad/s."""
@@ -271,7 +277,7 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
     count = params + np.array([row["fit"].order for row in rows])
     free = np.array([row["df_resid"] for row in rows])
     n = int(free[0] + params[0])
-    high, pooled, notes = _levels(rows[-1], race.fits[-1])
+    high, pooled, notes = _levels(rows[-1], race.fits[-1], race.finest())
     with np.errstate(divide="ignore", invalid="ignore"):
         level = n * np.log(cost / n)
         bic = level + count * log(n)
@@ -286,7 +292,7 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
     best = int(np.argmin(kept if np.isfinite(kept).any() else score))
     columns = {
         "poles": [s.poles for s in race.structures],
-        "zeros": [s.zeros for s in race.structures],
+        "zeros": [s.zeros if race.records[0].inputs else None for s in race.structures],
         "unknowns": count.tolist(),
         "cost": cost.tolist(),
         "residual": np.sqrt(cost / n).tolist(),
@@ -309,11 +315,17 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
     )
 
 
-def _levels(last: dict[str, Any], largest: Fit) -> tuple[float, float, tuple[str, ...]]:
+def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
     """Noise level of the high band; the same pooled with the largest candidate's, nan where they disagree."""
     from scipy.special import fdtr
 
     high = largest.high_band_sigma
+    if last["usable"] and last["sigma"] < finest:
+        text = (
+            f"The residuals of the largest candidate, {last['sigma']:.3g}, are finer than a thousandth of "
+            f"the output and may be errors of the quadrature: candidates count as equal down to {finest:.3g}."
+        )
+        return high, finest, (text,)
     if not high > 0:
         return nan, nan, ("No empty high band tells the noise level: the criterion is BIC.",)
     if not last["usable"]:

@@ -216,7 +216,8 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
         here.plot(place[chosen], values[chosen], "o", color="C3", markersize=11, fillstyle="none")
         for x, value, zeros in zip(place, values, table["zeros"], strict=True):
             if np.isfinite(value):
-                here.annotate(f"{zeros}", (x, value), (0, 6), textcoords="offset points", ha="center", size=7)
+                words = "" if zeros is None else f"{zeros}"
+                here.annotate(words, (x, value), (0, 6), textcoords="offset points", ha="center", size=7)
         here.set_xticks(np.unique(poles))
         here.margins(x=0.1, y=0.15)
         here.grid(True, alpha=0.3)

@@ -168,6 +168,23 @@ def test_several_records_inputs_and_a_delay():
     assert found.best.delays == (0.2, 0.0)
 
 
+def test_free_motion_has_no_zeros():
+    rec = mf.simulate(
+        mf.tf([1], [1, 0.4, 4]), input=np.zeros(257), duration=10, intervals=256, initial_state=[1.0, 0.0]
+    )
+    y = rec.y + 0.02 * np.random.default_rng(0).normal(size=257)
+    found = mf.select_order(mf.Record(y=y, dt=rec.dt), poles=range(1, 4))
+    assert found.table["zeros"].tolist() == [None] * 3
+    assert found.best.structure.poles == 2
+
+
+def test_without_noise_the_smallest_that_explains_is_chosen():
+    rec = mf.simulate(SYSTEMS[2, 0], input="sin(t**2/5)", duration=10.0, intervals=256)
+    found = mf.select_order(rec, poles=range(1, 5))
+    assert found.best.structure == mf.TransferFunction(poles=2, zeros=0)
+    assert any("quadrature" in note for note in found.notes)
+
+
 def test_a_long_record_is_compared_on_the_lines_it_needs():
     rec = mf.simulate(SYSTEMS[2, 0], input="sin(t**2/5)", duration=10.0, intervals=2048, nsr=0.1, seed=0)
     found = mf.select_order(rec, poles=range(1, 4))
