@@ -431,7 +431,7 @@ BAD = {
     "predict other channels": (lambda: FIT.predict(OTHER_NAMES), mf.DataError, "select"),
     "initial state word": (lambda: FIT.predict(initial_state="rest"), mf.SpecError, '"zero"'),
     "initial state length": (lambda: FIT.predict(initial_state=[1.0]), mf.SpecError, "2 states"),
-    "initial state method": (lambda: FIT.initial_state(method="observer"), mf.SpecError, "lstsq"),
+    "initial state method": (lambda: FIT.initial_state(method="observr"), mf.SpecError, "lstsq"),
     "cov_params word": (lambda: FIT.cov_params("hc3"), mf.SpecError, "'HC3'"),
     "load nothing": (lambda: mf.load("/nowhere/fit.json"), mf.SpecError, "no file"),
     "threads": (lambda: mf.fit_many([REC], TF20, threads=0), mf.SpecError, "from 1 on"),
