@@ -5,7 +5,7 @@ BIN := .venv/bin
 FIGURES ?= figures
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format bench counts clean
+.PHONY: demo test test-rust test-python lint format bench rivals counts clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -39,6 +39,11 @@ bench: .venv/bench
 	$(BIN)/python benches/compare/stages.py
 	$(BIN)/python benches/compare/growth.py
 
+## Accuracy, failures and time a fit beside other packages, into docs/rivals.md: an hour. RECORDS=target/rivals.json
+## keeps what is computed, so that a run that was stopped goes on.
+rivals: .venv/rivals/created
+	.venv/rivals/bin/python benches/compare/accuracy.py $(if $(RECORDS),--keep $(RECORDS))
+
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
@@ -59,6 +64,12 @@ clean:
 # The rivals' tools, apart from those of development.
 .venv/bench: .venv/dev benches/compare/requirements.txt
 	$(BIN)/python -m pip install --quiet -r benches/compare/requirements.txt
+	touch $@
+
+# modfun and its rivals on their own, since some of these hold others at old versions.
+.venv/rivals/created: .venv/created benches/compare/rivals/requirements.txt pyproject.toml Cargo.lock $(RUST)
+	$(PYTHON) -m venv .venv/rivals
+	.venv/rivals/bin/python -m pip install --quiet . -r benches/compare/rivals/requirements.txt
 	touch $@
 
 # The package in place, with the tools for tests and lint.

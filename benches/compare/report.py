@@ -22,8 +22,8 @@ Rivals stop at the estimates; modfun's studies address each replicate's noise an
 
 def amount(ns: float) -> str:
     """Three digits with a unit."""
-    for unit, size in (("ns", 1.0), ("µs", 1e3), ("ms", 1e6)):
-        if ns < 999.5 * size or unit == "ms":
+    for unit, size in (("ns", 1.0), ("µs", 1e3), ("ms", 1e6), ("s", 1e9)):
+        if ns < 999.5 * size or unit == "s":
             return f"{ns / size:.3g} {unit}"
     raise AssertionError
 
