@@ -169,13 +169,13 @@ def _judged(found, levels):
         ratios = {nsr: _ratio(found, who, nsr) for nsr in levels[1:]}
         won = [f"{nsr:g}" for nsr, ratio in ratios.items() if ratio < 1 - SAME]
         if won:
-            better.append(f"{who} at NSR {', '.join(won)}")
+            better.append(f"{who} (at NSR {', '.join(won)})")
         elif max(ratios.values()) <= 1 + SAME:
             alike.append(who)
     failing = [who for who, at in found.items() if any(f["failed"] for f in at.values())]
     near = f"{100 * SAME:.0f} %"
     return (
-        f"Of the estimators with {ENOUGH} records or more, {' and '.join(better) or 'none'} had a median "
+        f"Of the estimators with {ENOUGH} records or more, {', '.join(better) or 'none'} had a median "
         f"error over {near} below that of {BASE} on the same records; within {near} of it or "
         f"better at every NSR: {', '.join(alike) or 'none'}. "
         + (f"Failures: {', '.join(failing)}." if failing else "Nobody failed.")
@@ -208,8 +208,8 @@ def timed(times):
     names = list(times)
     lines = [
         "", "## Time a fit", "",
-        "NSR .2, from rest; minimum over " + ", ".join(str(times[n]["rounds"]) for n in names)
-        + " rounds of processor time, all in turn on one core; what takes over .2 s: least mean of a cell "
+        "NSR .2, from rest; minimum over " + " and ".join(str(times[n]["rounds"]) for n in names)
+        + " rounds of processor time, all in turn on one core; what takes over .2 s: mean of the cell "
         "above. Single calls, but dsmc eight records a call without Python. The search for the default band "
         "is part of modfun's time; many records in one call cost it far less (benchmarks.md).", "",
         f"| | {' | '.join(names)} |", "|---|" + "---:|" * len(names),
@@ -221,7 +221,7 @@ def timed(times):
         ranked = sorted((ns, who) for who, ns in times[n].items() if who != "rounds")
         place = [who for _, who in ranked].index("modfun ml") + 1
         verdicts.append(f"on {n} {ranked[0][1]} is the fastest and modfun ml number {place} of {len(ranked)}")
-    return [*lines, "", f"{'; '.join(verdicts)}.".capitalize()]
+    return [*lines, "", f"Single calls: {'; '.join(verdicts)}."]
 
 
 def taking_part(absent):
