@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 __all__ = [
     "STREAM_VERSION",
     "Fitter",
+    "JointFitter",
     "Study",
     "__version__",
     "_panic_for_tests",
@@ -94,6 +95,25 @@ class Fitter:
     def fit(
         self, y: Sequence[_F64], u: Sequence[_F64], *, start: Sequence[float] | None = None
     ) -> dict[str, Any]: ...
+    def fit_many(
+        self,
+        y: _F64 | Sequence[_F64],
+        u: _F64 | Sequence[_F64],
+        *,
+        threads: int | None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict[str, Any]: ...
+
+@final
+class JointFitter:
+    def __new__(
+        cls,
+        samples: Sequence[int],
+        time: Sequence[float | _F64],
+        variances: Sequence[_F64 | None],
+        **options: Any,
+    ) -> Self: ...
+    def fit(self, y: Sequence[_F64], u: Sequence[_F64]) -> dict[str, Any]: ...
     def fit_many(
         self,
         y: _F64 | Sequence[_F64],

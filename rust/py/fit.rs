@@ -2,9 +2,10 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Band, Batch, Fit, FitOptions, Fitter as Core, Options, RecordView, Time, Wanted,
+    Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Many, Options, RecordView, Time, Wanted,
 };
-use modfun::quadrature::Hold;
+use modfun::modulation::Lines;
+use modfun::quadrature::{Hold, Rule};
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -19,34 +20,26 @@ use crate::enter::enter;
 use crate::errors::to_python;
 
 /// One of a closed list of words.
-fn word<T: Copy>(what: &str, given: &str, all: &[(&str, T)]) -> Result<T, Error> {
+pub fn word<T: Copy>(what: &str, given: &str, all: &[(&str, T)]) -> Result<T, Error> {
     all.iter().find(|(name, _)| *name == given).map(|(_, value)| *value).ok_or_else(|| {
         let names: Vec<String> = all.iter().map(|(name, _)| format!("\"{name}\"")).collect();
         Error::Spec(format!("fitting: {what} \"{given}\" is not one of {}", names.join(", ")))
     })
 }
 
-/// Options as Python gives them.
+/// Words that every kind of fit understands.
 #[derive(FromPyObject)]
-pub struct Given {
-    #[pyo3(item)]
-    order: usize,
-    #[pyo3(item)]
-    numerators: Vec<Option<usize>>,
-    #[pyo3(item)]
-    delays: Vec<f64>,
+pub struct Words {
     #[pyo3(item)]
     intersample: Vec<String>,
     #[pyo3(item)]
     method: String,
     #[pyo3(item)]
-    noise: String,
-    #[pyo3(item)]
     trend: Option<String>,
     #[pyo3(item)]
     rule: String,
     #[pyo3(item)]
-    extended: bool,
+    pub extended: bool,
     #[pyo3(item)]
     band: Option<(f64, f64)>,
     #[pyo3(item)]
@@ -59,34 +52,91 @@ pub struct Given {
     transient: Option<usize>,
 }
 
+impl Words {
+    /// How each input behaves between samples.
+    pub fn intersample(&self) -> Result<Vec<Option<Hold>>, Error> {
+        let hold = |name: &String| match (name.as_str(), Kind::from_name(name)) {
+            ("smooth", _) => Ok(None),
+            (_, Ok(Kind::Hold(hold))) => Ok(Some(hold)),
+            _ => Err(Error::Spec(format!(
+                "fitting: intersample \"{name}\" is not one of \"smooth\", \"zoh\", \"foh\""
+            ))),
+        };
+        self.intersample.iter().map(hold).collect()
+    }
+
+    /// Quadrature of smooth signals.
+    pub fn rule(&self) -> Result<Rule, Error> {
+        match Kind::from_name(&self.rule)? {
+            Kind::Rule(rule) => Ok(rule),
+            Kind::Hold(_) => Err(Error::Spec(format!(
+                "fitting: \"{}\" describes inputs; give it as intersample and leave rule to the output",
+                self.rule
+            ))),
+        }
+    }
+
+    /// Estimator.
+    pub fn method(&self) -> Result<Method, Error> {
+        let methods =
+            [("ls", Method::Ls), ("wls", Method::Wls), ("awls", Method::Awls), ("ml", Method::Ml)];
+        word("method", &self.method, &methods)
+    }
+
+    /// Offset and drift.
+    pub fn trend(&self) -> Result<Trend, Error> {
+        match &self.trend {
+            None => Ok(Trend::None),
+            Some(name) => {
+                word("trend", name, &[("constant", Trend::Constant), ("linear", Trend::Linear)])
+            }
+        }
+    }
+
+    /// Lines.
+    pub fn band(&self) -> Result<Band, Error> {
+        match (self.band, self.harmonics) {
+            (None, None) => Ok(Band::Default),
+            (Some((low, high)), None) => Ok(Band::Edges(low, high)),
+            (None, Some(m)) => Ok(Band::Harmonics(m)),
+            (Some(_), Some(_)) => {
+                Err(Error::Spec("fitting: give band or harmonics, not both".into()))
+            }
+        }
+    }
+
+    /// Iteration.
+    pub fn iteration(&self, wanted: Wanted) -> Options {
+        Options { tol: self.tol, maxiter: self.maxiter, wanted }
+    }
+}
+
+/// Options of a fit of one output as Python gives them.
+pub struct Given {
+    order: usize,
+    numerators: Vec<Option<usize>>,
+    delays: Vec<f64>,
+    noise: String,
+    words: Words,
+}
+
+impl<'py> FromPyObject<'_, 'py> for Given {
+    type Error = PyErr;
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Given> {
+        Ok(Given {
+            order: given.get_item("order")?.extract()?,
+            numerators: given.get_item("numerators")?.extract()?,
+            delays: given.get_item("delays")?.extract()?,
+            noise: given.get_item("noise")?.extract()?,
+            words: given.extract()?,
+        })
+    }
+}
+
 impl Given {
     /// In the core's words.
     pub fn options(&self, wanted: Wanted) -> Result<FitOptions, Error> {
-        let hold = |name: &String| -> Result<Option<Hold>, Error> {
-            match (name.as_str(), Kind::from_name(name)) {
-                ("smooth", _) => Ok(None),
-                (_, Ok(Kind::Hold(hold))) => Ok(Some(hold)),
-                _ => Err(Error::Spec(format!(
-                    "fitting: intersample \"{name}\" is not one of \"smooth\", \"zoh\", \"foh\""
-                ))),
-            }
-        };
-        let Kind::Rule(rule) = Kind::from_name(&self.rule)? else {
-            return Err(Error::Spec(format!(
-                "fitting: \"{}\" describes inputs; give it as intersample and leave rule to the output",
-                self.rule
-            )));
-        };
-        let methods =
-            [("ls", Method::Ls), ("wls", Method::Wls), ("awls", Method::Awls), ("ml", Method::Ml)];
-        let band = match (self.band, self.harmonics) {
-            (None, None) => Band::Default,
-            (Some((low, high)), None) => Band::Edges(low, high),
-            (None, Some(m)) => Band::Harmonics(m),
-            (Some(_), Some(_)) => {
-                return Err(Error::Spec("fitting: give band or harmonics, not both".into()));
-            }
-        };
+        let noises = [("output", Noise::Output), ("equation", Noise::Equation)];
         Ok(FitOptions {
             structure: {
                 let structure = Structure::new(self.order, self.numerators.clone())?;
@@ -94,46 +144,54 @@ impl Given {
                 structure.with_transient(transient)?
             },
             delays: self.delays.clone(),
-            intersample: self.intersample.iter().map(hold).collect::<Result<_, _>>()?,
-            rule,
-            method: word("method", &self.method, &methods)?,
-            noise: word(
-                "noise",
-                &self.noise,
-                &[("output", Noise::Output), ("equation", Noise::Equation)],
-            )?,
-            trend: match &self.trend {
-                None => Trend::None,
-                Some(name) => word(
-                    "trend",
-                    name,
-                    &[("constant", Trend::Constant), ("linear", Trend::Linear)],
-                )?,
-            },
-            extended: self.extended,
-            band,
-            options: Options { tol: self.tol, maxiter: self.maxiter, wanted },
+            intersample: self.words.intersample()?,
+            rule: self.words.rule()?,
+            method: self.words.method()?,
+            noise: word("noise", &self.noise, &noises)?,
+            trend: self.words.trend()?,
+            extended: self.words.extended,
+            band: self.words.band()?,
+            options: self.words.iteration(wanted),
         })
     }
 }
 
 /// Sampling instants as Python gives them: a step or an array.
 #[derive(FromPyObject)]
-enum When<'py> {
+pub enum When<'py> {
     Step(f64),
     Instants(PyReadonlyArray1<'py, f64>),
 }
 
+/// Length and instants of each record.
+pub fn sampling<'a>(samples: &[usize], time: &'a [When<'_>]) -> PyResult<Vec<(usize, Time<'a>)>> {
+    if samples.len() != time.len() {
+        return Err(to_python(Error::Data(format!(
+            "fitting: {} lengths and {} time axes; one of each a record",
+            samples.len(),
+            time.len()
+        ))));
+    }
+    let one = |(samples, when): (&usize, &'a When<'_>)| -> PyResult<(usize, Time<'a>)> {
+        let time = match when {
+            When::Step(dt) => Time::Even(*dt),
+            When::Instants(t) => Time::Uneven(slice(t, "t")?),
+        };
+        Ok((*samples, time))
+    };
+    samples.iter().zip(time).map(one).collect()
+}
+
 /// Channels of many records as Python gives them: (replicate, channel, time), or a list of (channel, time).
 #[derive(FromPyObject)]
-enum Records<'py> {
+pub enum Records<'py> {
     Together(PyReadonlyArray3<'py, f64>),
     Listed(Vec<PyReadonlyArray2<'py, f64>>),
 }
 
 impl Records<'_> {
     /// One slice a channel, record after record; all records have `channels`.
-    fn rows(&self, name: &str, channels: usize) -> PyResult<Vec<&[f64]>> {
+    pub fn rows(&self, name: &str, channels: usize) -> PyResult<Vec<&[f64]>> {
         let counted = |have: usize| match have == channels {
             true => Ok(()),
             false => Err(to_python(Error::Data(format!(
@@ -180,21 +238,7 @@ impl Fitter {
         };
         let given: Given = options.extract()?;
         let o = given.options(Wanted::Covariance).map_err(to_python)?;
-        if samples.len() != time.len() {
-            return Err(to_python(Error::Data(format!(
-                "fitting: {} lengths and {} time axes; one of each a record",
-                samples.len(),
-                time.len()
-            ))));
-        }
-        let mut sampling = Vec::with_capacity(samples.len());
-        for (samples, when) in samples.iter().zip(&time) {
-            let time = match when {
-                When::Step(dt) => Time::Even(*dt),
-                When::Instants(t) => Time::Uneven(slice(t, "t")?),
-            };
-            sampling.push((*samples, time));
-        }
+        let sampling = sampling(&samples, &time)?;
         let inputs = o.structure.numerators.len();
         let isa = Isa::detect().map_err(to_python)?;
         Ok(Fitter { core: Core::new(o, &sampling, isa).map_err(to_python)?, inputs })
@@ -244,20 +288,7 @@ impl Fitter {
         let threads = modfun::threads::count(threads).map_err(to_python)?;
         let (many, design) =
             enter(py, progress, |report| self.core.fit_many(&batch, threads, report))?;
-        let rows = many.status.len();
-        let out = PyDict::new(py);
-        let df_resid = design.degrees_of_freedom();
-        out.set_item("theta", matrix(py, many.theta, rows)?)?;
-        out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
-        out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
-        out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
-        out.set_item("cost", vector(py, many.cost))?;
-        out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
-        out.set_item("df_resid", df_resid)?;
-        let lines = design.lines();
-        out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
-        out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
-        Ok(out)
+        many_dictionary(py, many, design.degrees_of_freedom(), design.lines())
     }
 }
 
@@ -283,17 +314,39 @@ fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
         residuals.append(vector(py, complex))?;
     }
     out.set_item("residuals", residuals)?;
-    match &f.band_rule {
-        None => out.set_item("band_rule", py.None())?,
-        Some(rule) => {
-            let account = PyDict::new(py);
-            account.set_item("k_max", rule.wide as f64)?;
-            account.set_item("k_0", rule.narrow as f64)?;
-            account.set_item("cost_wide", rule.costs[0])?;
-            account.set_item("cost_narrow", rule.costs[1])?;
-            account.set_item("k", rule.chosen as f64)?;
-            out.set_item("band_rule", account)?;
-        }
-    }
+    out.set_item("band_rule", account(py, f.band_rule)?)?;
+    Ok(out)
+}
+
+/// The default band rule's account.
+pub fn account(py: Python<'_>, rule: Option<BandRule>) -> PyResult<Option<Bound<'_, PyDict>>> {
+    let Some(rule) = rule else { return Ok(None) };
+    let account = PyDict::new(py);
+    account.set_item("k_max", rule.wide as f64)?;
+    account.set_item("k_0", rule.narrow as f64)?;
+    account.set_item("cost_wide", rule.costs[0])?;
+    account.set_item("cost_narrow", rule.costs[1])?;
+    account.set_item("k", rule.chosen as f64)?;
+    Ok(Some(account))
+}
+
+/// What `fit_many` answers: estimates, errors and outcomes of all records, and the lines they share.
+pub fn many_dictionary(
+    py: Python<'_>,
+    many: Many,
+    df_resid: usize,
+    lines: Vec<Lines>,
+) -> PyResult<Bound<'_, PyDict>> {
+    let rows = many.status.len();
+    let out = PyDict::new(py);
+    out.set_item("theta", matrix(py, many.theta, rows)?)?;
+    out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
+    out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
+    out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
+    out.set_item("cost", vector(py, many.cost))?;
+    out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
+    out.set_item("df_resid", df_resid)?;
+    out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
+    out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     Ok(out)
 }

@@ -4,6 +4,7 @@ mod arrays;
 mod enter;
 mod errors;
 mod fit;
+mod joint;
 mod random;
 mod signals;
 mod study;
@@ -17,6 +18,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("STREAM_VERSION", modfun::rng::STREAM_VERSION)?;
     module.add_class::<fit::Fitter>()?;
+    module.add_class::<joint::JointFitter>()?;
     module.add_class::<study::Study>()?;
     module.add_function(wrap_pyfunction!(tally::merge_moments, module)?)?;
     module.add_function(wrap_pyfunction!(tally::figures, module)?)?;

@@ -225,7 +225,7 @@ impl Many {
         self.nit.push(outcome.nit[lane]);
     }
 
-    fn append(&mut self, mut other: Many) {
+    pub(super) fn append(&mut self, mut other: Many) {
         self.theta.append(&mut other.theta);
         self.bse_nonrobust.append(&mut other.bse_nonrobust);
         self.bse_hc3.append(&mut other.bse_hc3);

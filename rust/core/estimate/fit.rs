@@ -128,16 +128,17 @@ impl FitOptions {
         Ok(())
     }
 
-    /// Samples by which the window starts late so that delayed inputs are known in all of it.
-    pub(crate) fn lead(&self, dt: f64) -> usize {
-        let longest = self.delays.iter().fold(0.0, |m: f64, d| m.max(*d));
-        (longest / dt - 1e-9).ceil().max(0.0) as usize
+    /// Longest delay of an input, in seconds.
+    pub(crate) fn longest_delay(&self) -> f64 {
+        self.delays.iter().fold(0.0, |m: f64, d| m.max(*d))
     }
 
-    /// Kind of each channel: output first.
-    pub(crate) fn kinds(&self) -> Vec<Kind> {
-        let input = |h: &Option<Hold>| h.map_or(Kind::Rule(self.rule), Kind::Hold);
-        std::iter::once(Kind::Rule(self.rule)).chain(self.intersample.iter().map(input)).collect()
+    /// Kind and delay of each channel, output first.
+    pub(crate) fn channels(&self) -> Vec<(Kind, f64)> {
+        let inputs = self.intersample.iter().zip(&self.delays);
+        let input =
+            |(h, d): (&Option<Hold>, &f64)| (h.map_or(Kind::Rule(self.rule), Kind::Hold), *d);
+        std::iter::once((Kind::Rule(self.rule), 0.0)).chain(inputs.map(input)).collect()
     }
 
     /// Real unknowns of the default rule's guideline: parameters and trend terms.

@@ -100,10 +100,10 @@ impl Fitter {
             )));
         }
         let plan = |(samples, time): &(usize, Time<'_>)| {
-            let window = Window::new(*samples, *time, &o)?;
+            let window = Window::new(*samples, *time, o.longest_delay())?;
             let (wide, narrow) = o.default_lines(window.intervals);
-            let range = window.given(&o)?.unwrap_or((0, wide));
-            let plans = coefficient_plans(&o, *time, window, range.1)?;
+            let range = window.given(o.band, o.structure.order)?.unwrap_or((0, wide));
+            let plans = coefficient_plans(&o.channels(), *time, window, range.1)?;
             let dt = if let Time::Even(dt) = time { Some(*dt) } else { None };
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
         };
@@ -174,7 +174,7 @@ impl Fitter {
         }
         let plans = match range == own.range {
             true => own.plans.clone(),
-            false => coefficient_plans(&self.o, Time::Even(dt), own.window, range.1)?,
+            false => coefficient_plans(&self.o.channels(), Time::Even(dt), own.window, range.1)?,
         };
         let made = Arc::new(Shared::new(self.design(&[range])?, plans, range));
         kept.truncate(BANDS - 1);

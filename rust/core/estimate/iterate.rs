@@ -4,7 +4,7 @@ use super::design::Design;
 use super::pass::{Factors, Weights, step};
 use super::workspace::Workspace;
 use super::{Options, awls, mend_step, ml, wls};
-use crate::simd::{Isa, Kernel, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,12 +18,22 @@ pub(crate) enum Rule {
 }
 
 impl Rule {
-    fn weights(self) -> Weights {
+    pub(crate) fn weights(self) -> Weights {
         if self == Rule::Wls { Weights::Flat } else { Weights::Adapted }
     }
 
-    fn factors(self) -> Factors {
+    pub(crate) fn factors(self) -> Factors {
         if self == Rule::Ml { Factors::Instrument } else { Factors::Data }
+    }
+
+    /// Takes the step that was found, or part of the way back.
+    #[inline(always)]
+    pub(crate) fn take<L: Lanes>(self, w: &mut impl Iterates, limit: L) {
+        match self {
+            Rule::Wls => wls::take::<L>(w),
+            Rule::Awls => awls::take::<L>(w, limit),
+            Rule::Ml => ml::take::<L>(w, limit),
+        }
     }
 }
 
@@ -62,34 +72,76 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> bool {
         let Iteration { design, space: w, run } = self;
         let limit = L::splat(run.limit);
-        while run.left > 0 && L::load(&w.active).any() {
+        while run.left > 0 && L::load(&w.progress.active).any() {
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
-                if unsound::<L>(w).any() {
+                if unsound::<L>(&w.progress, &w.trusted).any() {
                     return false;
                 }
             }
             run.mended = false;
             run.left -= 1;
             if run.rule != Rule::Wls {
-                (L::load(&w.nit) + L::load(&w.active)).store(&mut w.nit);
+                (L::load(&w.progress.nit) + L::load(&w.progress.active)).store(&mut w.progress.nit);
             }
-            match run.rule {
-                Rule::Wls => wls::take::<L>(w),
-                Rule::Awls => awls::take::<L>(w, limit),
-                Rule::Ml => ml::take::<L>(w, limit),
-            }
+            run.rule.take::<L>(w, limit);
         }
         true
     }
 }
 
+/// Where eight replicates stand, a number a lane.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Progress {
+    /// 1 in lanes that still iterate, else 0.
+    pub active: Wide,
+    /// Iterations after the start.
+    pub nit: Wide,
+    /// Cost at the current iterate, and the lowest so far.
+    pub cost: Wide,
+    pub best: Wide,
+    /// Largest squared change of a parameter in the last step, as its effect relative to the largest
+    /// term; that of the step before.
+    pub moved: Wide,
+    pub last_move: Wide,
+    /// Steps halved in a row.
+    pub halvings: Wide,
+}
+
+impl Progress {
+    /// Nothing known yet: the live lanes iterate, the others do not.
+    pub fn begin(&mut self, live: [bool; LANES]) {
+        self.nit = Wide::ZERO;
+        self.again(Wide(live.map(f64::from)));
+    }
+
+    /// These lanes iterate anew from where they stand.
+    pub fn again(&mut self, lanes: Wide) {
+        self.active = lanes;
+        self.best = Wide::splat(f64::INFINITY);
+        self.last_move = Wide::splat(f64::INFINITY);
+        self.halvings = Wide::ZERO;
+    }
+}
+
+/// What holds iterates of eight replicates: the current one, where a step leads, the best so far.
+pub(crate) trait Iterates {
+    /// Where the replicates stand.
+    fn progress(&mut self) -> &mut Progress;
+    /// Makes the next iterate the current one in the lanes `of`.
+    fn advance<L: Lanes>(&mut self, of: L);
+    /// Remembers the current iterate as the best so far in the lanes `of`.
+    fn keep<L: Lanes>(&mut self, of: L);
+    /// Moves the current iterate half way back to the best so far in the lanes `of`.
+    fn halve<L: Lanes>(&mut self, of: L);
+}
+
 /// Active lanes whose step small pivots spoiled.
 #[inline(always)]
-fn unsound<L: Lanes>(w: &Workspace) -> L {
-    let (active, trusted) = (L::load(&w.active), L::load(&w.trusted));
+pub(crate) fn unsound<L: Lanes>(progress: &Progress, trusted: &Wide) -> L {
+    let (active, trusted) = (L::load(&progress.active), L::load(trusted));
     // A step that is not finite shows as a move that is not.
-    let sound = L::load(&w.moved).select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
+    let sound = L::load(&progress.moved).select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
     active - active * sound
 }
 
@@ -102,34 +154,36 @@ pub(crate) fn at_most<L: Lanes>(a: L, b: L) -> L {
 /// Lanes that moved by no more than the limit, or are lost: from a step that is not finite, orthogonal
 /// factors or not, no way leads back.
 #[inline(always)]
-pub(crate) fn settled<L: Lanes>(w: &Workspace, limit: L) -> L {
-    let moved = L::load(&w.moved);
+pub(crate) fn settled<L: Lanes>(progress: &Progress, limit: L) -> L {
+    let moved = L::load(&progress.moved);
     let lost = moved.select_lt(L::splat(f64::INFINITY), L::splat(0.0), L::splat(1.0));
     at_most(moved, limit).max(lost)
 }
 
-impl Workspace {
-    /// Makes the next iterate the current one in the lanes `of`.
+impl Iterates for Workspace {
     #[inline(always)]
-    pub(crate) fn advance<L: Lanes>(&mut self, of: L) {
+    fn progress(&mut self) -> &mut Progress {
+        &mut self.progress
+    }
+
+    #[inline(always)]
+    fn advance<L: Lanes>(&mut self, of: L) {
         choose(of, &self.next, &mut self.theta);
         for r in &mut self.records {
             choose(of, &r.next_transient, &mut r.transient);
         }
     }
 
-    /// Remembers the current iterate as the best so far in the lanes `of`.
     #[inline(always)]
-    pub(crate) fn keep<L: Lanes>(&mut self, of: L) {
+    fn keep<L: Lanes>(&mut self, of: L) {
         choose(of, &self.theta, &mut self.best_theta);
         for r in &mut self.records {
             choose(of, &r.transient, &mut r.best_transient);
         }
     }
 
-    /// Moves the current iterate half way back to the best so far in the lanes `of`.
     #[inline(always)]
-    pub(crate) fn halve<L: Lanes>(&mut self, of: L) {
+    fn halve<L: Lanes>(&mut self, of: L) {
         half_way(of, &self.best_theta, &mut self.theta);
         for r in &mut self.records {
             half_way(of, &r.best_transient, &mut r.transient);
@@ -138,14 +192,14 @@ impl Workspace {
 }
 
 #[inline(always)]
-fn choose<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
+pub(crate) fn choose<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
     for (from, to) in from.iter().zip(to) {
         of.choose(L::load(from), L::load(to)).store(to);
     }
 }
 
 #[inline(always)]
-fn half_way<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
+pub(crate) fn half_way<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
     for (from, to) in from.iter().zip(to) {
         let here = L::load(to);
         of.choose(L::splat(0.5) * (here + L::load(from)), here).store(to);

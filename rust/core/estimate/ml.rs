@@ -4,8 +4,7 @@
 //! point is the minimiser of Σ|r|²/S. log det S does not belong in the criterion for θ: the residual is
 //! a θ-dependent transform of the data, and its Jacobian cancels it; with it the bias comes back.
 
-use super::iterate::{at_most, settled};
-use super::workspace::Workspace;
+use super::iterate::{Iterates, at_most, settled};
 use crate::simd::Lanes;
 
 /// Steps that may raise the cost before steps are halved: the first ones do so on the way to the answer.
@@ -19,24 +18,25 @@ const HALVINGS: f64 = 12.0;
 
 /// Takes a step unless the cost has risen on the way to it; then the way is halved.
 #[inline(always)]
-pub(crate) fn take<L: Lanes>(w: &mut Workspace, limit: L) {
-    let (active, cost, best) = (L::load(&w.active), L::load(&w.cost), L::load(&w.best));
-    let (moved, last) = (L::load(&w.moved), L::load(&w.last_move));
-    let halvings = L::load(&w.halvings);
+pub(crate) fn take<L: Lanes>(w: &mut impl Iterates, limit: L) {
+    let at = w.progress();
+    let (active, cost, best) = (L::load(&at.active), L::load(&at.cost), L::load(&at.best));
+    let (moved, last) = (L::load(&at.moved), L::load(&at.last_move));
+    let halvings = L::load(&at.halvings);
     // False where the cost is no number.
     let no_higher = at_most(cost, best * L::splat(ROUNDING));
     let falls = cost.select_lt(L::splat(f64::INFINITY), no_higher, L::splat(0.0));
-    let free = at_most(L::load(&w.nit), L::splat(FREE_STEPS + 1.0));
+    let free = at_most(L::load(&at.nit), L::splat(FREE_STEPS + 1.0));
     let worn = at_most(L::splat(HALVINGS), halvings);
     let taken = active * falls.max(free).max(worn);
     let rounding = at_most(moved, L::splat(FLOOR)) * at_most(last, moved);
-    let done = settled::<L>(w, limit).max(rounding);
+    let done = settled::<L>(at, limit).max(rounding);
 
-    taken.choose(cost, best).store(&mut w.best);
-    taken.choose(moved, last).store(&mut w.last_move);
-    taken.choose(L::splat(0.0), halvings + active).store(&mut w.halvings);
+    taken.choose(cost, best).store(&mut at.best);
+    taken.choose(moved, last).store(&mut at.last_move);
+    taken.choose(L::splat(0.0), halvings + active).store(&mut at.halvings);
+    (active - active * taken * done).store(&mut at.active);
     w.keep::<L>(taken);
     w.halve::<L>(active - taken);
     w.advance::<L>(taken);
-    (active - active * taken * done).store(&mut w.active);
 }

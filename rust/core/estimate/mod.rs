@@ -7,6 +7,7 @@ mod design;
 mod fit;
 pub(crate) mod fitter;
 mod iterate;
+pub mod joint;
 mod ls;
 mod ml;
 mod pass;
@@ -97,7 +98,7 @@ pub fn estimate(
     match d.method {
         Method::Awls if d.adapts() => iterate(isa, d, w, Rule::Awls, o),
         Method::Ml if d.adapts() => iterate(isa, d, w, Rule::Ml, o),
-        _ => w.active = Wide::ZERO,
+        _ => w.progress.active = Wide::ZERO,
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
     let status = std::array::from_fn(|k| status(w, k));
@@ -106,17 +107,17 @@ pub fn estimate(
             w.forget_covariance(k);
         }
     }
-    Outcome { status, nit: w.nit.0.map(|nit| nit as u32) }
+    Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }
 
 fn status(w: &Workspace, k: usize) -> Status {
-    let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.cost.0[k].is_finite();
+    let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.progress.cost.0[k].is_finite();
     if !finite {
         let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
         let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
         return if sound { Status::Rank } else { Status::NonFinite };
     }
-    match (w.dependent[k], w.active.0[k] == 0.0) {
+    match (w.dependent[k], w.progress.active.0[k] == 0.0) {
         (true, _) => Status::Rank,
         (false, true) => Status::Ok,
         (false, false) => Status::MaxIter,
@@ -127,8 +128,8 @@ fn status(w: &Workspace, k: usize) -> Status {
 fn mend_step(d: &Design, w: &mut Workspace, weights: Weights, factors: Factors) {
     for lane in 0..LANES {
         // A step that is not finite shows as a move that is not.
-        let sound = w.trusted.0[lane] > 0.0 && w.moved.0[lane].is_finite();
-        if sound || w.active.0[lane] == 0.0 {
+        let sound = w.trusted.0[lane] > 0.0 && w.progress.moved.0[lane].is_finite();
+        if sound || w.progress.active.0[lane] == 0.0 {
             continue;
         }
         let at = qr_step::Place { lane, weights, factors };
@@ -137,7 +138,7 @@ fn mend_step(d: &Design, w: &mut Workspace, weights: Weights, factors: Factors) 
         w.dependent[lane] = !full;
         if !full && weights == Weights::Flat {
             // Dependent columns in the start: nothing to iterate from.
-            w.active.0[lane] = 0.0;
+            w.progress.active.0[lane] = 0.0;
         }
     }
 }
@@ -145,12 +146,8 @@ fn mend_step(d: &Design, w: &mut Workspace, weights: Weights, factors: Factors) 
 impl Workspace {
     /// Nothing known yet: the live lanes iterate, the others do not.
     fn begin(&mut self, live: [bool; LANES]) {
-        self.active = Wide(live.map(f64::from));
-        self.nit = Wide::ZERO;
+        self.progress.begin(live);
         self.dependent = [false; LANES];
-        self.best = Wide::splat(f64::INFINITY);
-        self.last_move = Wide::splat(f64::INFINITY);
-        self.halvings = Wide::ZERO;
     }
 
     /// The change of one lane after its step was replaced, as the kernel measures it.
@@ -167,7 +164,7 @@ impl Workspace {
             let own = t.0[k] * t.0[k] * column.0[k].abs();
             if own < most { most } else { own }
         });
-        self.moved.0[k] = square / largest;
+        self.progress.moved.0[k] = square / largest;
     }
 
     /// No covariance rather than a wrong one, where the parameters are not determined.
@@ -215,7 +212,7 @@ impl Workspace {
 
     /// Whitened squared residuals of one lane, summed.
     pub fn cost(&self, lane: usize) -> f64 {
-        self.cost.0[lane]
+        self.progress.cost.0[lane]
     }
 
     /// A covariance of one lane in the user's units, row major.

@@ -108,7 +108,7 @@ pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, fa
             add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, symmetric);
         }
     }
-    cost.store(&mut w.cost);
+    cost.store(&mut w.progress.cost);
     target_size.store(&mut w.target_size);
     if single {
         copy::<L>(&w.unknowns[nt..size], &mut w.next);
@@ -141,7 +141,7 @@ fn move_of<L: Lanes>(w: &mut Workspace) {
         let own = L::load(from) * L::load(from) * column;
         largest = own.select_lt(largest, largest, own);
     }
-    (moved / largest).store(&mut w.moved);
+    (moved / largest).store(&mut w.progress.moved);
 }
 
 /// Adds the θ block of a record's eliminated system to the common one.

@@ -146,7 +146,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wid
         project::<L>(&r.matrix, nt, size, &mut r.projection);
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
-    cost.store(&mut w.cost);
+    cost.store(&mut w.progress.cost);
     for i in 0..p {
         for j in i..p {
             w.gram[i * p + j] = w.global[i * width + j];
@@ -228,7 +228,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
             }
         }
     }
-    let variance = L::load(&w.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
+    let variance = L::load(&w.progress.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
     sandwiched::<L>(&w.inverse, &w.meat, size, p, L::splat(1.0), &mut w.cov_hc3);
     if sandwich {
         sandwiched::<L>(&w.inverse, &w.classical, size, p, variance, &mut w.cov_nonrobust);

@@ -1,6 +1,6 @@
 //! The window of a record: where it starts, how long it is, which lines a band names, one plan a channel.
 
-use super::fit::{Band, FitOptions, Time};
+use super::fit::{Band, Time};
 use crate::error::Error;
 use crate::spectrum::{CoefficientPlan, Kind};
 
@@ -13,11 +13,12 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    pub fn new(samples: usize, time: Time<'_>, o: &FitOptions) -> Result<Window, Error> {
+    /// For inputs that act at most `longest` seconds late: it starts so late that they are known in all of it.
+    pub fn new(samples: usize, time: Time<'_>, longest: f64) -> Result<Window, Error> {
         let (lead, duration_of) = match time {
-            Time::Even(dt) => (o.lead(dt), dt),
+            Time::Even(dt) => ((longest / dt - 1e-9).ceil().max(0.0) as usize, dt),
             Time::Uneven(t) => {
-                if o.delays.iter().any(|d| *d > 0.0) {
+                if longest > 0.0 {
                     return Err(Error::Spec(
                         "fitting with a delay: the samples are uneven in time; resample them evenly".into(),
                     ));
@@ -37,11 +38,10 @@ impl Window {
         Ok(Window { lead, intervals, omega0 })
     }
 
-    /// Lines for a band given by the caller.
-    pub(crate) fn given(&self, o: &FitOptions) -> Result<Option<(usize, usize)>, Error> {
+    /// Lines for a band given by the caller, with `n` poles.
+    pub(crate) fn given(&self, band: Band, n: usize) -> Result<Option<(usize, usize)>, Error> {
         let top = self.intervals / 2;
-        let n = o.structure.order;
-        match o.band {
+        match band {
             Band::Default => Ok(None),
             Band::Harmonics(m) if m + n > top => Err(Error::Spec(format!(
                 "fitting with harmonics={m}: M + n = {} exceeds N/2 = {top} (report, eq. 22); \
@@ -79,20 +79,18 @@ impl Window {
     }
 }
 
-/// One plan a channel; the unit variance is the output's.
+/// One plan a channel, of this kind and this delay in seconds; the unit variance is the output's.
 pub(crate) fn coefficient_plans(
-    o: &FitOptions,
+    channels: &[(Kind, f64)],
     time: Time<'_>,
     window: Window,
     highest: usize,
 ) -> Result<Vec<CoefficientPlan>, Error> {
-    let kinds = o.kinds();
-    let plan = |(k, kind): (usize, &Kind)| match time {
+    let plan = |(kind, delay): &(Kind, f64)| match time {
         Time::Uneven(t) => CoefficientPlan::uneven(t, highest, *kind),
         Time::Even(dt) => {
-            let delay = if k == 0 { 0.0 } else { o.delays[k - 1] / dt };
-            CoefficientPlan::new(window.intervals, highest, *kind, delay, window.lead)
+            CoefficientPlan::new(window.intervals, highest, *kind, delay / dt, window.lead)
         }
     };
-    kinds.iter().enumerate().map(plan).collect()
+    channels.iter().map(plan).collect()
 }

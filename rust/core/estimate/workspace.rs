@@ -1,6 +1,7 @@
 //! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
 use super::design::Design;
+use super::iterate::Progress;
 use super::qr_step::QrStep;
 use crate::simd::{LANES, Wide};
 
@@ -57,25 +58,16 @@ pub struct Workspace {
     pub(crate) theta: Vec<Wide>,
     pub(crate) next: Vec<Wide>,
     pub(crate) best_theta: Vec<Wide>,
-    /// 1 in lanes that still iterate, else 0; iterations after the start.
-    pub(crate) active: Wide,
-    pub(crate) nit: Wide,
+    pub(crate) progress: Progress,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
-    /// Lowest cost so far, squared move of the step before, steps halved in a row.
-    pub(crate) best: Wide,
-    pub(crate) last_move: Wide,
-    pub(crate) halvings: Wide,
     /// Scratch for one record's unknowns.
     pub(crate) unknowns: Vec<Wide>,
-    pub(crate) cost: Wide,
     /// Size of the target column, Σ w|γ₀|², and of each θ column: what convergence is judged by.
     pub(crate) target_size: Wide,
     pub(crate) column_size: Vec<Wide>,
     /// Zero in lanes where the last system's pivots were too small.
     pub(crate) trusted: Wide,
-    /// Largest squared change of a parameter in the last step, as its effect relative to the largest term.
-    pub(crate) moved: Wide,
     pub(crate) inverse: Vec<Wide>,
     pub(crate) square: Vec<Wide>,
     /// Normal matrix of the differenced rows.
@@ -146,18 +138,12 @@ impl Workspace {
             theta: wide(p),
             next: wide(p),
             best_theta: wide(p),
-            active: Wide::ZERO,
-            nit: Wide::ZERO,
+            progress: Progress::default(),
             dependent: [false; LANES],
-            best: Wide::ZERO,
-            last_move: Wide::ZERO,
-            halvings: Wide::ZERO,
             unknowns: wide(size.max(extra)),
-            cost: Wide::ZERO,
             target_size: Wide::ZERO,
             column_size: wide(extra),
             trusted: Wide::ZERO,
-            moved: Wide::ZERO,
             inverse: wide(extra * extra),
             square: wide((extra * extra).max(d.transient * d.transient)),
             ls_normal: wide(extra * extra),

@@ -1,0 +1,249 @@
+//! Many joint fits at once: eight records a block, blocks over threads, the same bits as one by one.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::delays::{self, Delayed};
+use super::design::JointDesign;
+use super::fitter::{JointFitter, JointRecord};
+use super::iterate::{Start, estimate};
+use super::workspace::JointSpace;
+use crate::error::Error;
+use crate::estimate::batch::CHUNK;
+use crate::estimate::{Many, Options, Outcome, Wanted};
+use crate::simd::{Isa, LANES, Wide};
+use crate::spectrum::{CoefficientPlan, Kind, Scratch};
+use crate::threads::{self, Control};
+
+/// What all replicates share: lines, design, how samples become coefficients, where a delay starts.
+pub(crate) struct Shared {
+    pub design: Arc<JointDesign>,
+    /// Outputs, then paths.
+    pub plans: Vec<CoefficientPlan>,
+    pub kinds: Vec<Kind>,
+    pub dt: f64,
+    lead: usize,
+    intervals: usize,
+    /// Estimate of the record that chose the band, where delays are sought: their start.
+    start: Option<Vec<f64>>,
+}
+
+/// Samples of many records of one length and step.
+#[derive(Debug, Clone)]
+pub struct JointBatch<'a> {
+    /// Outputs of each record, record after record.
+    pub y: Vec<&'a [f64]>,
+    /// Inputs of each record, record after record; or one set for all.
+    pub u: Vec<&'a [f64]>,
+    /// How many records.
+    pub records: usize,
+}
+
+impl JointBatch<'_> {
+    fn outputs(&self) -> usize {
+        self.y.len() / self.records.max(1)
+    }
+
+    fn input(&self, record: usize, inputs: usize, k: usize) -> &[f64] {
+        if self.u.len() == inputs { self.u[k] } else { self.u[record * inputs + k] }
+    }
+
+    fn record(&self, r: usize, inputs: usize) -> JointRecord<'_> {
+        let q = self.outputs();
+        JointRecord {
+            y: self.y[r * q..(r + 1) * q].to_vec(),
+            u: (0..inputs).map(|k| self.input(r, inputs, k)).collect(),
+        }
+    }
+}
+
+impl JointFitter {
+    /// What the records of a batch share: lines as given, or as found on one record.
+    pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<Shared, Error> {
+        let one = self.records.len() == 1 && self.records[0].dt.is_finite() && self.even;
+        if !one {
+            return Err(Error::Spec(
+                "fitting a batch: its records need one even step and samples of equal noise; fit them one \
+                 by one"
+                    .into(),
+            ));
+        }
+        let own = &self.records[0];
+        let loaded = self.load(std::slice::from_ref(record))?;
+        let (ranges, _, theta) = self.choose(&loaded, std::slice::from_ref(record))?;
+        let design = self.design(&ranges, &loaded.units, &self.o.noise)?;
+        let start = theta.filter(|_| !design.free_delays.is_empty());
+        Ok(Shared {
+            design: Arc::new(design),
+            plans: own.plans.clone(),
+            kinds: self.kinds.clone(),
+            dt: own.dt,
+            lead: own.window.lead,
+            intervals: own.window.intervals,
+            start,
+        })
+    }
+
+    /// Fits every record of a batch by itself.
+    ///
+    /// # Errors
+    /// As [`JointFitter::fit`]; [`Error::Cancelled`] and [`Error::Internal`] from the threads.
+    pub fn fit_many(
+        &self,
+        batch: &JointBatch<'_>,
+        thread_count: usize,
+        progress: &mut dyn FnMut(usize, usize) -> Control,
+    ) -> Result<(Many, Arc<JointDesign>), Error> {
+        let (inputs, outputs) = (self.o.intersample.len(), self.o.structure.orders.len());
+        let samples = self.records[0].samples;
+        let shapes = batch.records > 0
+            && batch.y.len() == outputs * batch.records
+            && (batch.u.len() == inputs || batch.u.len() == inputs * batch.records)
+            && batch.y.iter().chain(&batch.u).all(|c| c.len() == samples);
+        if !shapes {
+            return Err(Error::Data(format!(
+                "fitting a batch: {} outputs and {} inputs of {} records where each record has {outputs} and \
+                 {inputs} channels of {samples} samples",
+                batch.y.len(),
+                batch.u.len(),
+                batch.records
+            )));
+        }
+        let sound = |r: &usize| {
+            let own = &batch.y[r * outputs..(r + 1) * outputs];
+            own.iter().all(|y| y.iter().all(|v| v.is_finite()))
+        };
+        let chooser = (0..batch.records).find(sound).unwrap_or(0);
+        let shared = self.shared(&batch.record(chooser, inputs))?;
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
+        let make = || shared.worker();
+        let work = |w: &mut Worker, chunk: usize, stop: &AtomicBool| {
+            let mut out = Many::default();
+            let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(batch.records));
+            for first in (from..to).step_by(LANES) {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                let count = (to - first).min(LANES);
+                for (signal, plan) in shared.plans.iter().enumerate() {
+                    for lane in 0..LANES {
+                        // Spare lanes repeat the last record: finite work, thrown away.
+                        let r = first + lane.min(count - 1);
+                        let from = match signal.checked_sub(outputs) {
+                            None => batch.y[r * outputs + signal],
+                            Some(s) => batch.input(r, inputs, shared.input(s)),
+                        };
+                        for (to, value) in w.samples.iter_mut().zip(from) {
+                            to.0[lane] = *value;
+                        }
+                    }
+                    let scratch = &mut w.scratch[signal];
+                    plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, scratch)?;
+                    shared.load(&mut w.space, signal, &w.re, &w.im);
+                }
+                let samples = (0..shared.kinds.len())
+                    .map(|s| {
+                        let own = |lane: usize| {
+                            batch.input(first + lane.min(count - 1), inputs, shared.input(s))
+                        };
+                        (0..LANES).map(own).collect()
+                    })
+                    .collect();
+                let live = std::array::from_fn(|lane| lane < count);
+                let outcome = shared.estimate(self.isa, &mut w.space, live, samples, &options)?;
+                for lane in 0..count {
+                    out.push_joint(&shared.design, &w.space, lane, &outcome);
+                }
+            }
+            Ok(out)
+        };
+        let chunks = batch.records.div_ceil(CHUNK);
+        let parts = threads::run(thread_count, chunks, progress, make, work)?;
+        let mut all = Many::default();
+        for part in parts {
+            all.append(part?);
+        }
+        Ok((all, Arc::clone(&shared.design)))
+    }
+}
+
+/// One worker's memory for blocks of records.
+struct Worker {
+    space: JointSpace,
+    scratch: Vec<Scratch>,
+    samples: Vec<Wide>,
+    re: Vec<Wide>,
+    im: Vec<Wide>,
+}
+
+impl Shared {
+    fn worker(&self) -> Worker {
+        let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
+        Worker {
+            space: JointSpace::new(&self.design),
+            scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
+            samples: vec![Wide::ZERO; samples],
+            re: vec![Wide::ZERO; lines],
+            im: vec![Wide::ZERO; lines],
+        }
+    }
+
+    /// Which input a path begins with.
+    pub(crate) fn input(&self, path: usize) -> usize {
+        self.design.structure.paths[path].input
+    }
+
+    /// Copies coefficients from line 0 on into the workspace, in its units.
+    pub(crate) fn load(&self, space: &mut JointSpace, signal: usize, re: &[Wide], im: &[Wide]) {
+        let lines = self.design.records[0].lines;
+        let by = 1.0 / self.design.units[signal];
+        let (to_re, to_im) = space.signal_mut(0, signal);
+        let from = re[lines.first..=lines.last].iter().zip(&im[lines.first..=lines.last]);
+        for ((to_re, to_im), (from_re, from_im)) in to_re.iter_mut().zip(to_im).zip(from) {
+            // Units are powers of two: nothing is rounded.
+            for lane in 0..LANES {
+                to_re.0[lane] = from_re.0[lane] * by;
+                to_im.0[lane] = from_im.0[lane] * by;
+            }
+        }
+    }
+
+    /// Estimates what stands in the workspace; `samples` of each path's input, one set or one a lane.
+    pub(crate) fn estimate(
+        &self,
+        isa: Isa,
+        space: &mut JointSpace,
+        live: [bool; LANES],
+        samples: Vec<Vec<&[f64]>>,
+        options: &Options,
+    ) -> Result<Outcome, Error> {
+        let d = &self.design;
+        let delayed = [Delayed {
+            samples,
+            kinds: &self.kinds,
+            dt: self.dt,
+            lead: self.lead,
+            intervals: self.intervals,
+        }];
+        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &delayed, LANES);
+        space.begin_delays(d);
+        let start = match &self.start {
+            Some(theta) => Start::Theta(theta),
+            None => Start::Wls,
+        };
+        estimate(isa, d, space, live, start, options, &mut refresh)
+    }
+}
+
+impl Many {
+    /// Adds one lane's results.
+    fn push_joint(&mut self, d: &JointDesign, w: &JointSpace, lane: usize, outcome: &Outcome) {
+        self.theta.extend(w.theta(d, lane));
+        self.bse_nonrobust.extend(JointSpace::bse(&w.cov_nonrobust, d, lane));
+        self.bse_hc3.extend(JointSpace::bse(&w.cov_hc3, d, lane));
+        self.status.push(outcome.status[lane]);
+        let unit = if d.outputs() == 1 { d.residual_unit(0) } else { 1.0 };
+        self.cost.push(w.progress.cost.0[lane] * unit * unit);
+        self.nit.push(outcome.nit[lane]);
+    }
+}

@@ -1,0 +1,106 @@
+//! Inputs at the delays of each lane: coefficients of u(t − τ) on the window and their slope in τ.
+
+use super::design::JointDesign;
+use super::structure::Delay;
+use super::workspace::JointSpace;
+use crate::error::Error;
+use crate::quadrature::Hold;
+use crate::simd::{Isa, LANES};
+use crate::spectrum::{CoefficientPlan, Kind};
+
+/// What one record's delayed inputs are made from.
+pub(crate) struct Delayed<'a> {
+    /// Samples of each path's input, one set for all lanes or one a lane.
+    pub samples: Vec<Vec<&'a [f64]>>,
+    /// How each path's input behaves between samples.
+    pub kinds: &'a [Kind],
+    pub dt: f64,
+    pub lead: usize,
+    pub intervals: usize,
+}
+
+/// Writes U(m; τ) and dU/dτ = −(iωU + (u(T−τ) − u(−τ))/T) at the delays of the first `lanes` lanes; the
+/// other lanes get those of the last.
+pub(crate) fn refresh(
+    isa: Isa,
+    d: &JointDesign,
+    w: &mut JointSpace,
+    records: &[Delayed<'_>],
+    lanes: usize,
+) -> Result<(), Error> {
+    let (q, paths) = (d.outputs(), d.paths());
+    for (k, record) in records.iter().enumerate() {
+        let (first, count) = (d.records[k].lines.first, d.records[k].x.len());
+        let highest = d.records[k].lines.last;
+        let omega0 = d.records[k].lines.omega0;
+        let duration = record.intervals as f64 * record.dt;
+        let (mut re, mut im) = (vec![0.0; highest + 1], vec![0.0; highest + 1]);
+        for (at, s) in d.free_delays.iter().enumerate() {
+            let Delay::Free { min, max, .. } = d.structure.paths[*s].delay else { continue };
+            let unit = d.units[q + s];
+            for lane in 0..LANES {
+                let from = lane.min(lanes - 1);
+                let tau = w.theta[d.free.len() + at].0[from] * d.delay_scale;
+                let tau = if tau.is_finite() { tau.clamp(min, max) } else { min };
+                if from == lane {
+                    let own = &record.samples[*s];
+                    let samples = own[lane.min(own.len() - 1)];
+                    let kind = record.kinds[*s];
+                    let steps = tau / record.dt;
+                    let plan =
+                        CoefficientPlan::new(record.intervals, highest, kind, steps, record.lead)?;
+                    plan.run_in(isa, samples, &mut re, &mut im, &mut plan.scratch())?;
+                    let at = |position: f64| value_at(samples, position, kind);
+                    let start = record.lead as f64 - steps;
+                    let rise = (at(start + record.intervals as f64) - at(start)) / duration;
+                    for m in first..first + count {
+                        let omega = m as f64 * omega0;
+                        let to = (q + s) * count + m - first;
+                        let slope = (q + paths + s) * count + m - first;
+                        let r = &mut w.records[k];
+                        r.re[to].0[lane] = re[m] / unit;
+                        r.im[to].0[lane] = im[m] / unit;
+                        r.re[slope].0[lane] = (omega * im[m] - rise) / unit * d.delay_scale;
+                        r.im[slope].0[lane] = -omega * re[m] / unit * d.delay_scale;
+                    }
+                } else {
+                    let r = &mut w.records[k];
+                    for signal in [q + s, q + paths + s] {
+                        for m in signal * count..(signal + 1) * count {
+                            r.re[m].0[lane] = r.re[m].0[from];
+                            r.im[m].0[lane] = r.im[m].0[from];
+                        }
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Value of an input between samples.
+fn value_at(samples: &[f64], position: f64, kind: Kind) -> f64 {
+    let last = samples.len() - 1;
+    let position = position.clamp(0.0, last as f64);
+    let cell = (position.floor() as usize).min(last.saturating_sub(1));
+    let part = position - cell as f64;
+    match kind {
+        Kind::Hold(Hold::Zoh) => {
+            // A hair before a sample its value holds already.
+            samples[if part > 1.0 - 1e-9 { cell + 1 } else { cell }]
+        }
+        Kind::Hold(_) => part.mul_add(samples[cell + 1] - samples[cell], samples[cell]),
+        Kind::Rule(_) => {
+            // Lagrange through four samples around.
+            let from = cell.saturating_sub(1).min((last + 1).saturating_sub(4));
+            let x = position - from as f64;
+            let points = 4.min(last + 1);
+            (0..points).fold(0.0, |sum, i| {
+                let own = (0..points)
+                    .filter(|j| *j != i)
+                    .fold(1.0, |p, j| p * (x - j as f64) / (i as f64 - j as f64));
+                samples[from + i].mul_add(own, sum)
+            })
+        }
+    }
+}

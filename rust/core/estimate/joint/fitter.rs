@@ -1,0 +1,642 @@
+//! A joint structure and a way of sampling made ready, and a fit of its records with everything a user sees.
+
+use super::delays::{self, Delayed};
+use super::dense::Whitener;
+use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
+use super::iterate::{Start, estimate};
+use super::structure::{Delay, JointStructure};
+use super::uncertainty::{Information, Residuals};
+use super::workspace::JointSpace;
+use crate::error::{Error, Status};
+use crate::estimate::fit::{Band, BandRule, Time};
+use crate::estimate::fitter::Range;
+use crate::estimate::window::{Window, coefficient_plans};
+use crate::estimate::{Options, Wanted};
+use crate::linalg::condition::condition_bound;
+use crate::modulation::Lines;
+use crate::quadrature::{Hold, Rule};
+use crate::simd::{Isa, LANES, Wide};
+use crate::spectrum::{CoefficientPlan, Kind};
+use crate::structure::{Method, Trend};
+
+/// Standard errors may grow by this factor when the default band is narrowed.
+const TOLERANCE: f64 = 1.01;
+/// Costs that differ by less, in parts of themselves, are those of one minimum.
+const SAME: f64 = 1e-9;
+/// Most delays tried, over all paths together.
+const TRIALS: usize = 128;
+
+/// Everything that says how records are fitted jointly.
+#[derive(Debug, Clone)]
+pub struct JointOptions {
+    /// Denominators, paths, held values, bounds, delays.
+    pub structure: JointStructure,
+    /// How each input behaves between samples; `None` smooth.
+    pub intersample: Vec<Option<Hold>>,
+    /// Quadrature of smooth signals.
+    pub rule: Rule,
+    /// Estimator: `wls`, `awls` or `ml`.
+    pub method: Method,
+    /// What the residuals are weighted by.
+    pub noise: NoiseModel,
+    /// Offset and drift of each output.
+    pub trend: Trend,
+    /// All rows, or the report's range 0..M.
+    pub extended: bool,
+    /// Lines.
+    pub band: Band,
+    /// Iteration.
+    pub options: Options,
+}
+
+/// One record's samples.
+#[derive(Debug, Clone)]
+pub struct JointRecord<'a> {
+    /// Outputs.
+    pub y: Vec<&'a [f64]>,
+    /// Inputs.
+    pub u: Vec<&'a [f64]>,
+}
+
+/// A finished joint fit.
+#[derive(Debug, Clone)]
+pub struct JointFit {
+    /// Estimates: free coefficients, then free delays in seconds.
+    pub theta: Vec<f64>,
+    /// Classical covariance, row major.
+    pub cov_nonrobust: Vec<f64>,
+    /// HC3 covariance, row major.
+    pub cov_hc3: Vec<f64>,
+    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
+    pub gram: Vec<f64>,
+    /// At least the condition number of these columns.
+    pub condition_bound: f64,
+    /// Weighted sum of squares: in units of the output squared for one output, else of Σ̂.
+    pub cost: f64,
+    /// Real equations less unknowns.
+    pub degrees_of_freedom: usize,
+    /// Covariance of the noise of the outputs' samples (of the equations', for equation noise).
+    pub noise: Vec<f64>,
+    /// Outcome.
+    pub status: Status,
+    /// Iterations after the start.
+    pub nit: u32,
+    /// Whether each parameter stands at a bound.
+    pub at_bound: Vec<bool>,
+    /// Lines of each record.
+    pub lines: Vec<Lines>,
+    /// Residuals of each record and output over σ: unit variance in Re and Im.
+    pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
+    /// Power spectrum of the coloured noise of each record and output on its lines, mean one; empty if white.
+    pub colour: Vec<Vec<Vec<f64>>>,
+    /// The default rule's account.
+    pub band_rule: Option<BandRule>,
+}
+
+/// How one record becomes coefficients.
+pub(crate) struct RecordPlan {
+    pub samples: usize,
+    pub dt: f64,
+    pub window: Window,
+    /// Outputs, then paths.
+    pub plans: Vec<CoefficientPlan>,
+    /// As given, else up to the widest line of the default rule.
+    pub range: Range,
+    narrow: usize,
+    /// Variance of each sample of each output, its phase and its quadrature weight over the length.
+    uneven: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
+}
+
+/// Everything about joint fits of one kind that their samples do not change.
+pub struct JointFitter {
+    pub(crate) o: JointOptions,
+    pub(crate) isa: Isa,
+    pub(crate) records: Vec<RecordPlan>,
+    pub(crate) kinds: Vec<Kind>,
+    /// Whether each record's variances are uneven.
+    pub(crate) even: bool,
+}
+
+/// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
+pub(crate) struct Loaded {
+    spectra: Vec<Vec<(Vec<f64>, Vec<f64>)>>,
+    pub units: Vec<f64>,
+}
+
+const LIVE: [bool; LANES] = {
+    let mut live = [false; LANES];
+    live[0] = true;
+    live
+};
+
+impl JointFitter {
+    /// Makes ready for records of these lengths (in samples) and instants; `variances` of the samples of
+    /// each record and output where they are uneven (infinite: ignored), else empty.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
+    pub fn new(
+        o: JointOptions,
+        sampling: &[(usize, Time<'_>)],
+        variances: &[Vec<Vec<f64>>],
+        isa: Isa,
+    ) -> Result<JointFitter, Error> {
+        let s = &o.structure;
+        let one_shot = o.method == Method::Ls || (o.method == Method::Wls && !o.noise.equation);
+        if one_shot {
+            return Err(Error::Spec(
+                "fitting: method=\"ls\" and \"wls\" take one output, free parameters, known delays and white \
+                 noise of equal size; use \"awls\" or \"ml\" (or noise=\"equation\" with \"wls\")"
+                    .into(),
+            ));
+        }
+        if sampling.is_empty() {
+            return Err(Error::Data("fitting: no record was given".into()));
+        }
+        let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
+        if s.parameters() > most * s.orders.len() {
+            return Err(Error::Data(format!(
+                "fitting: {} parameters from at most {most} samples a record; take fewer poles and zeros",
+                s.parameters()
+            )));
+        }
+        let kind = |input: usize| {
+            o.intersample.get(input).copied().flatten().map_or(Kind::Rule(o.rule), Kind::Hold)
+        };
+        let kinds: Vec<Kind> = s.paths.iter().map(|p| kind(p.input)).collect();
+        // A free delay begins where the window lies: the plan tells what its first value is.
+        let start = |delay: Delay| match delay {
+            Delay::Known(delay) => delay,
+            Delay::Free { start, .. } => start,
+        };
+        let outputs = s.orders.len();
+        let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(o.rule), 0.0), outputs)
+            .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
+            .collect();
+        let order = s.orders.iter().copied().max().unwrap_or(1);
+        let unknowns = s.parameters()
+            + outputs
+                * (usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear));
+        let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
+            let window = Window::new(*samples, *time, s.longest_delay())?;
+            let top = window.intervals / 2;
+            let wide = (window.intervals / 8).max((window.intervals / 4).min(16));
+            let narrow = (3 * unknowns.div_ceil(outputs) + order).min(wide);
+            let only = (3 * unknowns.div_ceil(outputs) + order).min(top);
+            let range = match (window.given(o.band, order)?, o.method) {
+                (Some(range), _) => range,
+                (None, Method::Wls) => (0, only),
+                (None, _) => (0, wide),
+            };
+            // The colour of the noise is read from a wide band even where the fit's is narrow.
+            let highest = match o.noise.colour {
+                Colour::Fitted => range.1.max(wide),
+                Colour::Given => range.1,
+            };
+            let plans = coefficient_plans(&channels, *time, window, highest)?;
+            let uneven = match variances.get(k) {
+                Some(all) if !all.is_empty() => uneven(all, *samples, *time, window, o.rule)?,
+                _ => Vec::new(),
+            };
+            let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
+            Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
+        };
+        let records = sampling.iter().enumerate().map(plan).collect::<Result<Vec<_>, Error>>()?;
+        let even = records.iter().all(|r| r.uneven.is_empty());
+        Ok(JointFitter { o, isa, records, kinds, even })
+    }
+
+    /// Fits one structure to one record, or to several as one problem.
+    ///
+    /// # Errors
+    /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
+    pub fn fit(&self, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
+        let loaded = self.load(records)?;
+        let (ranges, rule, theta) = self.choose(&loaded, records)?;
+        let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
+        let mut w = self.space(&d, &loaded);
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
+        let delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
+        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options, &mut refresh)?;
+        Ok(self.finished(&d, &mut w, outcome.status[0], outcome.nit[0], rule))
+    }
+
+    /// Lines, the default rule's account, and where to start from.
+    #[allow(clippy::type_complexity)]
+    pub(crate) fn choose(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+    ) -> Result<(Vec<Range>, Option<BandRule>, Option<Vec<f64>>), Error> {
+        let given: Vec<Range> = self.records.iter().map(|r| r.range).collect();
+        let sought = self.o.band == Band::Default
+            && !self.o.noise.equation
+            && matches!(self.o.method, Method::Awls | Method::Ml);
+        let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
+        if !sought {
+            let start = match self.o.structure.free_delays().is_empty() {
+                true => None,
+                false => self.search(loaded, records, &given, &white)?,
+            };
+            return Ok((given, None, start));
+        }
+        let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
+        let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
+        let first = match self.o.structure.free_delays().is_empty() {
+            true => None,
+            false => self.search(loaded, records, &narrow, &white)?,
+        };
+        let d = self.design(&given, &loaded.units, &white)?;
+        let mut w = self.space(&d, loaded);
+        let (first_cost, theta) = self.trial(&d, &mut w, records, first.as_deref())?;
+        let mut rule = BandRule {
+            wide: last(&given),
+            narrow: last(&narrow),
+            costs: [first_cost, f64::INFINITY],
+            chosen: last(&given),
+        };
+        let mut best = theta;
+        let second = match narrow == given {
+            true => None,
+            // Too few lines for the unknowns are no failure of the wide fit.
+            false => match self.design(&narrow, &loaded.units, &white) {
+                Ok(few) => {
+                    let mut space = self.space(&few, loaded);
+                    self.trial(&few, &mut space, records, first.as_deref())?.1
+                }
+                Err(_) => None,
+            },
+        };
+        if let Some(start) = second {
+            let (cost, again) = self.trial(&d, &mut w, records, Some(&start))?;
+            rule.costs[1] = cost;
+            if cost < first_cost + SAME * first_cost.abs() {
+                best = again;
+            } else if let Some(theta) = &best {
+                // The workspace must stand at the estimate that is kept.
+                self.trial(&d, &mut w, records, Some(theta))?;
+            }
+        }
+        let ranges = match best {
+            Some(_) => self.narrowest(&d, &mut w, &given),
+            None => given,
+        };
+        rule.chosen = last(&ranges);
+        Ok((ranges, Some(rule), best))
+    }
+
+    /// Cost that fits may be compared by, and the estimate if there is one.
+    fn trial(
+        &self,
+        d: &JointDesign,
+        w: &mut JointSpace,
+        records: &[JointRecord<'_>],
+        start: Option<&[f64]>,
+    ) -> Result<(f64, Option<Vec<f64>>), Error> {
+        let options = Options { wanted: Wanted::Cost, ..self.o.options };
+        let delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
+        let start = start.map_or(Start::Wls, Start::Theta);
+        let outcome = estimate(self.isa, d, w, LIVE, start, &options, &mut refresh)?;
+        let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
+        let cost = criterion(d, w, 0);
+        Ok(match usable && cost.is_finite() {
+            true => (cost, Some(w.theta(d, 0).collect())),
+            false => (f64::INFINITY, None),
+        })
+    }
+
+    /// Estimates from many delays at once, one a lane; the best one's parameters.
+    fn search(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+        noise: &NoiseModel,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let d = self.design(ranges, &loaded.units, noise)?;
+        let mut w = self.space(&d, loaded);
+        let free = &d.free_delays;
+        // So many of each that all combinations stay within the trials.
+        let each = match free.len() {
+            1 => TRIALS,
+            2 => 11,
+            3 => 5,
+            _ => 2,
+        };
+        let grids: Vec<Vec<f64>> = free
+            .iter()
+            .map(|s| match d.structure.paths[*s].delay {
+                Delay::Free { start, min, max } => {
+                    // A quarter of the shortest period: from there the way leads down.
+                    let step = 0.25 * std::f64::consts::TAU / d.band_edge;
+                    let count = (((max - min) / step).ceil() as usize + 1).clamp(2, each);
+                    let grid =
+                        (0..count).map(|k| min + (max - min) * k as f64 / (count - 1) as f64);
+                    std::iter::once(start).chain(grid).collect()
+                }
+                Delay::Known(delay) => vec![delay],
+            })
+            .collect();
+        let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
+        let delayed = self.delayed(records);
+        let options = Options { wanted: Wanted::Cost, ..self.o.options };
+        let few = Options { maxiter: self.o.options.maxiter.min(8), ..options };
+        let (mut best, mut lowest) = (None, f64::INFINITY);
+        for first in (0..trials).step_by(LANES) {
+            let count = (trials - first).min(LANES);
+            for lane in 0..LANES {
+                let mut rest = first + lane.min(count - 1);
+                for (at, grid) in grids.iter().enumerate() {
+                    let tau = grid[rest % grid.len()];
+                    rest /= grid.len();
+                    w.theta[d.free.len() + at].0[lane] = tau / d.delay_scale;
+                }
+            }
+            let live = std::array::from_fn(|lane| lane < count);
+            let mut refresh =
+                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
+            let outcome = estimate(self.isa, &d, &mut w, live, Start::Held, &few, &mut refresh)?;
+            for lane in 0..count {
+                let cost = criterion(&d, &w, lane);
+                let usable = matches!(outcome.status[lane], Status::Ok | Status::MaxIter);
+                if usable && cost < lowest {
+                    (best, lowest) = (Some(w.theta(&d, lane).collect()), cost);
+                }
+            }
+        }
+        Ok(best)
+    }
+
+    /// The fewest lines whose standard errors at equal σ stay within the tolerance.
+    fn narrowest(&self, d: &JointDesign, w: &mut JointSpace, wide: &[Range]) -> Vec<Range> {
+        let omega0 = || self.records.iter().map(|r| r.window.omega0);
+        let longest = omega0().fold(f64::INFINITY, f64::min);
+        let edge =
+            wide.iter().zip(omega0()).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
+        let up_to = |steps: usize| -> Vec<Range> {
+            let highest = steps as f64 * longest;
+            wide.iter()
+                .zip(omega0())
+                .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
+                .collect()
+        };
+        let top = (edge / longest + 0.5) as usize;
+        let p = d.parameters();
+        let mut errors = |ranges: &[Range]| -> Option<Vec<f64>> {
+            for ((r, range), rd) in w.records.iter_mut().zip(ranges).zip(&d.records) {
+                r.limit = (range.1 + 1).saturating_sub(rd.lines.first).min(rd.used);
+            }
+            if d.freedom(w.records.iter().map(|r| r.limit)) == 0 {
+                return None;
+            }
+            self.isa.run(Information { design: d, space: w });
+            if w.trusted.0[0] == 0.0 {
+                super::qr_step::inverse(self.isa, d, w, 0);
+            }
+            Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
+        };
+        let Some(reference) = errors(wide) else { return wide.to_vec() };
+        let mut good = |steps: usize| {
+            let limit = TOLERANCE * TOLERANCE;
+            errors(&up_to(steps)).is_some_and(|v| {
+                v.iter().zip(&reference).all(|(v, r)| *r == 0.0 || (*v > 0.0 && *v <= limit * r))
+            })
+        };
+        let (mut low, mut high) = (0, top);
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            if good(middle) { high = middle } else { low = middle }
+        }
+        if high == top { wide.to_vec() } else { up_to(high) }
+    }
+
+    /// Coefficients of all channels of all records.
+    pub(crate) fn load(&self, records: &[JointRecord<'_>]) -> Result<Loaded, Error> {
+        let (outputs, paths) = (self.o.structure.orders.len(), &self.o.structure.paths);
+        let inputs = self.o.intersample.len();
+        if records.len() != self.records.len() {
+            return Err(Error::Data(format!(
+                "fitting: {} records were given where {} were announced",
+                records.len(),
+                self.records.len()
+            )));
+        }
+        let mut spectra = Vec::with_capacity(records.len());
+        for (record, plan) in records.iter().zip(&self.records) {
+            if record.y.len() != outputs || record.u.len() != inputs {
+                return Err(Error::Data(format!(
+                    "fitting: the structure has {outputs} outputs and {inputs} inputs but a record has {} \
+                     and {}",
+                    record.y.len(),
+                    record.u.len()
+                )));
+            }
+            let channels = record.y.iter().chain(paths.iter().map(|p| &record.u[p.input]));
+            let one = |(plan, samples): (&CoefficientPlan, &&[f64])| {
+                let lines = plan.harmonics() + 1;
+                let (mut re, mut im) = (vec![0.0; lines], vec![0.0; lines]);
+                plan.run_in(self.isa, samples, &mut re, &mut im, &mut plan.scratch())?;
+                Ok((re, im))
+            };
+            spectra
+                .push(plan.plans.iter().zip(channels).map(one).collect::<Result<Vec<_>, Error>>()?);
+        }
+        let size = |k: usize| {
+            let parts = spectra.iter().flat_map(|s| s[k].0.iter().chain(&s[k].1));
+            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        // Powers of two, so that no digit changes.
+        let power = |x: f64| f64::from_bits(x.to_bits() & (0x7ff << 52));
+        let unit = |k| Some(power(size(k))).filter(|p| p.is_normal()).unwrap_or(1.0);
+        let units = (0..outputs + paths.len()).map(unit).collect();
+        Ok(Loaded { spectra, units })
+    }
+
+    /// The problem on some lines.
+    pub(crate) fn design(
+        &self,
+        ranges: &[Range],
+        units: &[f64],
+        noise: &NoiseModel,
+    ) -> Result<JointDesign, Error> {
+        let o = &self.o;
+        let record = |((first, last), r): (&Range, &RecordPlan)| {
+            let highest = match noise.colour {
+                Colour::Fitted => r.plans[0].harmonics(),
+                Colour::Given => *last,
+            };
+            let from = if o.trend == Trend::None { *first } else { (*first).max(1) };
+            RecordLines {
+                lines: Lines {
+                    first: *first,
+                    last: highest,
+                    omega0: r.window.omega0,
+                    unit_variance: r.plans[0].unit_variance(),
+                },
+                used: last + 1 - first,
+                dense: r
+                    .uneven
+                    .iter()
+                    .map(|(v, turns, weights)| Whitener::new(v, weights, turns, from, *last))
+                    .collect(),
+            }
+        };
+        let records = ranges.iter().zip(&self.records).map(record).collect();
+        JointDesign::new(
+            &o.structure,
+            o.method,
+            noise,
+            o.trend,
+            o.extended,
+            records,
+            units.to_vec(),
+        )
+    }
+
+    /// A workspace that holds the coefficients in all lanes.
+    pub(crate) fn space(&self, d: &JointDesign, loaded: &Loaded) -> JointSpace {
+        let mut w = JointSpace::new(d);
+        for (k, spectra) in loaded.spectra.iter().enumerate() {
+            let first = d.records[k].lines.first;
+            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.units).enumerate() {
+                let (to_re, to_im) = w.signal_mut(k, signal);
+                for (m, (to_re, to_im)) in to_re.iter_mut().zip(to_im).enumerate() {
+                    *to_re = Wide::splat(re[first + m] / unit);
+                    *to_im = Wide::splat(im[first + m] / unit);
+                }
+            }
+        }
+        w.begin_delays(d);
+        w
+    }
+
+    fn delayed<'a>(&'a self, records: &[JointRecord<'a>]) -> Vec<Delayed<'a>> {
+        let one = |(record, plan): (&JointRecord<'a>, &RecordPlan)| Delayed {
+            samples: self.o.structure.paths.iter().map(|p| vec![record.u[p.input]]).collect(),
+            kinds: &self.kinds,
+            dt: plan.dt,
+            lead: plan.window.lead,
+            intervals: plan.window.intervals,
+        };
+        records.iter().zip(&self.records).map(one).collect()
+    }
+
+    fn finished(
+        &self,
+        d: &JointDesign,
+        w: &mut JointSpace,
+        status: Status,
+        nit: u32,
+        band_rule: Option<BandRule>,
+    ) -> JointFit {
+        let (p, q) = (d.parameters(), d.outputs());
+        let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();
+        let gram: Vec<f64> =
+            (0..p * p).map(|k| w.gram[k].0[0] / (root[k / p] * root[k % p])).collect();
+        let freedom = d.degrees_of_freedom();
+        let cost = w.progress.cost.0[0];
+        let scale = cost / freedom as f64;
+        let plain_sigma = scale.sqrt();
+        let mut residuals = Vec::new();
+        self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
+        let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
+        let unit = |i: usize| d.residual_unit(i);
+        let noise =
+            (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
+        let coloured = d.noise.colour == Colour::Fitted;
+        let spectrum = |root: f64| 1.0 / (root * root);
+        let colour = |r: &super::workspace::RecordSpace| -> Vec<Vec<f64>> {
+            let of = |i: usize| (0..r.lines).map(|m| spectrum(r.colour[m * q + i].0[0])).collect();
+            (0..q).map(of).collect()
+        };
+        JointFit {
+            theta: w.theta(d, 0).collect(),
+            cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
+            cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
+            condition_bound: condition_bound(&gram, p),
+            gram,
+            cost: if q == 1 { cost * unit(0) * unit(0) } else { cost },
+            degrees_of_freedom: freedom,
+            noise,
+            status,
+            nit,
+            at_bound: w.pinned.iter().map(|v| v.0[0] > 0.0).collect(),
+            lines: d.lines(),
+            residuals: residuals
+                .iter()
+                .map(|r| r.iter().map(|o| o.iter().map(over).collect()).collect())
+                .collect(),
+            colour: match coloured {
+                true => w.records.iter().map(colour).collect(),
+                false => Vec::new(),
+            },
+            band_rule,
+        }
+    }
+}
+
+impl JointSpace {
+    /// Delays at their starts.
+    pub(crate) fn begin_delays(&mut self, d: &JointDesign) {
+        for (at, s) in d.free_delays.iter().enumerate() {
+            if let Delay::Free { start, .. } = d.structure.paths[*s].delay {
+                self.theta[d.free.len() + at] = Wide::splat(start / d.delay_scale);
+            }
+        }
+    }
+}
+
+/// What fits on the same lines are compared by: the weighted sum of squares where Σ is known, else
+/// N log det Σ̂.
+fn criterion(d: &JointDesign, w: &JointSpace, lane: usize) -> f64 {
+    if d.outputs() == 1 || d.noise.outputs.is_some() {
+        return w.progress.cost.0[lane];
+    }
+    let q = d.outputs();
+    // The diagonal of the inverse root: det Σ = Π 1/root².
+    let log: f64 = (0..q).map(|i| -2.0 * crate::math::ln_1(w.root[i * q + i].0[lane])).sum();
+    d.degrees_of_freedom() as f64 * log
+}
+
+/// Variances on the window, phases in turns per harmonic, and weights over the length, an output.
+#[allow(clippy::type_complexity)]
+fn uneven(
+    variances: &[Vec<f64>],
+    samples: usize,
+    time: Time<'_>,
+    window: Window,
+    rule: Rule,
+) -> Result<Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>, Error> {
+    let intervals = window.intervals;
+    let (turns, weights): (Vec<f64>, Vec<f64>) = match time {
+        Time::Even(_) => (
+            (0..=intervals).map(|k| k as f64 / intervals as f64).collect(),
+            rule.weights(intervals)?.iter().map(|w| w / intervals as f64).collect(),
+        ),
+        Time::Uneven(t) => {
+            let span = t[samples - 1] - t[0];
+            (
+                t.iter().map(|x| (x - t[0]) / span).collect(),
+                rule.uneven_weights(t)?.iter().map(|w| w / span).collect(),
+            )
+        }
+    };
+    let one = |v: &Vec<f64>| {
+        if v.len() != samples || v.iter().any(|x| !(*x > 0.0)) {
+            return Err(Error::Data(format!(
+                "fitting with uneven noise: {} variances for {samples} samples, all above zero",
+                v.len()
+            )));
+        }
+        if v[window.lead..].iter().filter(|x| x.is_finite()).count() < 8 {
+            return Err(Error::Data(
+                "fitting: fewer than 8 samples of an output are left unmasked".into(),
+            ));
+        }
+        Ok((v[window.lead..].to_vec(), turns.clone(), weights.clone()))
+    };
+    variances.iter().map(one).collect()
+}

@@ -1,0 +1,241 @@
+//! One step of one lane of a joint problem by orthogonal factors, where pivots were too small to trust.
+
+use super::design::JointDesign;
+use super::rows::rows;
+use super::step::{line_weight, move_of};
+use super::workspace::JointSpace;
+use crate::estimate::iterate::Rule;
+use crate::estimate::pass::{Factors, Weights, tiles};
+use crate::linalg::qr::{Absorber, solve_square};
+use crate::simd::{Isa, Kernel, Lanes};
+
+/// Relative size below which a column is a combination of the others.
+const RANK: f64 = 1e-13;
+
+/// Scratch of the fallback.
+#[derive(Debug, Clone)]
+pub(crate) struct QrStep {
+    record: Absorber,
+    all: Absorber,
+    left: Vec<f64>,
+    right: Vec<f64>,
+    square: Vec<f64>,
+    solution: Vec<f64>,
+    scale: Vec<f64>,
+    /// R of each record's transient with what it needs to be solved.
+    kept: Vec<f64>,
+    /// Which parameters may move.
+    moving: Vec<usize>,
+}
+
+impl QrStep {
+    pub fn new(d: &JointDesign) -> QrStep {
+        let (p, size) = (d.parameters(), d.size());
+        let nt = d.transient.len();
+        QrStep {
+            record: Absorber::new(size, 2 * d.tile * d.outputs()),
+            all: Absorber::new(p, p),
+            left: vec![0.0; size],
+            right: vec![0.0; size + 1],
+            square: vec![0.0; p * (p + 1)],
+            solution: vec![0.0; p],
+            scale: vec![0.0; p],
+            kept: vec![0.0; d.records.len() * nt * (size + 1)],
+            moving: Vec::with_capacity(p),
+        }
+    }
+}
+
+/// Writes the rows of a tile for all lanes.
+struct Tile<'a> {
+    design: &'a JointDesign,
+    space: &'a mut JointSpace,
+    record: usize,
+    range: std::ops::Range<usize>,
+    weights: Weights,
+    factors: Factors,
+}
+
+impl Kernel for Tile<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        rows::<L>(
+            self.design,
+            self.space,
+            self.record,
+            self.range,
+            self.weights,
+            self.factors,
+            true,
+        );
+    }
+}
+
+/// Factors one lane's rows, records stacked. False where the columns are dependent.
+fn factor(
+    isa: Isa,
+    d: &JointDesign,
+    w: &mut JointSpace,
+    lane: usize,
+    weights: Weights,
+    factors: Factors,
+) -> bool {
+    let (q, p, nt, size) = (d.outputs(), d.parameters(), d.transient.len(), d.size());
+    let width = size + 1;
+    w.qr.all.clear();
+    let mut full = true;
+    for k in 0..w.records.len() {
+        w.qr.record.clear();
+        for range in tiles(w.records[k].limit, d.tile) {
+            isa.run(Tile {
+                design: d,
+                space: w,
+                record: k,
+                range: range.clone(),
+                weights,
+                factors,
+            });
+            for (t, m) in range.enumerate() {
+                let root = line_weight(d, k, m, weights).sqrt();
+                for row in t * q..(t + 1) * q {
+                    for part in 0..2 {
+                        let JointSpace { left, right, qr, .. } = w;
+                        let of = if part == 0 { &right.re } else { &right.im };
+                        let by = if part == 0 { &left.re } else { &left.im };
+                        for c in 0..width {
+                            qr.right[c] = of[row * width + c].0[lane] * root;
+                        }
+                        for c in 0..size {
+                            qr.left[c] = match factors {
+                                Factors::Data => qr.right[c],
+                                _ => by[row * width + c].0[lane] * root,
+                            };
+                        }
+                        qr.record.push(qr.left.iter().copied(), qr.right.iter().copied());
+                    }
+                }
+            }
+        }
+        let QrStep { record, all, kept, .. } = &mut w.qr;
+        record.absorb();
+        for i in 0..nt {
+            let norm = (0..=i).fold(0.0, |s, r| record.r(r, i).mul_add(record.r(r, i), s));
+            full &= record.r(i, i).abs() > RANK * norm.sqrt();
+            for j in 0..=size {
+                kept[(k * nt + i) * width + j] =
+                    if j < nt { record.r(i, j) } else { record.qt(i, j) };
+            }
+        }
+        for i in nt..size {
+            all.push((nt..size).map(|j| record.r(i, j)), (nt..=size).map(|j| record.qt(i, j)));
+        }
+        all.absorb();
+    }
+    for j in 0..p {
+        let norm = (0..=j).fold(0.0, |s, r| w.qr.all.r(r, j).mul_add(w.qr.all.r(r, j), s));
+        full &= w.qr.all.r(j, j).abs() > RANK * norm.sqrt();
+    }
+    full
+}
+
+/// Solves one lane: next θ, next T of every record, and the move. False where the columns are dependent.
+///
+/// Parameters on their bounds stay there.
+pub(crate) fn solve(
+    isa: Isa,
+    d: &JointDesign,
+    w: &mut JointSpace,
+    lane: usize,
+    rule: Rule,
+    held: bool,
+) -> bool {
+    let (p, nt, size) = (d.parameters(), d.transient.len(), d.size());
+    let mut full = factor(isa, d, w, lane, rule.weights(), rule.factors());
+    let delays = d.free.len();
+    w.qr.moving.clear();
+    for k in 0..p {
+        let (low, high) = d.parameter_bounds(k);
+        let stays = (held && k >= delays) || w.pinned[k].0[lane] > 0.0;
+        if stays {
+            let at = if k >= delays { w.theta[k].0[lane] } else { w.next[k].0[lane] };
+            let at = at.clamp(low, high);
+            w.qr.solution[k] = if k >= delays { at - w.theta[k].0[lane] } else { at };
+        } else {
+            w.qr.moving.push(k);
+        }
+    }
+    let QrStep { all, square, moving, solution, scale, .. } = &mut w.qr;
+    let count = moving.len();
+    // RᵀR of what moves would square the condition: the rows of QᵀΓ suffice where all move.
+    for (a, i) in moving.iter().enumerate() {
+        for (b, j) in moving.iter().enumerate() {
+            square[a * (count + 1) + b] = all.qt(*i, *j);
+        }
+        let held: f64 =
+            (0..p).filter(|j| !moving.contains(j)).map(|j| all.qt(*i, j) * solution[j]).sum();
+        square[a * (count + 1) + count] = all.qt(*i, p) - held;
+    }
+    let mut found = vec![0.0; count];
+    full &= solve_square(square, count, &mut found, scale) > RANK;
+    for (k, value) in moving.iter().zip(&found) {
+        solution[*k] = *value;
+    }
+    let QrStep { solution, kept, .. } = &w.qr;
+    for (k, r) in w.records.iter_mut().enumerate() {
+        for i in (0..nt).rev() {
+            let row = &kept[(k * nt + i) * (size + 1)..][..size + 1];
+            let mut sum = row[size];
+            for j in 0..p {
+                sum = (-row[nt + j]).mul_add(solution[j], sum);
+            }
+            for (own, t) in row[..nt].iter().zip(&r.next_transient).skip(i + 1) {
+                sum = (-own).mul_add(t.0[lane], sum);
+            }
+            r.next_transient[i].0[lane] = sum / row[i];
+        }
+    }
+    for k in 0..p {
+        let change = solution[k] + if k >= delays { w.theta[k].0[lane] } else { 0.0 };
+        let (low, high) = d.parameter_bounds(k);
+        w.next[k].0[lane] = change.clamp(low, high);
+    }
+    isa.run(Move { design: d, space: w });
+    full
+}
+
+struct Move<'a> {
+    design: &'a JointDesign,
+    space: &'a mut JointSpace,
+}
+
+impl Kernel for Move<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        move_of::<L>(self.design, self.space);
+    }
+}
+
+/// Inverse of the normal matrix of one lane, (RᵀR)⁻¹, without squaring the condition number.
+pub(crate) fn inverse(isa: Isa, d: &JointDesign, w: &mut JointSpace, lane: usize) -> bool {
+    let p = d.parameters();
+    let full = factor(isa, d, w, lane, d.final_weights(), d.final_factors());
+    let QrStep { all, square, .. } = &mut w.qr;
+    for c in 0..p {
+        for i in (0..p).rev() {
+            let one = if i == c { 1.0 } else { 0.0 };
+            let sum = (i + 1..p)
+                .fold(one, |s: f64, j| (-all.r(i, j)).mul_add(square[j * (p + 1) + c], s));
+            square[i * (p + 1) + c] = sum / all.r(i, i);
+        }
+    }
+    for i in 0..p {
+        for j in 0..p {
+            let (a, b) = (&square[i * (p + 1)..][..p], &square[j * (p + 1)..][..p]);
+            w.inverse[i * p + j].0[lane] =
+                a.iter().zip(b).fold(0.0, |s: f64, (x, y)| x.mul_add(*y, s));
+        }
+    }
+    full
+}

@@ -1,0 +1,269 @@
+//! The system of a joint problem and its solution: transients eliminated a record, bounds kept.
+
+use super::design::JointDesign;
+use super::rows::rows;
+use super::workspace::{JointSpace, Rows};
+use crate::estimate::pass::{Factors, Weights, add_parameter_block, copy, tiles};
+use crate::linalg::lanes::{eliminate, substitute};
+use crate::simd::{Lanes, Wide};
+
+/// Columns that are summed at a time.
+const BLOCK: usize = 4;
+
+/// Forms the system at the current θ and T, and solves it for the next ones.
+#[inline(always)]
+pub(crate) fn step<L: Lanes>(
+    d: &JointDesign,
+    w: &mut JointSpace,
+    weights: Weights,
+    factors: Factors,
+    delays_held: bool,
+) {
+    let (p, nt, size) = (d.parameters(), d.transient.len(), d.size());
+    L::splat(1.0).store(&mut w.trusted);
+    clear::<L>(&mut w.global);
+    clear::<L>(&mut w.column_size);
+    L::splat(0.0).store(&mut w.target_size);
+    let mut cost = L::splat(0.0);
+    for k in 0..w.records.len() {
+        cost = cost + record_system::<L>(d, w, k, weights, factors);
+        for (sum, own) in w.column_size.iter_mut().zip(&w.diagonal[nt..size]) {
+            (L::load(sum) + L::load(own)).store(sum);
+        }
+        let r = &mut w.records[k];
+        eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, false, &mut w.trusted);
+        add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, false);
+    }
+    cost.store(&mut w.progress.cost);
+    solve_parameters::<L>(d, w, delays_held);
+    for k in 0..w.records.len() {
+        let JointSpace { records, next, theta, unknowns, .. } = w;
+        copy::<L>(next, &mut unknowns[nt..size]);
+        // Of a delay the system holds the change.
+        for c in d.free.len()..p {
+            (L::load(&next[c]) - L::load(&theta[c])).store(&mut unknowns[nt + c]);
+        }
+        substitute::<L>(&records[k].matrix, size, 0..nt, unknowns);
+        copy::<L>(&unknowns[..nt], &mut records[k].next_transient);
+    }
+    move_of::<L>(d, w);
+}
+
+/// Solves the system in θ; what would leave its bounds is set on them, and the rest solved again.
+#[inline(always)]
+fn solve_parameters<L: Lanes>(d: &JointDesign, w: &mut JointSpace, delays_held: bool) {
+    let p = d.parameters();
+    clear::<L>(&mut w.pinned);
+    let bounded = d.is_bounded();
+    let delays = d.free.len()..p;
+    for _ in 0..=p {
+        copy::<L>(&w.global, &mut w.global_work);
+        for k in 0..p {
+            let held = delays_held && delays.contains(&k);
+            if held {
+                L::splat(1.0).store(&mut w.pinned[k]);
+            }
+            if held || bounded {
+                pin::<L>(d, w, k, held);
+            }
+        }
+        eliminate::<L>(&mut w.global_work, p, 0..p, &w.column_size, false, &mut w.trusted);
+        substitute::<L>(&w.global_work, p, 0..p, &mut w.next);
+        // Of a delay the system gives the change.
+        for k in delays.clone() {
+            (L::load(&w.next[k]) + L::load(&w.theta[k])).store(&mut w.next[k]);
+        }
+        if !bounded || !leaves::<L>(d, w) {
+            break;
+        }
+        L::splat(1.0).store(&mut w.trusted);
+    }
+}
+
+/// Whether any lane's solution left its bounds; those parameters are pinned.
+#[inline(always)]
+fn leaves<L: Lanes>(d: &JointDesign, w: &mut JointSpace) -> bool {
+    let mut any = false;
+    for k in 0..d.parameters() {
+        let (low, high) = d.parameter_bounds(k);
+        let value = L::load(&w.next[k]);
+        let slack = 1e-12 * (low.abs().min(high.abs()) + f64::MIN_POSITIVE);
+        let below = value.select_lt(L::splat(low - slack), L::splat(1.0), L::splat(0.0));
+        let above = L::splat(high + slack).select_lt(value, L::splat(1.0), L::splat(0.0));
+        let pinned = L::load(&w.pinned[k]);
+        let fresh = below.max(above) * (L::splat(1.0) - pinned) * L::load(&w.progress.active);
+        any |= fresh.any();
+        pinned.max(fresh).store(&mut w.pinned[k]);
+    }
+    any
+}
+
+/// In the lanes where parameter `k` is pinned its row says that it is its bound (a held delay: no change).
+#[inline(always)]
+fn pin<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, held: bool) {
+    let p = d.parameters();
+    let on = L::load(&w.pinned[k]);
+    if !on.any() {
+        return;
+    }
+    let (low, high) = d.parameter_bounds(k);
+    let mut bound = L::splat(0.0);
+    if !held {
+        let wanted = L::load(&w.next[k]);
+        bound = wanted.select_lt(L::splat(low), L::splat(low), wanted);
+        bound = L::splat(high).select_lt(bound, L::splat(high), bound);
+        if k >= d.free.len() {
+            bound = bound - L::load(&w.theta[k]);
+        }
+    }
+    let off = L::splat(1.0) - on;
+    for i in 0..p {
+        let at = i * (p + 1);
+        let entry = on * L::load(&w.global_work[at + k]);
+        let right = L::load(&w.global_work[at + p]);
+        (-entry).mul_add(bound, right).store(&mut w.global_work[at + p]);
+        (L::load(&w.global_work[at + k]) - entry).store(&mut w.global_work[at + k]);
+    }
+    let size = L::load(&w.column_size[k]).abs();
+    // Without a numerator a delay has no column.
+    let size = L::splat(f64::MIN_POSITIVE).select_lt(size, size, L::splat(1.0));
+    for j in 0..=p {
+        let own = &mut w.global_work[k * (p + 1) + j];
+        let value = if j == k {
+            size
+        } else if j == p {
+            size * bound
+        } else {
+            L::splat(0.0)
+        };
+        off.mul_add(L::load(own), on * value).store(own);
+    }
+}
+
+/// The system of record `k` at the current θ and T, in its matrix; its diagonal in `diagonal`. Returns the
+/// cost, and adds to the size of the target.
+#[inline(always)]
+pub(crate) fn record_system<L: Lanes>(
+    d: &JointDesign,
+    w: &mut JointSpace,
+    k: usize,
+    weights: Weights,
+    factors: Factors,
+) -> L {
+    let (q, size) = (d.outputs(), d.size());
+    let width = size + 1;
+    clear::<L>(&mut w.records[k].matrix);
+    let mut cost = L::splat(0.0);
+    let mut target = L::load(&w.target_size);
+    for range in tiles(w.records[k].limit, d.tile) {
+        rows::<L>(d, w, k, range.clone(), weights, factors, true);
+        for (t, m) in range.clone().enumerate() {
+            let weight = L::splat(line_weight(d, k, m, weights));
+            for i in 0..q {
+                let (re, im) = pair::<L>(&w.residual, t * q + i);
+                cost = weight.mul_add(re.mul_add(re, im * im), cost);
+                let (re, im) = pair::<L>(&w.right, (t * q + i) * width + size);
+                target = weight.mul_add(re.mul_add(re, im * im), target);
+            }
+        }
+        scale_left::<L>(d, w, k, range.clone(), weights, factors);
+        accumulate::<L>(&w.left, &w.right, range.len() * q, size, &mut w.records[k].matrix);
+    }
+    target.store(&mut w.target_size);
+    for i in 0..size {
+        L::load(&w.records[k].matrix[i * width + i]).store(&mut w.diagonal[i]);
+    }
+    cost
+}
+
+/// 1/(h · unit variance) of a line; one where whiteners hold it.
+#[inline(always)]
+pub(crate) fn line_weight(d: &JointDesign, k: usize, m: usize, weights: Weights) -> f64 {
+    let rd = &d.records[k];
+    if rd.dense.is_empty() || weights == Weights::Flat { rd.weight[m] } else { 1.0 }
+}
+
+#[inline(always)]
+pub(crate) fn pair<L: Lanes>(rows: &Rows, at: usize) -> (L, L) {
+    (L::load(&rows.re[at]), L::load(&rows.im[at]))
+}
+
+/// The left factor times the weights of the lines; of the data itself where nothing is denoised.
+#[inline(always)]
+fn scale_left<L: Lanes>(
+    d: &JointDesign,
+    w: &mut JointSpace,
+    k: usize,
+    range: std::ops::Range<usize>,
+    weights: Weights,
+    factors: Factors,
+) {
+    let (q, width) = (d.outputs(), d.size() + 1);
+    let JointSpace { left, right, .. } = w;
+    let data = factors == Factors::Data;
+    for (t, m) in range.enumerate() {
+        let weight = L::splat(line_weight(d, k, m, weights));
+        for at in t * q * width..(t + 1) * q * width {
+            let (re, im) = if data { pair::<L>(right, at) } else { pair::<L>(left, at) };
+            (re * weight).store(&mut left.re[at]);
+            (im * weight).store(&mut left.im[at]);
+        }
+    }
+}
+
+/// matrix += Re(leftᴴ right) over rows.
+#[inline(always)]
+fn accumulate<L: Lanes>(left: &Rows, right: &Rows, count: usize, size: usize, matrix: &mut [Wide]) {
+    let width = size + 1;
+    for a in 0..size {
+        let mut from = 0;
+        while from < width {
+            let wide = (width - from).min(BLOCK);
+            let mut acc = [L::splat(0.0); BLOCK];
+            for b in 0..wide {
+                acc[b] = L::load(&matrix[a * width + from + b]);
+            }
+            for row in 0..count {
+                let (re, im) = pair::<L>(left, row * width + a);
+                let at = row * width + from;
+                let (right_re, right_im) = (&right.re[at..at + wide], &right.im[at..at + wide]);
+                for b in 0..wide {
+                    acc[b] = re.mul_add(L::load(&right_re[b]), acc[b]);
+                    acc[b] = im.mul_add(L::load(&right_im[b]), acc[b]);
+                }
+            }
+            for b in 0..wide {
+                acc[b].store(&mut matrix[a * width + from + b]);
+            }
+            from += wide;
+        }
+    }
+}
+
+/// How far the step leads, relative to the largest term of the equations.
+#[inline(always)]
+pub(crate) fn move_of<L: Lanes>(d: &JointDesign, w: &mut JointSpace) {
+    let mut largest = L::load(&w.target_size);
+    let mut moved = L::splat(0.0);
+    for k in 0..d.parameters() {
+        let column = L::load(&w.column_size[k]).abs();
+        let (from, to) = (L::load(&w.theta[k]), L::load(&w.next[k]));
+        let change = to - from;
+        // The maximum that lets NaN pass: it must not read as settled.
+        let effect = change * change * column;
+        moved = effect.select_lt(moved, moved, effect);
+        if k < d.free.len() {
+            let own = from * from * column;
+            largest = own.select_lt(largest, largest, own);
+        }
+    }
+    (moved / largest).store(&mut w.progress.moved);
+}
+
+/// Zeros.
+#[inline(always)]
+pub(crate) fn clear<L: Lanes>(all: &mut [Wide]) {
+    for one in all {
+        L::splat(0.0).store(one);
+    }
+}

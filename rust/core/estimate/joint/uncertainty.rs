@@ -1,0 +1,277 @@
+//! At a joint estimate: transients, cost, classical and HC3 covariance, residuals.
+//!
+//! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together. HC3
+//! adds them up before squaring: what is left of the correlation between outputs is allowed for.
+
+use super::design::JointDesign;
+use super::qr_step;
+use super::rows::rows;
+use super::step::{clear, line_weight, pair, record_system};
+use super::workspace::JointSpace;
+use crate::estimate::pass::{Factors, Weights, add_parameter_block, copy, tiles};
+use crate::linalg::lanes::{eliminate, invert, substitute};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::structure::Method;
+
+/// Leaves (1 − h) of a row that determines a parameter alone above zero.
+const LEVERAGE: f64 = 1e-6;
+
+impl JointDesign {
+    /// Weights that belong to the estimate.
+    pub(crate) fn final_weights(&self) -> Weights {
+        if self.method == Method::Wls { Weights::Flat } else { Weights::Adapted }
+    }
+
+    /// Columns of the information at the estimate.
+    pub(crate) fn final_factors(&self) -> Factors {
+        if self.method == Method::Ml { Factors::Denoised } else { Factors::Data }
+    }
+}
+
+/// Completes estimates.
+pub(crate) fn finish(
+    isa: Isa,
+    d: &JointDesign,
+    w: &mut JointSpace,
+    live: [bool; LANES],
+    covariance: bool,
+) {
+    if d.method == Method::Wls || d.method == Method::Awls {
+        isa.run(Transients { design: d, space: w });
+    }
+    isa.run(Information { design: d, space: w });
+    if !covariance {
+        return;
+    }
+    for lane in (0..LANES).filter(|k| live[*k]) {
+        if w.trusted.0[lane] == 0.0 {
+            qr_step::inverse(isa, d, w, lane);
+        }
+    }
+    isa.run(Covariances { design: d, space: w });
+}
+
+/// T of every record by least squares at the current θ.
+pub(crate) struct Transients<'a> {
+    pub design: &'a JointDesign,
+    pub space: &'a mut JointSpace,
+}
+
+impl Kernel for Transients<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        let (nt, size) = (d.transient.len(), d.size());
+        let mut trusted = Wide::splat(1.0);
+        for k in 0..w.records.len() {
+            record_system::<L>(d, w, k, d.final_weights(), Factors::Data);
+            let JointSpace { records, theta, unknowns, diagonal, .. } = &mut *w;
+            let r = &mut records[k];
+            eliminate::<L>(&mut r.matrix, size, 0..nt, diagonal, false, &mut trusted);
+            copy::<L>(theta, &mut unknowns[nt..size]);
+            // Of a delay the system holds the change: none.
+            clear::<L>(&mut unknowns[nt + d.free.len()..size]);
+            substitute::<L>(&r.matrix, size, 0..nt, unknowns);
+            copy::<L>(&unknowns[..nt], &mut r.transient);
+        }
+    }
+}
+
+/// Cost, normal matrix of θ with the transient projected out, and its inverse, on the lines in use.
+pub(crate) struct Information<'a> {
+    pub design: &'a JointDesign,
+    pub space: &'a mut JointSpace,
+}
+
+impl Kernel for Information<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        let (p, nt, size) = (d.parameters(), d.transient.len(), d.size());
+        let mut trusted = Wide::splat(1.0);
+        let mut cost = L::splat(0.0);
+        clear::<L>(&mut w.global);
+        for k in 0..w.records.len() {
+            cost = cost + record_system::<L>(d, w, k, d.final_weights(), d.final_factors());
+            let JointSpace { records, square, work, diagonal, global, .. } = &mut *w;
+            let r = &mut records[k];
+            for i in 0..nt {
+                copy::<L>(
+                    &r.matrix[i * (size + 1)..i * (size + 1) + nt],
+                    &mut square[i * nt..(i + 1) * nt],
+                );
+            }
+            if nt > 0 {
+                invert::<L>(square, nt, &mut r.transient_inverse, work, &mut trusted);
+            }
+            eliminate::<L>(&mut r.matrix, size, 0..nt, diagonal, false, &mut trusted);
+            for c in 0..p {
+                for t in (0..nt).rev() {
+                    let row = &r.matrix[t * (size + 1)..(t + 1) * (size + 1)];
+                    let mut sum = L::load(&row[nt + c]);
+                    for j in t + 1..nt {
+                        let by = L::load(&r.projection[j * p + c]);
+                        sum = (-L::load(&row[j])).mul_add(by, sum);
+                    }
+                    (sum * L::load(&row[t])).store(&mut r.projection[t * p + c]);
+                }
+            }
+            add_parameter_block::<L>(&r.matrix, nt, size, global, false);
+        }
+        cost.store(&mut w.progress.cost);
+        for i in 0..p {
+            copy::<L>(&w.global[i * (p + 1)..i * (p + 1) + p], &mut w.gram[i * p..(i + 1) * p]);
+        }
+        // A parameter on its bound has no error of its own; the others have theirs given it.
+        copy::<L>(&w.gram, &mut w.square[..p * p]);
+        for k in 0..p {
+            let off = L::splat(1.0) - L::load(&w.pinned[k]);
+            for j in 0..p {
+                if j != k {
+                    for at in [k * p + j, j * p + k] {
+                        (off * L::load(&w.square[at])).store(&mut w.square[at]);
+                    }
+                }
+            }
+        }
+        invert::<L>(&w.square, p, &mut w.inverse, &mut w.work, &mut trusted);
+        for k in 0..p {
+            let off = L::splat(1.0) - L::load(&w.pinned[k]);
+            let own = &mut w.inverse[k * p + k];
+            (off * L::load(own)).store(own);
+        }
+        w.trusted = trusted;
+    }
+}
+
+/// Both covariances from the inverse, the rows and the residuals.
+struct Covariances<'a> {
+    design: &'a JointDesign,
+    space: &'a mut JointSpace,
+}
+
+impl Kernel for Covariances<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        let (q, p) = (d.outputs(), d.parameters());
+        let (weights, factors) = (d.final_weights(), d.final_factors());
+        clear::<L>(&mut w.meat);
+        for k in 0..w.records.len() {
+            for range in tiles(w.records[k].limit, d.tile) {
+                // Denoised on both sides, or data: `right` holds them.
+                rows::<L>(d, w, k, range.clone(), weights, factors, true);
+                for (t, m) in range.enumerate() {
+                    let weight = L::splat(line_weight(d, k, m, weights));
+                    clear::<L>(&mut w.z[0]);
+                    clear::<L>(&mut w.z[1]);
+                    for i in 0..q {
+                        row::<L>(d, w, k, t * q + i, weight);
+                    }
+                    for a in 0..p {
+                        let (x, y) = (L::load(&w.z[0][a]), L::load(&w.z[1][a]));
+                        for b in 0..p {
+                            let own = &mut w.meat[a * p + b];
+                            let im = y.mul_add(L::load(&w.z[1][b]), L::load(own));
+                            x.mul_add(L::load(&w.z[0][b]), im).store(own);
+                        }
+                    }
+                }
+            }
+        }
+        let freedom = d.freedom(w.records.iter().map(|r| r.limit)).max(1);
+        let variance = L::load(&w.progress.cost) * L::splat(1.0 / freedom as f64);
+        for i in 0..p {
+            for j in 0..p {
+                let mut sum = L::splat(0.0);
+                for a in 0..p {
+                    let left = L::load(&w.inverse[i * p + a]);
+                    for b in 0..p {
+                        let by = left * L::load(&w.meat[a * p + b]);
+                        sum = by.mul_add(L::load(&w.inverse[b * p + j]), sum);
+                    }
+                }
+                sum.store(&mut w.cov_hc3[i * p + j]);
+                (L::load(&w.inverse[i * p + j]) * variance).store(&mut w.cov_nonrobust[i * p + j]);
+            }
+        }
+    }
+}
+
+/// Adds weight · J e/(1 − h) of one output's rows of a line to `z`, J with the transient projected out.
+#[inline(always)]
+fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weight: L) {
+    let (p, nt, width) = (d.parameters(), d.transient.len(), d.size() + 1);
+    let r = &w.records[k];
+    for c in 0..p {
+        let mut own = pair::<L>(&w.right, at * width + nt + c);
+        for t in 0..nt {
+            let column = pair::<L>(&w.right, at * width + t);
+            let by = -L::load(&r.projection[t * p + c]);
+            own = (column.0.mul_add(by, own.0), column.1.mul_add(by, own.1));
+        }
+        own.0.store(&mut w.row[0][c]);
+        own.1.store(&mut w.row[1][c]);
+    }
+    for part in 0..2 {
+        let mut h = L::splat(0.0);
+        for a in 0..nt {
+            for b in 0..nt {
+                let (x, y) =
+                    (pair::<L>(&w.right, at * width + a), pair::<L>(&w.right, at * width + b));
+                let (x, y) = if part == 0 { (x.0, y.0) } else { (x.1, y.1) };
+                h = (x * y).mul_add(L::load(&r.transient_inverse[a * nt + b]), h);
+            }
+        }
+        for a in 0..p {
+            let x = L::load(&w.row[part][a]);
+            for b in 0..p {
+                let by = x * L::load(&w.row[part][b]);
+                h = by.mul_add(L::load(&w.inverse[a * p + b]), h);
+            }
+        }
+        let e = pair::<L>(&w.residual, at);
+        let e = if part == 0 { e.0 } else { e.1 };
+        let left = (-h).mul_add(weight, L::splat(1.0)).max(L::splat(LEVERAGE));
+        let by = weight * e / left;
+        for a in 0..p {
+            let own = &mut w.z[part][a];
+            by.mul_add(L::load(&w.row[part][a]), L::load(own)).store(own);
+        }
+    }
+}
+
+/// Weighted residuals of every line in use, output by output: unit variance times σ.
+pub(crate) struct Residuals<'a> {
+    pub design: &'a JointDesign,
+    pub space: &'a mut JointSpace,
+    /// Records × outputs × lines × (Re, Im).
+    pub out: &'a mut Vec<Vec<Vec<[Wide; 2]>>>,
+}
+
+impl Kernel for Residuals<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (d, w) = (self.design, self.space);
+        let q = d.outputs();
+        for k in 0..w.records.len() {
+            let mut all = vec![vec![[Wide::ZERO; 2]; w.records[k].limit]; q];
+            for range in tiles(w.records[k].limit, d.tile) {
+                rows::<L>(d, w, k, range.clone(), d.final_weights(), Factors::Data, true);
+                for (t, m) in range.enumerate() {
+                    let root = L::splat(line_weight(d, k, m, d.final_weights()).sqrt());
+                    for (i, own) in all.iter_mut().enumerate() {
+                        let (re, im) = pair::<L>(&w.residual, t * q + i);
+                        (re * root).store(&mut own[m][0]);
+                        (im * root).store(&mut own[m][1]);
+                    }
+                }
+            }
+            self.out.push(all);
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Scratch of a joint problem: coefficients of eight replicates and everything a pass writes.
+
+use super::design::JointDesign;
+use super::qr_step::QrStep;
+use crate::estimate::iterate::{Iterates, Progress, choose, half_way};
+use crate::simd::{LANES, Lanes, Wide};
+
+/// One record of eight replicates.
+#[derive(Debug, Clone)]
+pub(crate) struct RecordSpace {
+    /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
+    pub re: Vec<Wide>,
+    pub im: Vec<Wide>,
+    /// System of this record, (transient + θ) × (one more).
+    pub matrix: Vec<Wide>,
+    /// Coefficients of the transient at the current iterate, where a step leads, at the best so far.
+    pub transient: Vec<Wide>,
+    pub next_transient: Vec<Wide>,
+    pub best_transient: Vec<Wide>,
+    /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹.
+    pub projection: Vec<Wide>,
+    pub transient_inverse: Vec<Wide>,
+    /// 1/√(power spectrum) of each output's noise on each line: one where white.
+    pub colour: Vec<Wide>,
+    /// Lines there are, and lines in use.
+    pub lines: usize,
+    pub limit: usize,
+}
+
+/// Rows of the lines of a tile: (line, output) × (unknowns, target).
+#[derive(Debug, Clone)]
+pub(crate) struct Rows {
+    pub re: Vec<Wide>,
+    pub im: Vec<Wide>,
+}
+
+/// Scratch for one [`JointDesign`].
+#[derive(Debug, Clone)]
+pub struct JointSpace {
+    pub(crate) records: Vec<RecordSpace>,
+    /// Columns the step weighs by, of the data, whitened; and the whitened residual.
+    pub(crate) left: Rows,
+    pub(crate) right: Rows,
+    pub(crate) residual: Rows,
+    /// Of one line: A, B, W, the denoised signals, one column.
+    pub(crate) a: [Vec<Wide>; 2],
+    pub(crate) b: [Vec<Wide>; 2],
+    pub(crate) white: [Vec<Wide>; 2],
+    pub(crate) factor: [Vec<Wide>; 2],
+    pub(crate) hat: [Vec<Wide>; 2],
+    pub(crate) column: [Vec<Wide>; 2],
+    pub(crate) back: [Vec<Wide>; 2],
+    /// Lower triangular inverse root of Σ, and Σ itself.
+    pub(crate) root: Vec<Wide>,
+    pub(crate) sigma: Vec<Wide>,
+    pub(crate) sigma_before: Vec<Wide>,
+    pub(crate) triangle: Vec<f64>,
+    /// Order of the colour of each lane and output.
+    pub(crate) colour_orders: Vec<usize>,
+    /// All coefficients, held ones included, in the workspace's units.
+    pub(crate) coefficients: Vec<Wide>,
+    /// Estimated coefficients and delays.
+    pub(crate) theta: Vec<Wide>,
+    pub(crate) next: Vec<Wide>,
+    pub(crate) best_theta: Vec<Wide>,
+    pub(crate) progress: Progress,
+    pub(crate) dependent: [bool; LANES],
+    pub(crate) diagonal: Vec<Wide>,
+    pub(crate) global: Vec<Wide>,
+    pub(crate) global_work: Vec<Wide>,
+    /// 1 where a parameter stands at a bound.
+    pub(crate) pinned: Vec<Wide>,
+    pub(crate) unknowns: Vec<Wide>,
+    pub(crate) target_size: Wide,
+    pub(crate) column_size: Vec<Wide>,
+    pub(crate) trusted: Wide,
+    pub(crate) square: Vec<Wide>,
+    pub(crate) work: Vec<Wide>,
+    pub(crate) gram: Vec<Wide>,
+    pub(crate) inverse: Vec<Wide>,
+    pub(crate) meat: Vec<Wide>,
+    pub(crate) cov_hc3: Vec<Wide>,
+    pub(crate) cov_nonrobust: Vec<Wide>,
+    pub(crate) z: [Vec<Wide>; 2],
+    pub(crate) row: [Vec<Wide>; 2],
+    pub(crate) qr: QrStep,
+}
+
+impl JointSpace {
+    /// Room for one design.
+    #[must_use]
+    pub fn new(d: &JointDesign) -> JointSpace {
+        let (q, paths, size, p) = (d.outputs(), d.paths(), d.size(), d.parameters());
+        let nt = d.transient.len();
+        let wide = |n: usize| vec![Wide::ZERO; n];
+        let pair = |n: usize| [wide(n), wide(n)];
+        let rows = |columns: usize| Rows {
+            re: wide(d.tile * q * columns),
+            im: wide(d.tile * q * columns),
+        };
+        let records = d
+            .records
+            .iter()
+            .map(|r| RecordSpace {
+                re: wide((q + 2 * paths) * r.x.len()),
+                im: wide((q + 2 * paths) * r.x.len()),
+                matrix: wide(size * (size + 1)),
+                transient: wide(nt),
+                next_transient: wide(nt),
+                best_transient: wide(nt),
+                projection: wide(nt * p),
+                transient_inverse: wide(nt * nt),
+                colour: vec![Wide::splat(1.0); r.x.len() * q],
+                lines: r.x.len(),
+                limit: r.used,
+            })
+            .collect();
+        JointSpace {
+            records,
+            left: rows(size + 1),
+            right: rows(size + 1),
+            residual: rows(1),
+            a: pair(q),
+            b: pair(q * paths),
+            white: pair(q * q),
+            factor: pair(q * q),
+            hat: pair(q + paths),
+            column: pair(q),
+            back: pair(q),
+            root: wide(q * q),
+            sigma: wide(q * q),
+            sigma_before: wide(q * q),
+            triangle: vec![0.0; q * q],
+            colour_orders: vec![0; LANES * q],
+            coefficients: wide(d.structure.coefficients()),
+            theta: wide(p),
+            next: wide(p),
+            best_theta: wide(p),
+            progress: Progress::default(),
+            dependent: [false; LANES],
+            diagonal: wide(size),
+            global: wide(p * (p + 1)),
+            global_work: wide(p * (p + 1)),
+            pinned: wide(p),
+            unknowns: wide(size),
+            target_size: Wide::ZERO,
+            column_size: wide(p),
+            trusted: Wide::ZERO,
+            square: wide(nt.max(p) * nt.max(p)),
+            work: wide(size * (size + 1)),
+            gram: wide(p * p),
+            inverse: wide(p * p),
+            meat: wide(p * p),
+            cov_hc3: wide(p * p),
+            cov_nonrobust: wide(p * p),
+            z: pair(p),
+            row: pair(p),
+            qr: QrStep::new(d),
+        }
+    }
+
+    /// Where the coefficients of one record and signal (outputs, paths, derivatives of paths) are written.
+    pub(crate) fn signal_mut(
+        &mut self,
+        record: usize,
+        signal: usize,
+    ) -> (&mut [Wide], &mut [Wide]) {
+        let r = &mut self.records[record];
+        let range = signal * r.lines..(signal + 1) * r.lines;
+        (&mut r.re[range.clone()], &mut r.im[range])
+    }
+
+    /// Writes the coefficients that θ and the held values make, in the workspace's units.
+    pub(crate) fn spread_theta(&mut self, d: &JointDesign) {
+        for (k, held) in d.structure.fixed.iter().enumerate() {
+            if let Some(value) = held {
+                self.coefficients[k] = Wide::splat(value / d.scale[k]);
+            }
+        }
+        for (k, value) in d.free.iter().zip(&self.theta) {
+            self.coefficients[*k] = *value;
+        }
+    }
+
+    /// Estimates of one lane in the user's units.
+    pub fn theta<'a>(&'a self, d: &'a JointDesign, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        self.theta.iter().enumerate().map(move |(k, t)| t.0[lane] * d.parameter_scale(k))
+    }
+
+    /// Standard errors of one lane from the diagonal of a covariance, in the user's units.
+    pub(crate) fn bse<'a>(
+        cov: &'a [Wide],
+        d: &'a JointDesign,
+        lane: usize,
+    ) -> impl Iterator<Item = f64> + 'a {
+        let p = d.parameters();
+        (0..p).map(move |k| cov[k * (p + 1)].0[lane].sqrt() * d.parameter_scale(k))
+    }
+
+    /// A covariance of one lane in the user's units, row major.
+    pub(crate) fn covariance(cov: &[Wide], d: &JointDesign, lane: usize) -> Vec<f64> {
+        let p = d.parameters();
+        let at = |k: usize| cov[k].0[lane] * d.parameter_scale(k / p) * d.parameter_scale(k % p);
+        (0..p * p).map(at).collect()
+    }
+}
+
+impl Iterates for JointSpace {
+    fn progress(&mut self) -> &mut Progress {
+        &mut self.progress
+    }
+
+    #[inline(always)]
+    fn advance<L: Lanes>(&mut self, of: L) {
+        choose(of, &self.next, &mut self.theta);
+        for r in &mut self.records {
+            choose(of, &r.next_transient, &mut r.transient);
+        }
+    }
+
+    #[inline(always)]
+    fn keep<L: Lanes>(&mut self, of: L) {
+        choose(of, &self.theta, &mut self.best_theta);
+        for r in &mut self.records {
+            choose(of, &r.transient, &mut r.best_transient);
+        }
+    }
+
+    #[inline(always)]
+    fn halve<L: Lanes>(&mut self, of: L) {
+        half_way(of, &self.best_theta, &mut self.theta);
+        for r in &mut self.records {
+            half_way(of, &r.best_transient, &mut r.transient);
+        }
+    }
+}

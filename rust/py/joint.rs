@@ -1,0 +1,201 @@
+//! `JointFitter`: fits of several outputs, coloured or input noise, held parameters and unknown delays.
+
+use modfun::Error;
+use modfun::estimate::Wanted;
+use modfun::estimate::joint::{
+    Colour, Delay, JointBatch, JointFit, JointFitter as Core, JointOptions, JointRecord,
+    JointStructure, NoiseModel, Path,
+};
+use modfun::simd::Isa;
+use numpy::{Complex64, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{matrix, slice, vector};
+use crate::enter::enter;
+use crate::errors::to_python;
+use crate::fit::{Records, When, Words, account, many_dictionary, sampling};
+
+/// Options as Python gives them.
+pub struct GivenJoint {
+    structure: JointStructure,
+    noise: NoiseModel,
+    words: Words,
+}
+
+impl<'py> FromPyObject<'_, 'py> for GivenJoint {
+    type Error = PyErr;
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<GivenJoint> {
+        let paths: Vec<(usize, f64, Option<(f64, f64)>)> = given.get_item("paths")?.extract()?;
+        let path = |(input, delay, bounds): (usize, f64, Option<(f64, f64)>)| {
+            let delay = match bounds {
+                None => Delay::Known(delay),
+                Some((min, max)) => Delay::Free { start: delay, min, max },
+            };
+            Path { input, delay }
+        };
+        let coloured: bool = given.get_item("coloured")?.extract()?;
+        Ok(GivenJoint {
+            structure: JointStructure {
+                orders: given.get_item("orders")?.extract()?,
+                common: given.get_item("common")?.extract()?,
+                numerators: given.get_item("numerators")?.extract()?,
+                paths: paths.into_iter().map(path).collect(),
+                fixed: given.get_item("fixed")?.extract()?,
+                bounds: given.get_item("bounds")?.extract()?,
+            },
+            noise: NoiseModel {
+                equation: given.get_item("equation")?.extract()?,
+                outputs: given.get_item("sigma_y")?.extract()?,
+                inputs: given.get_item("sigma_u")?.extract()?,
+                colour: if coloured { Colour::Fitted } else { Colour::Given },
+                spectra: given.get_item("spectra")?.extract()?,
+            },
+            words: given.extract()?,
+        })
+    }
+}
+
+impl GivenJoint {
+    /// In the core's words.
+    pub fn options(self, wanted: Wanted) -> Result<JointOptions, Error> {
+        Ok(JointOptions {
+            structure: self.structure.checked()?,
+            intersample: self.words.intersample()?,
+            rule: self.words.rule()?,
+            method: self.words.method()?,
+            noise: self.noise,
+            trend: self.words.trend()?,
+            extended: self.words.extended,
+            band: self.words.band()?,
+            options: self.words.iteration(wanted),
+        })
+    }
+}
+
+/// Everything about joint fits of one kind that their samples do not change; see the core's `JointFitter`.
+#[pyclass(frozen, module = "modfun._core")]
+pub struct JointFitter {
+    core: Core,
+    outputs: usize,
+    inputs: usize,
+}
+
+#[pymethods]
+impl JointFitter {
+    /// Makes ready for records of these numbers of samples, steps or instants, and variances of the samples
+    /// (outputs, time) where they are uneven.
+    #[new]
+    #[pyo3(signature = (samples, time, variances, **options))]
+    fn new(
+        samples: Vec<usize>,
+        time: Vec<When<'_>>,
+        variances: Vec<Option<PyReadonlyArray2<'_, f64>>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<JointFitter> {
+        let Some(options) = options else {
+            return Err(to_python(Error::Spec("fitting: no option was given".into())));
+        };
+        let given: GivenJoint = options.extract()?;
+        let o = given.options(Wanted::Covariance).map_err(to_python)?;
+        let sampling = sampling(&samples, &time)?;
+        let mut uneven = Vec::with_capacity(variances.len());
+        for (own, samples) in variances.iter().zip(&samples) {
+            uneven.push(match own {
+                None => Vec::new(),
+                Some(array) => slice(array, "variances")?
+                    .chunks_exact((*samples).max(1))
+                    .map(<[f64]>::to_vec)
+                    .collect(),
+            });
+        }
+        let (outputs, inputs) = (o.structure.orders.len(), o.intersample.len());
+        let isa = Isa::detect().map_err(to_python)?;
+        let core = Core::new(o, &sampling, &uneven, isa).map_err(to_python)?;
+        Ok(JointFitter { core, outputs, inputs })
+    }
+
+    /// Fits one structure to one record, or to several as one problem: lists of (channel, time).
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        y: Vec<PyReadonlyArray2<'py, f64>>,
+        u: Vec<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        if y.len() != u.len() {
+            return Err(to_python(Error::Data(format!(
+                "fitting: {} outputs and {} inputs; one of each a record",
+                y.len(),
+                u.len()
+            ))));
+        }
+        let count = y.len();
+        let (y, u) = (Records::Listed(y), Records::Listed(u));
+        let (y, u) = (y.rows("y", self.outputs)?, u.rows("u", self.inputs)?);
+        let records: Vec<JointRecord<'_>> = (0..count)
+            .map(|k| JointRecord {
+                y: y[k * self.outputs..(k + 1) * self.outputs].to_vec(),
+                u: u[k * self.inputs..(k + 1) * self.inputs].to_vec(),
+            })
+            .collect();
+        let found = enter(py, None, |_| self.core.fit(&records))?;
+        dictionary(py, found, self.outputs)
+    }
+
+    /// Fits every record by itself; the inputs may be one set for all.
+    #[pyo3(signature = (y, u, *, threads, progress=None))]
+    fn fit_many<'py>(
+        &self,
+        py: Python<'py>,
+        y: Records<'py>,
+        u: Records<'py>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let y = y.rows("y", self.outputs)?;
+        let records = y.len() / self.outputs.max(1);
+        let batch = JointBatch { y, u: u.rows("u", self.inputs)?, records };
+        let threads = modfun::threads::count(threads).map_err(to_python)?;
+        let (many, design) =
+            enter(py, progress, |report| self.core.fit_many(&batch, threads, report))?;
+        many_dictionary(py, many, design.degrees_of_freedom(), design.lines())
+    }
+}
+
+fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_, PyDict>> {
+    let p = f.theta.len();
+    let out = PyDict::new(py);
+    out.set_item("theta", vector(py, f.theta))?;
+    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
+    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
+    out.set_item("gram", matrix(py, f.gram, p)?)?;
+    out.set_item("condition_bound", f.condition_bound)?;
+    out.set_item("cost", f.cost)?;
+    out.set_item("df_resid", f.degrees_of_freedom)?;
+    out.set_item("noise", matrix(py, f.noise, outputs)?)?;
+    out.set_item("status", f.status.name())?;
+    out.set_item("nit", f.nit)?;
+    out.set_item("at_bound", f.at_bound)?;
+    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
+    out.set_item("lines", lines)?;
+    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
+    let residuals = PyList::empty(py);
+    for record in &f.residuals {
+        let own = PyList::empty(py);
+        for output in record {
+            let complex: Vec<Complex64> =
+                output.iter().map(|(re, im)| Complex64::new(*re, *im)).collect();
+            own.append(vector(py, complex))?;
+        }
+        residuals.append(own)?;
+    }
+    out.set_item("residuals", residuals)?;
+    let colour = PyList::empty(py);
+    for record in f.colour {
+        let lines = record.first().map_or(0, Vec::len);
+        colour.append(matrix(py, record.concat(), if lines == 0 { 0 } else { outputs })?)?;
+    }
+    out.set_item("colour", colour)?;
+    out.set_item("band_rule", account(py, f.band_rule)?)?;
+    Ok(out)
+}
