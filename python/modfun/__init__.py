@@ -10,8 +10,10 @@ from .collinear import Collinearity, collinearity
 from .comparison import Comparison, CrossValidation, compare, cross_validate
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
+from .free import Free
 from .io import columns, read
 from .lti import LTI, ss, tf
+from .noise import Noise
 from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records import Batch, Record
@@ -34,11 +36,13 @@ __all__ = [
     "Estimator",
     "Fit",
     "FitError",
+    "Free",
     "FrequencyResponse",
     "InternalError",
     "ModfunError",
     "ModfunWarning",
     "MonteCarlo",
+    "Noise",
     "OrderSelection",
     "Record",
     "Results",

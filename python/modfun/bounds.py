@@ -140,14 +140,17 @@ def crlb(
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
     if rec.dt is None:
         raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
+    if sys.shape[0] != 1:
+        raise SpecError(f"crlb: the system has {sys.shape[0]} outputs; take them one by one")
     structure = TransferFunction.from_system(sys) if model is None else model
     inputs = len(rec.inputs)
     if inputs != sys.shape[1]:
         raise SpecError(f"crlb: the record has {inputs} input(s), the system {sys.shape[1]}")
+    layout = structure.plain_layout(rec.inputs, "crlb")
     theta = structure.theta(sys)
     prepared = Inputs(list(rec.u), rec.dt, rec.intervals, rec.intersample, sys.delays)
-    omega = time_unit(np.concatenate([[1.0], theta[: structure.poles]]))
-    engine = Sensitivities(structure.poles, structure.numerators(inputs), prepared, omega)
+    omega = time_unit(np.concatenate([[1.0], theta[: layout.orders[0]]]))
+    engine = Sensitivities(layout.orders[0], layout.numerators[0], prepared, omega)
     y, columns = engine.run(theta * engine.scale)
     rms = float(np.sqrt(np.mean(y**2)))
     if nsr is not None and rms == 0:
@@ -172,7 +175,7 @@ def crlb(
     noise = float(level) * (rms if nsr is not None else 1.0)
     factor = half[: theta.size] / engine.scale[:, None]
     return Bound(
-        param_names=structure.param_names(rec.inputs),
+        param_names=layout.param_names,
         values=theta,
         cov=noise**2 * (factor @ factor.T),
         sigma=noise,

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SpecError
+from .lti import roots_of
 from .signals import expression
 from .tables import Table
 
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["damp", "derived", "frequency_response", "poles"]
+__all__ = ["damp", "denominators", "derived", "frequency_response", "poles"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -64,16 +65,19 @@ def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: 
     return value, gradient
 
 
-def poles(fit: Fit) -> tuple[C128, C128]:
-    """Poles of the fit and their derivatives (pole, p): dp/da_j = -p^(n-j)/A'(p)."""
-    den, _ = fit.polynomials()
-    n = fit.order
-    found = fit.model.poles()
+def poles(fit: Fit, output: int = 0) -> tuple[C128, C128]:
+    """Poles of an output and their derivatives (pole, p): dp/da_j = -p^(n-j)/A'(p)."""
+    den, _ = fit.polynomials(output)
+    n = fit.layout.orders[output]
+    found = roots_of(den)
     slope = np.polyval(np.polyder(den), found)
     gradient = np.zeros((n, fit.params.size), complex)
+    first = fit.layout.places[0][output]
     with np.errstate(divide="ignore", invalid="ignore"):
         for j in range(1, n + 1):
-            gradient[:, j - 1] = -(found ** (n - j)) / slope
+            at = fit.layout.positions[first + j - 1]
+            if at is not None:
+                gradient[:, at] = -(found ** (n - j)) / slope
     return found, gradient
 
 
@@ -93,12 +97,13 @@ def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
         sqrt(d' C^-1 d), d the distance of the two in the plane (on the axis where both are real) and C its
         covariance; inf where a path has no zeros.
     """
-    den, nums = fit.polynomials(theta)
-    ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in fit.numerators)])
+    den, nums = fit.layout.polynomials(theta)
+    degrees = fit.layout.numerators[0]
+    ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in degrees)])
     found = _roots(den, np.arange(1, fit.order + 1), theta.size, 0)
     paths = [
         _roots(num, np.arange(num.size), theta.size, int(at))
-        for num, at, d in zip(nums, ends[:-1], fit.numerators, strict=True)
+        for num, at, d in zip(nums, ends[:-1], degrees, strict=True)
         if d is not None
     ]
     apart = [max((_nearest(pole, path, cov) for path in paths), default=np.inf) for pole in found]
@@ -132,9 +137,29 @@ def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
     return min(distances)
 
 
+def denominators(fit: Fit) -> list[tuple[str, int]]:
+    """Name and number of an output for each denominator of its own; the name is empty if there is one."""
+    if fit.layout.common:
+        return [("", 0)]
+    return [(name, i) for i, name in enumerate(fit.outputs)]
+
+
 def damp(fit: Fit) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
-    found, gradients = poles(fit)
+    every = denominators(fit)
+    if len(every) == 1:
+        return Table(_damped(fit, 0))
+    columns: dict[str, list[Any]] = {"output": []}
+    for name, i in every:
+        own = _damped(fit, i)
+        columns["output"] += [name] * len(own["pole"])
+        for key, values in own.items():
+            columns.setdefault(key, []).extend(values)
+    return Table(columns)
+
+
+def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
+    found, gradients = poles(fit, output)
     cov = fit.cov_params()
     columns: dict[str, list[Any]] = {
         name: []
@@ -169,25 +194,37 @@ def damp(fit: Fit) -> Table:
             ]
         for column, value in zip(columns.values(), row, strict=True):
             column.append(value)
-    return Table(columns)
+    return columns
 
 
 def frequency_response(fit: Fit, omega: F64) -> tuple[C128, C128]:
-    """Response (input, f) and gradient (p, input, f); see `Fit.frequency_response`."""
-    den, nums = fit.polynomials()
-    n = fit.order
+    """Response (output, input, f) and gradient (p, output, input, f); see `Fit.frequency_response`."""
+    layout = fit.layout
+    outputs, inputs = len(layout.outputs), len(layout.inputs)
     s = 1j * omega
+    response = np.zeros((outputs, inputs, s.size), complex)
+    gradient = np.zeros((fit.params.size, outputs, inputs, s.size), complex)
+    delays = {path: len(layout.free) + at for at, path in enumerate(layout.free_delays)}
     with np.errstate(divide="ignore", invalid="ignore"):
-        over = 1 / np.polyval(den, s)
-        response = np.empty((len(nums), s.size), complex)
-        gradient = np.zeros((fit.params.size, len(nums), s.size), complex)
-        at = n
-        for k, (num, degree, delay) in enumerate(zip(nums, fit.numerators, fit.delays, strict=True)):
-            late = np.exp(-s * delay)
-            response[k] = np.polyval(num, s) * over * late
-            for j in range(1, n + 1):
-                gradient[j - 1, k] = -response[k] * s ** (n - j) * over
-            for power in range(-1 if degree is None else degree, -1, -1):
-                gradient[at, k] = s**power * over * late
-                at += 1
+        for i in range(outputs):
+            den, nums = fit.polynomials(i)
+            n, first = layout.orders[i], layout.places[0][i]
+            over = 1 / np.polyval(den, s)
+            for k, (num, delay) in enumerate(zip(nums, layout.delays(fit.params, i), strict=True)):
+                degree = layout.numerators[i][k]
+                if degree is None:
+                    continue
+                late = np.exp(-s * delay)
+                response[i, k] = np.polyval(num, s) * over * late
+                for j in range(1, n + 1):
+                    at = layout.positions[first + j - 1]
+                    if at is not None:
+                        gradient[at, i, k] = -response[i, k] * s ** (n - j) * over
+                for j in range(degree + 1):
+                    at = layout.positions[layout.places[1][i][k] + j]
+                    if at is not None:
+                        gradient[at, i, k] = s ** (degree - j) * over * late
+                path = layout.routes[i][k]
+                if path in delays:
+                    gradient[delays[path], i, k] = -s * response[i, k]
     return response, gradient

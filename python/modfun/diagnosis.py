@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .lti import roots_of
 from .validation import Whiteness, colour_of_lines, correlation_of_lines
 
 if TYPE_CHECKING:
@@ -43,7 +44,9 @@ class Diagnosis:
     level_ratio : float
         Noise level of the fit over that of the high band.
     correlation, colour : Whiteness
-        Neighbouring lines; level over the band.
+        Neighbouring lines; level over the band. Of several outputs the worst, its p-value times their number.
+    correlated, coloured : str
+        Which output that is.
     colour_ratio : float
         Level of the lower over that of the upper half of the band.
     lags : tuple of Lag
@@ -58,7 +61,9 @@ class Diagnosis:
     chi2_p: float
     level_ratio: float
     correlation: Whiteness
+    correlated: str
     colour: Whiteness
+    coloured: str
     colour_ratio: float
     lags: tuple[Lag, ...]
     growing: float
@@ -71,14 +76,20 @@ def diagnose(fit: Fit) -> Diagnosis:
     from scipy.special import chdtrc
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = float(np.divide(fit.sigma, fit.high_band_sigma))
-    colour, colour_ratio = colour_of_lines(fit.pieces)
+        # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
+        ratio = float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
+    found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.outputs))]
+    colours = [colour_of_lines(pieces) for pieces in found]
+    correlations = [correlation_of_lines(pieces)[0] for pieces in found]
+    dim, close = _worst([colour for colour, _ in colours]), _worst(correlations)
     return Diagnosis(
         chi2_p=float(chdtrc(fit.df_resid, fit.chi2)) if np.isfinite(fit.chi2) else float("nan"),
-        level_ratio=ratio if np.isfinite(fit.chi2) else float("nan"),
-        correlation=correlation_of_lines(fit.pieces)[0],
-        colour=colour,
-        colour_ratio=colour_ratio,
+        level_ratio=ratio,
+        correlation=_corrected(correlations, close),
+        correlated=fit.outputs[close],
+        colour=_corrected([colour for colour, _ in colours], dim),
+        coloured=fit.outputs[dim],
+        colour_ratio=colours[dim][1],
         lags=lags(fit),
         growing=growth(fit),
         disagreement=disagreement(fit),
@@ -86,9 +97,20 @@ def diagnose(fit: Fit) -> Diagnosis:
     )
 
 
+def _worst(tests: Sequence[Whiteness]) -> int:
+    return int(np.argmin([inf if test.p_value != test.p_value else test.p_value for test in tests]))
+
+
+def _corrected(tests: Sequence[Whiteness], at: int) -> Whiteness:
+    """The worst of several tests with a p-value that allows for their number (Bonferroni)."""
+    own = tests[at]
+    return replace(own, p_value=min(1.0, own.p_value * len(tests)) if own.p_value == own.p_value else nan)
+
+
 def growth(fit: Fit) -> float:
     """Largest real part of the poles, rad/s."""
-    return float(np.max(fit.model.poles().real))
+    every = range(1 if fit.layout.common else len(fit.outputs))
+    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for i in every)
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:
@@ -109,6 +131,8 @@ def disagreement(fit: Fit) -> float:
     for robust, classical in zip(
         fit.cov_hc3.diagonal().tolist(), fit.cov_nonrobust.diagonal().tolist(), strict=True
     ):
+        if robust == classical == 0:  # on a bound
+            continue
         if not (0 < robust < inf and 0 < classical < inf):
             return nan
         worst = max(worst, robust / classical, classical / robust)
@@ -125,12 +149,14 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
 
     To first order a further delay d adds -d s B(s)U to the residual lines; they are regressed on that
     column, cleared of all the fitted ones.
-    Needs the samples, evenly spaced, and the weighting of output noise.
+    Needs the samples, evenly spaced and of equal noise, one output, free parameters and the weighting of
+    output noise.
     """
     from scipy.special import stdtr
 
     weighted = fit.options.noise == "output" and fit.options.method in ("awls", "ml")
-    if fit.records is None or not weighted or not fit.inputs or not fit.sigma > 0:
+    alone = fit.layout.plain and all(rec.mask is None and rec.sigma is None for rec in fit.records or ())
+    if fit.records is None or not weighted or not alone or not fit.inputs or not fit.sigma > 0:
         return ()
     if any(rec.dt is None for rec in fit.records) or fit.df_resid < 4:
         return ()
@@ -160,17 +186,17 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
         bse = float(np.sqrt(rest / size))
         amount = float(z @ residual) / size
         p_value = 2 * float(stdtr(fit.df_resid - 1, -abs(amount) / bse)) if bse > 0 else 0.0
-        found.append(Lag(channel, amount, bse, p_value, fit.numerators[k] is not None))
+        found.append(Lag(channel, amount, bse, p_value, fit.layout.numerators[0][k] is not None))
     return tuple(found)
 
 
 def _columns(fit: Fit, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64, F64]:
     """Whitened real rows of a record: fitted columns, its own (transient, trend), tested, residuals."""
     assert fit.records is not None
-    rec, (lo, hi), e = fit.records[i], fit.lines[i], fit.pieces[i]
+    rec, (lo, hi), e = fit.records[i], fit.lines[i], fit.pieces[i][0]
     assert rec.dt is not None
     smooth = [fit.options.rule if kind == "smooth" else kind for kind in fit.intersample]
-    late = [delay / rec.dt for delay in fit.delays]
+    late = [delay / rec.dt for delay in fit.layout.delays(fit.params)]
     found = _core.coefficients(
         np.ascontiguousarray(np.vstack([rec.y, rec.u])),
         hi,
@@ -189,7 +215,7 @@ def _columns(fit: Fit, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64
     n = fit.order
     shared = [unit ** (n - j) * y for j in range(1, n + 1)]
     tested = []
-    for degree, num, u in zip(fit.numerators, nums, found[1:], strict=True):
+    for degree, num, u in zip(fit.layout.numerators[0], nums, found[1:], strict=True):
         if degree is not None:
             shared += [unit ** (degree - j) * u for j in range(degree + 1)]
         tested.append(-s * np.polyval(num, s) * u if degree is not None else -u)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
+from math import nan
 from typing import Any, Never, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import explain
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
+from .noise import Noise
 from .options import Choices, Options
 from .prepared import prepare, refuse_standing
 from .records import Batch, Record
@@ -23,8 +26,6 @@ __all__ = ["Estimator", "fit", "fit_many"]
 
 # What API words of later versions are answered with; anything else unknown gets the nearest names.
 _LATER = {
-    "output_weights": "weights of several outputs come with models of several outputs; fit one "
-    "output at a time",
     "correct": "the bias correction belongs to equations with nonlinear signals, which come later",
 }
 
@@ -37,8 +38,9 @@ def fit(
     band: float | tuple[float, float] | None = None,
     harmonics: int | None = None,
     trend: str | None = "auto",
-    noise: str = "output",
+    noise: str | Noise = "output",
     cov_type: str = "HC3",
+    output_weights: ArrayLike | None = None,
     rule: str = "gregory",
     extended: bool = True,
     tol: float = 1e-9,
@@ -68,10 +70,17 @@ def fit(
         one, "ls" and "wls" take M = 3 times the number of unknowns (report, eq. (20)).
     trend : {"auto", "constant", "linear", None}
         Unknown offset (and slope) of the output, a record. "auto" is "constant".
-    noise : {"output", "equation"}
-        White noise on the samples of the output, or an equation error.
+    noise : {"output", "equation", "coloured", "errors-in-variables"} or Noise
+        What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
+        unknown (of several outputs estimated in full, by alternation); "equation": white in the equations;
+        "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
+        alternation; "errors-in-variables": white on outputs and inputs, levels from the harmonics that the
+        signals leave empty; `Noise`: known up to a common factor.
     cov_type : {"HC3", "nonrobust"}
         Standard errors without an assumption on the noise colour, or the classical ones.
+    output_weights : (output,) or (output, output) array_like, optional
+        Of several outputs: 1/variance of the noise of each, or the inverse of its covariance, instead of the
+        estimated one.
     rule : {"gregory", "parabolic", "trapezoid", "staircase"}
         Quadrature of the output and of smooth inputs (report, eqs. (21a) to (21c)).
     extended : bool
@@ -112,6 +121,7 @@ def fit(
             "trend": trend,
             "noise": noise,
             "cov_type": cov_type,
+            "output_weights": output_weights,
             "rule": rule,
             "extended": extended,
             "tol": tol,
@@ -217,7 +227,8 @@ def fit_many(
         data = _records(data, "fit_many")
         first = data[0]
         alike = (first.y.shape[1], first.dt)
-        if first.dt is None or any((rec.y.shape[1], rec.dt) != alike for rec in data):
+        uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
+        if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
             return fit_each(data, structure, checked, _fit)
     return fit_batch(data, structure, checked, count, progress)
 
@@ -229,25 +240,22 @@ def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Opti
     """One fit without its warnings."""
     first = records[0]
     made = prepare(structure, options, records)
-    refuse_standing(
-        made, first.outputs, first.inputs, [rec.y[0] for rec in records], [rec.u for rec in records]
-    )
-    found = made.core.fit([rec.y for rec in records], [rec.u for rec in records])
+    refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
+    found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
+    noise = found.get("noise")
+    if noise is None:
+        noise = np.array([[found["sigma"] ** 2]])
     return Fit(
         structure=structure,
+        layout=made.layout,
         options=options,
-        outputs=first.outputs,
-        inputs=first.inputs,
         units=first.units,
         intersample=first.intersample,
-        numerators=made.numerators,
-        delays=made.delays,
-        param_names=made.param_names,
         params=found["theta"],
         cov_nonrobust=found["cov_nonrobust"],
         cov_hc3=found["cov_hc3"],
         cost=found["cost"],
-        sigma=found["sigma"],
+        noise_cov=noise,
         df_resid=found["df_resid"],
         status=found["status"],
         nit=found["nit"],
@@ -258,7 +266,15 @@ def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Opti
         gram=found["gram"],
         condition_bound=found["condition_bound"],
         band_rule=found["band_rule"],
-        pieces=tuple(found["residuals"]),
+        pieces=tuple(np.array(piece) for piece in found["residuals"])
+        if made.joint
+        else tuple(piece[None] for piece in found["residuals"]),
+        at_bound=tuple(
+            name for name, on in zip(made.layout.param_names, found.get("at_bound", ()), strict=False) if on
+        ),
+        noise_scale=found["scale"]
+        if isinstance(options.noise, Noise) or options.noise == "errors-in-variables"
+        else nan,
         records=records,
     )
 

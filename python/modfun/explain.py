@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import html
 from .diagnosis import diagnose, disagreement, fewest_samples, growth, surely_stable
+from .free import Free
+from .noise import Noise
 from .tables import Findings, Table
 
 if TYPE_CHECKING:
@@ -73,7 +75,8 @@ def _few_samples(fit: Fit) -> str | None:
 
 
 def _unstable(fit: Fit) -> str | None:
-    if surely_stable([1.0, *fit.params[: fit.order].tolist()]):
+    every = range(1 if fit.layout.common else len(fit.outputs))
+    if all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
         return None
     growing = growth(fit)
     if growing <= 0:
@@ -91,7 +94,9 @@ def _minima(fit: Fit) -> str | None:
     if rule is None:
         return None
     wide, narrow = rule["cost_wide"], rule["cost_narrow"]
-    if not (np.isfinite(wide) and np.isfinite(narrow)) or abs(wide - narrow) <= 1e-6 * min(wide, narrow):
+    # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
+    apart = 1e-6 * min(wide, narrow) if len(fit.outputs) == 1 else 0.01
+    if not (np.isfinite(wide) and np.isfinite(narrow)) or abs(wide - narrow) <= apart:
         return None
     return (
         f"Two minima were found over the wide band, with costs {min(wide, narrow):.6g} and "
@@ -130,34 +135,31 @@ def check(fit: Fit) -> Findings:
     found: list[str | None] = [None if fit.success else message(fit), _unstable(fit)]
     if d.chi2_p < UNLIKELY or d.level_ratio > LEVEL:
         found.append(
-            f"The residuals are {d.level_ratio:.3g} times the noise level of the unused high band "
-            f"({fit.sigma:.4g} "
-            f"against {fit.high_band_sigma:.4g}): chi-square {fit.chi2:.4g} for {fit.df_resid} "
-            "degrees of freedom. "
+            f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
+            f"{fit.df_resid} degrees of freedom. "
             "Either the model misses something, or the record was low-pass filtered and the high "
             "band is empty of "
             "noise, as flight records often are."
         )
     elif d.level_ratio < 1 / LEVEL:
         found.append(
-            f"The residuals are only {d.level_ratio:.3g} of the noise level of the unused high band "
-            f"({fit.sigma:.4g} against {fit.high_band_sigma:.4g}): the noise is stronger at high "
+            f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at high "
             "frequency, or there "
             f"is signal there."
         )
     if d.colour.p_value < UNLIKELY:
         found.append(
-            "The residual lines are not of one level over the band (lower half "
+            f"The residual lines{_of(fit, d.coloured)} are not of one level over the band (lower half "
             f"{d.colour_ratio:.3g} times the upper "
             f"half, p = {d.colour.p_value:.2g}): the noise is coloured or the model misses part of the band; "
             "classical standard errors do not hold, HC3 does."
         )
     if d.correlation.p_value < UNLIKELY:
         found.append(
-            f"Neighbouring residual lines are correlated (Ljung-Box {d.correlation.statistic:.3g}, p = "
-            f"{d.correlation.p_value:.2g}): something short in time is not explained, such as a "
-            "gust, a step of "
-            "another input or clipping; look at plot_response()."
+            f"Neighbouring residual lines{_of(fit, d.correlated)} are correlated (Ljung-Box "
+            f"{d.correlation.statistic:.3g}, p = {d.correlation.p_value:.2g}): something short in "
+            "time is not explained, such as a gust, a step of another input or clipping; look at "
+            "plot_response()."
         )
     for lag in d.lags:
         if lag.p_value >= UNLIKELY:
@@ -176,6 +178,11 @@ def check(fit: Fit) -> Findings:
                 "no path in the "
                 "structure: give it zeros."
             )
+    if fit.at_bound:
+        found.append(
+            f"{', '.join(fit.at_bound)} ended on a bound: the data would have it elsewhere, and "
+            "the other standard errors hold only if the bound is right."
+        )
     found += [_disagreement(fit), _minima(fit), _few_samples(fit), _condition(fit)]
     return Findings(title, [text for text in found if text])
 
@@ -186,10 +193,32 @@ def one_line(fit: Fit) -> str:
         f"{name}={value:.5g}±{error:.2g}"
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
-    path = (
-        f"{', '.join(fit.inputs)} -> {fit.outputs[0]}" if fit.inputs else f"free motion of {fit.outputs[0]}"
+    return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}: {numbers})"
+
+
+def _path(fit: Fit) -> str:
+    names = ", ".join(fit.outputs)
+    return f"{', '.join(fit.inputs)} -> {names}" if fit.inputs else f"free motion of {names}"
+
+
+def _of(fit: Fit, output: str) -> str:
+    return f" of {output}" if len(fit.outputs) > 1 else ""
+
+
+def _numbers(values: Any) -> str:
+    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(values))
+
+
+def _reference(fit: Fit) -> str:
+    """The level that residuals are compared with."""
+    if isinstance(fit.options.noise, Noise):
+        return "the noise that was given"
+    if fit.options.noise == "errors-in-variables":
+        return "the noise seen in the unused high band"
+    return (
+        f"the noise level of the unused high band ({_numbers(fit.sigma)} against "
+        f"{_numbers(fit.high_band_sigma)})"
     )
-    return f"Fit({path}, {fit.options.method}, {fit.status}: {numbers})"
 
 
 class Summary:
@@ -228,12 +257,22 @@ class Summary:
 
 
 def _facts(fit: Fit) -> list[tuple[str, str]]:
-    late = "".join(f", {name} delayed {d:.6g} s" for name, d in zip(fit.inputs, fit.delays, strict=True) if d)
+    late = "".join(
+        f", {fit.inputs[path.input]} delayed {path.delay:.6g} s"
+        for path in fit.layout.paths
+        if not isinstance(path.delay, Free) and path.delay
+    )
+    held = [
+        f"{name} = {value:.6g}"
+        for name, value in zip(fit.layout.names, fit.layout.fixed, strict=True)
+        if value is not None
+    ]
+    late += f"; held: {', '.join(held)}" if held else ""
     spans = [
         f"{n} intervals in {2 * np.pi / w:.6g} s" for n, w in zip(fit.intervals, fit.omega0, strict=True)
     ]
     return [
-        ("Model", f"{', '.join(fit.inputs) or 'free motion'} -> {fit.outputs[0]}: {fit.structure!r}{late}"),
+        ("Model", f"{_path(fit)}: {fit.structure!r}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
         ("Method", f"{fit.options.method}; {fit.status}. {message(fit)}"),
         ("Band", _band(fit)),
@@ -243,7 +282,7 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
         ),
         ("Noise", _noise(fit)),
         ("Chi-square", _chi2(fit)),
-        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
+        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors){_bic(fit)}"),
         ("Errors", f"{fit.cov_type}; Student's t with {fit.df_resid} degrees of freedom"),
     ]
 
@@ -270,18 +309,35 @@ def _noise(fit: Fit) -> str:
         return f"white equation error; level {fit.sigma:.4g}"
     if fit.options.method in ("ls", "wls"):
         return f"not used by {fit.options.method}; level of the equation error {fit.sigma:.4g}"
-    text = f"white on {fit.outputs[0]}, standard deviation {fit.sigma:.4g}"
-    return (
-        text
-        if np.isnan(fit.high_band_sigma)
-        else f"{text}; in the unused high band {fit.high_band_sigma:.4g}"
-    )
+    kind = {
+        "coloured": "an autoregression fitted to the residuals",
+        "errors-in-variables": "white on outputs and inputs, levels from the unused high band",
+    }.get(fit.options.noise if isinstance(fit.options.noise, str) else "", "white")
+    if isinstance(fit.options.noise, Noise):
+        kind = f"as given, {fit.options.noise!r}"
+    text = f"{kind}; standard deviation on {', '.join(fit.outputs)}: {_numbers(fit.sigma)}"
+    if len(fit.outputs) > 1:
+        level = np.sqrt(np.diag(fit.noise_cov))
+        between = fit.noise_cov / np.outer(level, level)
+        strongest = np.max(np.abs(np.triu(between, 1)))
+        text += f", correlated up to {strongest:.2f}" + (
+            " (weights as given)" if fit.options.output_weights is not None else ""
+        )
+    if fit.noise_scale == fit.noise_scale:
+        return f"{text}, {np.sqrt(fit.noise_scale):.3g} times what was expected"
+    if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
+        return text
+    return f"{text}; in the unused high band {_numbers(fit.high_band_sigma)}"
+
+
+def _bic(fit: Fit) -> str:
+    return f"; BIC {fit.bic:.5g}" if len(fit.outputs) == 1 else ""
 
 
 def _chi2(fit: Fit) -> str:
     if np.isnan(fit.chi2):
-        return "not available (needs even samples, output noise, and awls or ml)"
-    ratio = fit.sigma / fit.high_band_sigma
+        return "not available (needs even samples, white output noise or a given one, and awls or ml)"
+    ratio = float(np.sqrt(fit.chi2 / fit.df_resid))
     verdict = (
         "as it should be"
         if 1 / LEVEL < ratio < LEVEL

@@ -588,6 +588,11 @@ def _roots(p: F64) -> C128:
     return np.asarray(np.roots(q * w ** -np.arange(float(q.size))) * w, dtype=np.complex128)
 
 
+def roots_of(p: F64) -> C128:
+    """Roots of a polynomial in descending powers, by increasing modulus."""
+    return _sorted(_roots(p))
+
+
 def _sorted(roots: Any) -> C128:
     found = np.asarray(roots, dtype=np.complex128)
     return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]

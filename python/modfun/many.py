@@ -141,8 +141,7 @@ def fit_batch(
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
     made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
     y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
-    one = data if isinstance(data, Batch) else data[0]
-    refuse_standing(made, one.outputs, one.inputs, [y[0][0]], [u[0]])
+    refuse_standing(made.layout, [y[0]], [u[0]])
     show = _Progress(len(y)) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
     found = made.core.fit_many(y, u, threads=threads, progress=show)
     if show is not None:
@@ -160,7 +159,7 @@ def fit_batch(
         status=_WORDS.take(status),
         cost=found["cost"],
         nit=found["nit"],
-        param_names=made.param_names,
+        param_names=made.layout.param_names,
         df_resid=found["df_resid"],
         band=(low * omega0, high * omega0),
         structure=structure,

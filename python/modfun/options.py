@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any, TypedDict
 
 import numpy as np
 
 from .errors import SpecError
+from .noise import Noise
 from .tables import nearest
 
 __all__ = ["Choices", "Options"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
-    "noise": ("output", "equation"),
+    "noise": ("output", "equation", "coloured", "errors-in-variables"),
     "cov_type": ("HC3", "nonrobust"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
+_REPORTED = ("cov_type", "output_weights")
 TRENDS = ("auto", "constant", "linear")
 
 
@@ -29,8 +31,9 @@ class Choices(TypedDict, total=False):
     band: float | tuple[float, float] | None
     harmonics: int | None
     trend: str | None
-    noise: str
+    noise: str | Noise
     cov_type: str
+    output_weights: Any
     rule: str
     extended: bool
     tol: float
@@ -45,8 +48,9 @@ class Options:
     band: tuple[float, float] | None = None
     harmonics: int | None = None
     trend: str | None = "auto"
-    noise: str = "output"
+    noise: str | Noise = "output"
     cov_type: str = "HC3"
+    output_weights: tuple[Any, ...] | None = None
     rule: str = "gregory"
     extended: bool = True
     tol: float = 1e-9
@@ -83,7 +87,7 @@ class Options:
 
     def replace(self, **changes: Any) -> Options:
         """The same with some options changed (unchecked)."""
-        return Options(**{**asdict(self), **changes})
+        return replace(self, **changes)
 
     def given(self) -> dict[str, Any]:
         """Options that differ from the defaults, by name."""
@@ -91,9 +95,13 @@ class Options:
 
     def core(self) -> dict[str, Any]:
         """Keywords of the compiled core (all but the choice of the reported covariance)."""
-        words = asdict(self.settled())
-        del words["cov_type"]
-        return words
+        settled = self.settled()
+        return {f.name: getattr(settled, f.name) for f in fields(self) if f.name not in _REPORTED}
+
+    @property
+    def plain_noise(self) -> bool:
+        """Whether the noise is white on one output, or in its equation: what the fastest path fits."""
+        return self.noise in ("output", "equation") and self.output_weights is None
 
 
 def _checked(what: str, **given: Any) -> Options:
@@ -102,6 +110,8 @@ def _checked(what: str, **given: Any) -> Options:
             known = list(Options.__dataclass_fields__)
             raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
     for name, words in WORDS.items():
+        if name == "noise" and isinstance(given.get(name), Noise):
+            continue
         if name in given and not (isinstance(given[name], str) and given[name] in words):
             raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
     trend = given.get("trend")
@@ -110,6 +120,12 @@ def _checked(what: str, **given: Any) -> Options:
     checked = dict(given)
     if given.get("band") is not None:
         checked["band"] = _band(what, given["band"])
+    if given.get("output_weights") is not None:
+        checked["output_weights"] = _weights(what, given["output_weights"])
+        if given.get("noise", "output") != "output":
+            raise SpecError(
+                f'{what}: output_weights= goes with noise="output"; noise= says the weights itself'
+            )
     if given.get("harmonics") is not None:
         if checked.get("band") is not None:
             raise SpecError(
@@ -146,6 +162,24 @@ def _band(what: str, band: Any) -> tuple[float, float]:
             f"{what}: band={band!r} must satisfy 0 <= lower < upper (rad/s; an edge in Hz times 2 pi)"
         )
     return low, high
+
+
+def _weights(what: str, given: Any) -> tuple[Any, ...]:
+    try:
+        weights = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        weights = np.array(np.nan)
+    matrix = weights.ndim == 2 and weights.shape[0] == weights.shape[1]
+    if not (weights.ndim == 1 or matrix) or not np.all(np.isfinite(weights)):
+        raise SpecError(
+            f"{what}: output_weights={given!r} must be one number an output (1/variance of its noise), or "
+            "the inverse covariance matrix"
+        )
+    smallest = np.min(weights) if weights.ndim == 1 else np.min(np.linalg.eigvalsh(weights))
+    if not smallest > 0:
+        raise SpecError(f"{what}: output_weights={given!r} must be positive (a matrix: positive definite)")
+    plain = weights.tolist()
+    return tuple(plain) if weights.ndim == 1 else tuple(map(tuple, plain))
 
 
 def _number(what: str, name: str, value: Any) -> float:

@@ -15,6 +15,7 @@ from .derived import cancelling
 from .errors import FitError, SpecError
 from .estimation import _fit, _options, _records
 from .options import Choices, Options
+from .prepared import plain_words
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
@@ -189,7 +190,7 @@ class _Race:
 
     @property
     def transient(self) -> int:
-        return max(s.poles for s in self.structures)
+        return max(fit.order for fit in self.fits)
 
     def wide(self) -> tuple[float, float]:
         """The wide band of the default rule, in rad/s, that all records have."""
@@ -212,16 +213,12 @@ class _Race:
         options = self.options.replace(harmonics=None, band=(band[0], band[1] * (1 + 1e-9)))
         ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
         rows: list[dict[str, Any]] = []
-        for structure, own in zip(self.structures, self.fits, strict=True):
+        for own in self.fits:
             core = _core.Fitter(
                 [rec.y.shape[1] for rec in self.records],
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
-                order=structure.poles,
-                numerators=own.numerators,
-                delays=own.delays,
-                intersample=own.intersample,
                 transient=self.transient,
-                **options.core(),
+                **plain_words(own.layout, own.intersample, options),
             )
             starts: list[F64 | None] = [None]
             if np.all(np.isfinite(own.params)):
@@ -243,15 +240,16 @@ def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
     Nothing, where the larger one has not the same paths with one zero, or one pole, more.
     """
     smaller: Fit = row["fit"]
-    if [d is None for d in larger.numerators] != [d is None for d in smaller.numerators]:
+    if [d is None for d in larger.layout.numerators[0]] != [d is None for d in smaller.layout.numerators[0]]:
         return []
     more = {
         b - a
-        for a, b in zip(smaller.numerators, larger.numerators, strict=True)
+        for a, b in zip(smaller.layout.numerators[0], larger.layout.numerators[0], strict=True)
         if a is not None and b is not None
     }
-    den, nums = smaller.polynomials(row["theta"])
-    paths = [num for num, degree in zip(nums, smaller.numerators, strict=True) if degree is not None]
+    den, nums = smaller.layout.polynomials(row["theta"])
+    degrees = smaller.layout.numerators[0]
+    paths = [num for num, degree in zip(nums, degrees, strict=True) if degree is not None]
     if larger.order == smaller.order and more == {1}:
         return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])]
     if larger.order == smaller.order + 1 and more <= {0}:

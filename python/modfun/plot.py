@@ -324,7 +324,7 @@ def residuals(fit: Fit, ax: Any = None) -> Any:
     from .validation import correlation_of_lines
 
     upper, lower = _axes(ax, 2, height=2.3, sharex=False)
-    for k, ((first, last), e) in enumerate(zip(fit.lines, fit.pieces, strict=True)):
+    for k, ((first, last), e) in enumerate(zip(fit.lines, [piece[0] for piece in fit.pieces], strict=True)):
         m = np.arange(first, last + 1)
         some = len(e) <= 60
         look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
@@ -339,7 +339,7 @@ def residuals(fit: Fit, ax: Any = None) -> Any:
     upper.set_xlabel("harmonic m")
     upper.set_ylabel("whitened residual")
     upper.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    test, r = correlation_of_lines(fit.pieces)
+    test, r = correlation_of_lines([piece[0] for piece in fit.pieces])
     lags = np.arange(1, r.size + 1)
     lower.bar(lags, r, width=0.35, color="C0")
     lower.axhline(0.0, color="0.3", linewidth=0.6)
@@ -562,7 +562,7 @@ def _paths(system: Any, omega: Any) -> Any:
         cov = system.cov_params()
         inside = (omega >= system.band[0]) & (omega <= system.band[1])
         for k, name in enumerate(system.inputs):
-            if system.numerators[k] is None:
+            if system.layout.numerators[0][k] is None:
                 continue
             with np.errstate(divide="ignore", invalid="ignore"):
                 relative = gradient[:, k] / gain[k]

@@ -14,6 +14,7 @@ from .records import Record
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
+    from .lti import LTI
     from .results import Fit
 
 __all__ = ["InitialState", "observe_fit", "simulate_fit"]
@@ -28,11 +29,11 @@ class InitialState:
     Attributes
     ----------
     state : (n,) array
-        y, y', ... of the free response at the first sample.
+        y, y', ... of the free response at the first sample; of several outputs one after the other.
     cov : (n, n) array
         Covariance, from the residuals taken as white; zeros if the state was given.
     trend : array
-        Offset, or offset and slope over the whole record, of the output (empty without a trend).
+        Offset, or offset and slope over the whole record, of each output (empty without a trend).
     """
 
     state: F64
@@ -71,32 +72,49 @@ def simulate_fit(
 
     Returns
     -------
-    simulated : (1, time) array
+    simulated : (output, time) array
     initial : InitialState
     """
-    den, _ = fit.polynomials()
-    n = fit.order
-    measured = rec.y[0]
-    forced = _forced(fit, rec)
-    free = free_response(den, rec.t)
+    orders = fit.layout.orders
+    given = None if initial_state is None else _given(initial_state, sum(orders))
     trend = trend_columns(rec.t, fit.trend)
-    if initial_state is None:
-        found = regress(measured - forced, np.vstack([free, trend]))
-        state, cov, offsets = found.coefficients[:n], found.covariance[:n, :n], found.coefficients[n:]
-        fitted = found.fitted
-    else:
-        state = _given(initial_state, n)
-        cov = np.zeros((n, n))
-        start = state @ free
-        found = regress(measured - forced - start, trend)
-        offsets, fitted = found.coefficients, start + found.fitted
-    simulated = forced + fitted
+    simulated = np.empty_like(rec.y)
+    cov = np.zeros((sum(orders), sum(orders)))
+    states, offsets, first = [], [], 0
+    for i, n in enumerate(orders):
+        den, _ = fit.polynomials(i)
+        forced = _forced(fit, rec, i)
+        free = free_response(den, rec.t)
+        left = rec.y[i] - forced
+        weight = _weight(rec, i)
+        if given is None:
+            found = regress(left, np.vstack([free, trend]), weight)
+            states.append(found.coefficients[:n])
+            cov[first : first + n, first : first + n] = found.covariance[:n, :n]
+            offsets.append(found.coefficients[n:])
+            fitted = found.fitted
+        else:
+            states.append(given[first : first + n])
+            start = states[-1] @ free
+            found = regress(left - start, trend, weight)
+            offsets.append(found.coefficients)
+            fitted = start + found.fitted
+        simulated[i] = forced + fitted
+        first += n
     if not np.all(np.isfinite(simulated)):
         raise DataError(
             f"simulating the fit: the output overflows within {rec.duration:g} s, the model is unstable; "
             "predict a shorter piece with rec.window(start, stop)"
         )
-    return simulated[None], InitialState(state, cov, offsets)
+    return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
+
+
+def _weight(rec: Record, output: int) -> F64 | None:
+    """1/standard deviation of each sample of an output, 0 where masked; None where all count alike."""
+    if rec.mask is None and rec.sigma is None:
+        return None
+    weight = np.ones(rec.t.size) if rec.sigma is None else 1 / rec.sigma[output]
+    return weight if rec.mask is None else np.where(rec.mask[output], weight, 0.0)
 
 
 def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
@@ -106,13 +124,21 @@ def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> Initial
             "initial_state: an observer needs even sampling, and this record's steps are uneven; "
             'use method="lstsq"'
         )
-    den, _ = fit.polynomials()
-    n = fit.order
-    companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
-    left = (rec.y[0] - _forced(fit, rec))[None]
+    orders = fit.layout.orders
     terms = len(trend_columns(rec.t, fit.trend))
-    found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
-    return InitialState(found.state, found.cov, found.trend.ravel())
+    cov = np.zeros((sum(orders), sum(orders)))
+    states, trends, first = [], [], 0
+    # The outputs' free responses have no state in common: an observer each.
+    for i, n in enumerate(orders):
+        den, _ = fit.polynomials(i)
+        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
+        left = (rec.y[i] - _forced(fit, rec, i))[None]
+        found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
+        cov[first : first + n, first : first + n] = found.cov
+        states.append(found.state)
+        trends.append(found.trend.ravel())
+        first += n
+    return InitialState(np.concatenate(states), cov, np.concatenate(trends))
 
 
 def _given(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
@@ -134,27 +160,28 @@ def _given(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
     return state
 
 
-def _forced(fit: Fit, rec: Record) -> F64:
-    """Response from rest to the record's inputs."""
+def _forced(fit: Fit, rec: Record, output: int) -> F64:
+    """Response of an output from rest to the record's inputs."""
     if not rec.inputs:
         return np.zeros(rec.t.size)
+    model = fit.path_model(output)
     if rec.dt is not None:
         return np.asarray(
-            fit.model.simulate(u=list(rec.u), dt=rec.dt, intersample=rec.intersample), dtype=float
+            model.simulate(u=list(rec.u), dt=rec.dt, intersample=rec.intersample), dtype=float
         ).reshape(-1)
-    if any(fit.delays):
+    if any(model.delays):
         raise DataError(
-            f"simulating the fit: delays of {fit.delays} s need even sampling and this record's steps are "
+            f"simulating the fit: delays of {model.delays} s need even sampling and this record's steps are "
             "uneven; resample it first"
         )
-    return _forced_uneven(fit, rec)
+    return _forced_uneven(model, rec)
 
 
-def _forced_uneven(fit: Fit, rec: Record) -> F64:
+def _forced_uneven(model: LTI, rec: Record) -> F64:
     """Uneven steps, one exact transition each; smooth inputs are taken as straight between samples."""
     from scipy.linalg import expm
 
-    a, b, c, d, _ = fit.model.scaled()
+    a, b, c, d, _ = model.scaled()
     n, inputs = b.shape
     step = np.diff(rec.t)
     block = np.zeros((n + 2 * inputs, n + 2 * inputs))

@@ -12,15 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .errors import DataError, SpecError
+from .errors import DataError
+from .gaps import bridged, variances
+from .layout import Layout
+from .noise import weighting
 from .options import Options
 from .records import Batch, Record
 from .structures import TransferFunction
 
-__all__ = ["Prepared", "channels", "prepare", "refuse_standing"]
+__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "refuse_standing"]
 
 KEPT = 32  # kinds of fits
 LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes for less than the fit takes
+
+LOOKED_AT = 64  # records of a batch that tell the noise levels
+_NOTHING = np.zeros(0)
 
 Names = tuple[str, ...]
 F64 = NDArray[np.float64]
@@ -32,21 +38,22 @@ class Prepared:
 
     Attributes
     ----------
-    core : _core.Fitter
-    numerators : tuple of int or None
-        Degree of each input's numerator.
-    delays : tuple of float
-        Of each input, s.
-    param_names : tuple of str
+    core : _core.Fitter or _core.JointFitter
+    layout : Layout
     intervals : tuple of int
         Sampling intervals used, a record.
+    outputs : tuple of ndarray (output, time)
+        Of each record, masked samples interpolated; empty for a batch.
+    joint : bool
+        Whether it takes the joint estimator: several outputs, fitted or given noise, held or bounded
+        parameters, unknown delays, samples of uneven noise.
     """
 
-    core: _core.Fitter
-    numerators: tuple[int | None, ...]
-    delays: tuple[float, ...]
-    param_names: Names
+    core: _core.Fitter | _core.JointFitter
+    layout: Layout
     intervals: tuple[int, ...]
+    joint: bool
+    outputs: tuple[F64, ...] = ()
 
 
 def prepare(structure: TransferFunction, options: Options, data: Batch | Sequence[Record]) -> Prepared:
@@ -61,50 +68,38 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     sampling: tuple[tuple[int, Any], ...]
     if isinstance(data, Batch):
         first, sampling = data, ((data.y.shape[2], data.dt),)
+        even = True
     else:
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
+        even = all([rec.mask is None and rec.sigma is None for rec in data])
+    layout = structure.layout(first.outputs, first.inputs)
+    if not (layout.plain and options.plain_noise and even):
+        return _joint(layout, options, data, first.intersample, sampling)
     short = sum([samples for samples, _ in sampling]) <= LONGEST
-    even = isinstance(data, Batch) or all(rec.dt is not None for rec in data)
-    make = _kept if short and even else _made
-    return make(structure, options, first.outputs, first.inputs, first.intersample, sampling)
+    kept = isinstance(data, Batch) or all([rec.dt is not None for rec in data])
+    make = _kept if short and kept else _made
+    return make(layout, options, first.intersample, sampling)
 
 
-def channels(structure: TransferFunction, outputs: Names, inputs: Names) -> tuple[Any, Any]:
-    """Numerator degrees and delays for the inputs of a record, checked."""
-    if len(outputs) > 1:
-        raise SpecError(
-            f"fit: the record has {len(outputs)} outputs ({', '.join(outputs)}) and this version fits "
-            f"one at a time; choose it with rec.select(outputs=[{outputs[0]!r}])"
-        )
-    if not inputs:
-        if structure.n_inputs is not None:
-            raise SpecError(
-                f"fit: the structure has {structure.n_inputs} input(s), the record has none; free "
-                f"motion takes TransferFunction(poles={structure.poles})"
-            )
-        return (), ()
-    return structure.numerators(len(inputs)), structure.delays(len(inputs))
-
-
-def refuse_standing(
-    made: Prepared, outputs: Names, inputs: Names, ys: Sequence[F64], us: Sequence[F64]
-) -> None:
-    """Refuse records (outputs (time), inputs (channel, time)) in which a channel that counts never moves.
+def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:
+    """Refuse records (outputs and inputs (channel, time)) in which a channel that counts never moves.
 
     Raises
     ------
     DataError
     """
-    if all([_stands(y) for y in ys]):
-        raise DataError(
-            f"fit: output {outputs[0]!r} stands at {ys[0][0]:g} throughout, so nothing can be learnt "
-            "from it: take a record in which it moves"
-        )
-    for k, degree in enumerate(made.numerators):
-        if degree is not None and all([_stands(u[k]) for u in us]):
+    for k, name in enumerate(layout.outputs):
+        if all([_stands(y[k]) for y in ys]):
             raise DataError(
-                f"fit: input {inputs[k]!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
+                f"fit: output {name!r} stands at {ys[0][k, 0]:g} throughout, so nothing can be learnt "
+                "from it: take a record in which it moves"
+            )
+    for k, name in enumerate(layout.inputs):
+        used = any([row[k] is not None for row in layout.numerators])
+        if used and all([_stands(u[k]) for u in us]):
+            raise DataError(
+                f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
                 "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
                 "it moves"
             )
@@ -116,38 +111,70 @@ def _stands(values: F64) -> bool:
 
 
 def _made(
-    structure: TransferFunction,
-    options: Options,
-    outputs: Names,
-    inputs: Names,
-    intersample: Names,
-    sampling: tuple[tuple[int, Any], ...],
+    layout: Layout, options: Options, intersample: Names, sampling: tuple[tuple[int, Any], ...]
 ) -> Prepared:
     """As `prepare`; `sampling` holds the number of samples and the step (uneven: the times) a record."""
-    numerators, delays = channels(structure, outputs, inputs)
-    late = max(delays, default=0.0)
-    leads = [0 if late == 0 else _lead(late, samples, step) for samples, step in sampling]
+    intervals = _intervals(layout, sampling)
     core = _core.Fitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
-        order=structure.poles,
-        numerators=numerators,
-        delays=delays,
-        intersample=intersample,
-        **options.core(),
+        **plain_words(layout, intersample, options),
     )
-    return Prepared(
-        core=core,
-        numerators=numerators,
-        delays=delays,
-        param_names=structure.param_names(inputs)
-        if inputs
-        else tuple(f"a{k + 1}" for k in range(structure.poles)),
-        intervals=tuple(samples - 1 - lead for (samples, _), lead in zip(sampling, leads, strict=True)),
-    )
+    return Prepared(core, layout, intervals, joint=False)
 
 
 _kept = lru_cache(KEPT)(_made)
+
+
+def plain_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+    """Keywords of the core for a layout that is plain."""
+    return {
+        "order": layout.orders[0],
+        "numerators": layout.numerators[0],
+        "delays": layout.delays(_NOTHING),
+        "intersample": intersample,
+        **options.core(),
+    }
+
+
+def joint_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+    """Keywords of the core for any layout, noise aside."""
+    words = {**layout.core(), "intersample": intersample, **options.core()}
+    del words["noise"]
+    return words
+
+
+def _joint(
+    layout: Layout,
+    options: Options,
+    data: Batch | Sequence[Record],
+    intersample: Names,
+    sampling: tuple[tuple[int, Any], ...],
+) -> Prepared:
+    intervals = _intervals(layout, sampling)
+    # Of a batch some records say how much noise there is.
+    records = [data[k] for k in range(min(len(data), LOOKED_AT))]
+    used = intervals * len(records) if isinstance(data, Batch) else intervals[: len(records)]
+    if not isinstance(data, Batch):
+        records, used = list(data), intervals
+    order = max(layout.orders)
+    whole = [] if isinstance(data, Batch) else [bridged(rec) for rec in data]
+    uneven = (
+        [variances(rec, off, order) for rec, (_, off) in zip(data, whole, strict=True)] if whole else [None]
+    )
+    core = _core.JointFitter(
+        [samples for samples, _ in sampling],
+        [step for _, step in sampling],
+        uneven,
+        **weighting(layout, options, records, used),
+        **joint_words(layout, intersample, options),
+    )
+    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for y, _ in whole))
+
+
+def _intervals(layout: Layout, sampling: tuple[tuple[int, Any], ...]) -> tuple[int, ...]:
+    late = layout.longest_delay
+    return tuple(samples - 1 - (0 if late == 0 else _lead(late, samples, step)) for samples, step in sampling)
 
 
 def _lead(late: float, samples: int, step: Any) -> int:

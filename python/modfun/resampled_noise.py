@@ -91,13 +91,15 @@ def _unshrink(
     blocks, sizes, errors, weights = [], [], [], []
     for k, (rec, y) in enumerate(zip(records, clean, strict=True)):
         low, high = fit.lines[k]
-        ys, us = _spectrum(rec._like(y=y[None]), high, fit.options.rule, fit.delays, leads[k])
+        ys, us = _spectrum(
+            rec._like(y=y[None]), high, fit.options.rule, fit.layout.delays(fit.params), leads[k]
+        )
         m = np.arange(high + 1)
         s = 1j * fit.omega0[k] * m
         a = np.polyval(den, s)
         a = np.where(np.abs(a) > LEAST * np.abs(a).max(), a, LEAST * np.abs(a).max())
         columns = [-(s ** (n - i)) * ys[0] / a for i in range(1, n + 1)]
-        for u, degree in zip(us, fit.numerators, strict=True):
+        for u, degree in zip(us, fit.layout.numerators[0], strict=True):
             columns += [s**j * u / a for j in range(-1 if degree is None else degree, -1, -1)]
         trend = [m == 0, 1j / (2 * np.pi * np.maximum(m, 1))]  # spectra of 1 and of t/T − ½ (but for line 0)
         own = [*(s**j / a for j in range(n)), *trend[: len(trend_columns(rec.t, fit.trend))]]

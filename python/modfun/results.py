@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, explain, prediction, validation
 from . import derived as derivations
 from .errors import DataError, FitError, SpecError
+from .layout import Layout
 from .lti import LTI, ss, tf
+from .noise import Noise
 from .options import Options
 from .prediction import InitialState
 from .records import Record
-from .structures import TransferFunction
+from .structures import TransferFunction, system_of
 from .tables import Findings, Table, nearest
 
 __all__ = ["Fit"]
@@ -31,7 +33,7 @@ C128 = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """A fitted transfer function.
+    """A fitted transfer function, of one output or several.
 
     Made by `fit`, an `Estimator` or `load`. Methods that take a record use the fit's own when it is left
     out; where the fit has several, say which by its index (`fit.predict(1)`) or give any Record with the
@@ -49,8 +51,8 @@ class Fit:
     cost : float
         The minimised weighted sum of squares, in units of the output squared where the weighting is that
         of output noise.
-    sigma : float
-        Noise standard deviation on a sample of the output, sqrt(cost / df_resid).
+    noise_cov : (output, output) array
+        Covariance of the noise on a sample of the outputs (of the equations, for equation noise).
     df_resid : int
         Real equations less unknowns (transient and trend included).
     status : str
@@ -67,6 +69,12 @@ class Fit:
         Numbers of the default rule that chose the band; None where the band was given.
     structure : TransferFunction
         What was fitted.
+    layout : Layout
+        The structure for the record's channels: names, fixed values, how parameters make polynomials.
+    noise_scale : float
+        Variance of the noise over what was given (`Noise`) or seen (errors in variables); else nan.
+    at_bound : tuple of str
+        Parameters that ended on a bound; their standard error is 0, the others' holds given them.
     options : Options
         How it was fitted.
     records : tuple of Record or None
@@ -76,19 +84,15 @@ class Fit:
     """
 
     structure: TransferFunction
+    layout: Layout
     options: Options
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
     units: dict[str, str]
     intersample: tuple[str, ...]
-    numerators: tuple[int | None, ...]
-    delays: tuple[float, ...]
-    param_names: tuple[str, ...]
     params: F64
     cov_nonrobust: F64
     cov_hc3: F64
     cost: float
-    sigma: float
+    noise_cov: F64
     df_resid: int
     status: str
     nit: int
@@ -99,9 +103,32 @@ class Fit:
     gram: F64
     band_rule: dict[str, float] | None
     pieces: tuple[C128, ...]
+    at_bound: tuple[str, ...] = ()
+    noise_scale: float = nan
     records: tuple[Record, ...] | None = None
     condition_bound: float = inf
-    known_level: float | None = None
+    known_level: F64 | None = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.layout.outputs
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self.layout.inputs
+
+    @property
+    def param_names(self) -> tuple[str, ...]:
+        """Names of what was estimated."""
+        return self.layout.param_names
+
+    @property
+    def sigma(self) -> Any:
+        """Noise standard deviation on a sample of the output; of several outputs an array, (output,)."""
+        levels = np.sqrt(np.diag(self.noise_cov))
+        return float(levels[0]) if levels.size == 1 else levels
 
     # Estimates and their uncertainty ------------------------------------------------------------
 
@@ -173,17 +200,27 @@ class Fit:
         return derivations.damp(self)
 
     @cached_property
-    def high_band_sigma(self) -> float:
-        """Noise level of the output from harmonics the fit does not use; nan where there are none."""
+    def high_band_levels(self) -> F64:
+        """Noise level of each output, (output,), from harmonics the fit does not use; nan without such."""
+        nothing = np.full(len(self.outputs), np.nan)
         if self.known_level is not None or self.records is None:
-            return float("nan") if self.known_level is None else self.known_level
+            return nothing if self.known_level is None else self.known_level
         variance = []
+        order = max(self.layout.orders)
         for rec, intervals, (_, hi) in zip(self.records, self.intervals, self.lines, strict=True):
-            if rec.dt is None or hi > intervals // 4 or intervals < 8 * (self.order + 4):
-                return float("nan")
+            if rec.dt is None or hi > intervals // 4 or intervals < 8 * (order + 4):
+                return nothing
+            if rec.mask is not None or rec.sigma is not None:
+                return nothing
             window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
-            variance.append(float(_core.noise_level(window, self.order)[0]) ** 2)
-        return float(np.sqrt(np.mean(variance)))
+            variance.append(_core.noise_level(window, order) ** 2)
+        return np.asarray(np.sqrt(np.mean(variance, axis=0)))
+
+    @property
+    def high_band_sigma(self) -> Any:
+        """As `high_band_levels`; of one output a float."""
+        levels = self.high_band_levels
+        return float(levels[0]) if levels.size == 1 else levels
 
     # How it went --------------------------------------------------------------------------------
 
@@ -209,12 +246,17 @@ class Fit:
     def chi2(self) -> float:
         """Cost in units of the noise variance seen in the unused high band: about `df_resid` if all is well.
 
-        nan where that level is not available, or where the method does not weight by the noise.
+        With noise that was given, or seen for errors in variables: the cost in units of that noise. nan where
+        no level is available, or where the method does not weight by the noise.
         """
-        comparable = self.options.noise == "output" and self.options.method in ("awls", "ml")
-        if not comparable or not self.high_band_sigma > 0:
+        if self.options.method not in ("awls", "ml"):
             return float("nan")
-        return self.cost / self.high_band_sigma**2
+        if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
+            return self.df_resid * self.noise_scale
+        levels = self.high_band_levels
+        if self.options.noise != "output" or not np.all(levels > 0):
+            return float("nan")
+        return float(self.df_resid * np.mean(np.diag(self.noise_cov) / levels**2))
 
     @property
     def bic(self) -> float:
@@ -244,16 +286,18 @@ class Fit:
 
     @property
     def order(self) -> int:
-        """Number of poles n."""
-        return int(self.structure.poles)
+        """Number of poles n (of separate denominators the largest)."""
+        return max(self.layout.orders)
 
     @property
     def residuals(self) -> C128:
         """Whitened residuals over the lines m: variance one in Re and in Im.
 
-        Several records follow one another; `lines` says how many lines each has.
+        (lines,), of several outputs (output, lines). Several records follow one another; `lines` says how
+        many lines each has.
         """
-        return np.concatenate(self.pieces) if self.pieces else np.zeros(0, complex)
+        rows = np.concatenate(self.pieces, axis=1)
+        return rows[0] if len(rows) == 1 else rows
 
     def check(self) -> Findings:
         """What is wrong or doubtful about the fit, in sentences with numbers."""
@@ -269,23 +313,29 @@ class Fit:
     def model(self) -> LTI:
         """The fitted transfer function as an LTI system."""
         self._need_numbers("model")
-        den, nums = self.polynomials()
-        if nums:
-            return tf([nums], den, delay=self.delays)
-        n = self.order  # free motion: the companion form without inputs
-        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
-        return ss(companion, np.zeros((n, 0)), np.eye(n)[:1])
+        if self.inputs:
+            return system_of(self.layout, self.params)
+        blocks = []  # free motion: companion forms without inputs
+        for i, n in enumerate(self.layout.orders):
+            den, _ = self.polynomials(i)
+            blocks.append(np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]]))
+        size = sum(self.layout.orders)
+        a, c = np.zeros((size, size)), np.zeros((len(blocks), size))
+        at = 0
+        for i, block in enumerate(blocks):
+            n = len(block)
+            a[at : at + n, at : at + n], c[i, at] = block, 1.0
+            at += n
+        return ss(a, np.zeros((size, 0)), c)
 
-    def polynomials(self, params: F64 | None = None) -> tuple[F64, list[F64]]:
-        """Denominator (monic) and one numerator an input, descending powers; no path: [0]."""
-        theta = self.params if params is None else params
-        n = self.order
-        numerators, start = [], n
-        for degree in self.numerators:
-            stop = start + (0 if degree is None else degree + 1)
-            numerators.append(theta[start:stop] if degree is not None else np.zeros(1))
-            start = stop
-        return np.concatenate([[1.0], theta[:n]]), numerators
+    def path_model(self, output: int = 0) -> LTI:
+        """The transfer functions to one output, with the delays of their own."""
+        den, nums = self.polynomials(output)
+        return tf([nums], den, delay=self.layout.delays(self.params, output))
+
+    def polynomials(self, output: int = 0) -> tuple[F64, list[F64]]:
+        """Denominator (monic) and one numerator an input of an output, descending powers; no path: [0]."""
+        return self.layout.polynomials(self.params, output)
 
     def frequency_response(self, omega: ArrayLike) -> tuple[C128, C128]:
         """Frequency response and its gradient with respect to the parameters.
@@ -297,13 +347,14 @@ class Fit:
 
         Returns
         -------
-        response : (input, f) complex array
-        gradient : (p, input, f) complex array
+        response : (input, f) complex array, of several outputs (output, input, f)
+        gradient : (p, input, f) complex array, of several outputs (p, output, input, f)
             With cov = fit.cov_params(), the standard error of a real function of the response follows by
             the delta method.
         """
         self._need_numbers("frequency_response")
-        return derivations.frequency_response(self, np.asarray(omega, float))
+        response, gradient = derivations.frequency_response(self, np.asarray(omega, float))
+        return (response[0], gradient[:, 0]) if len(self.outputs) == 1 else (response, gradient)
 
     # Against records ----------------------------------------------------------------------------
 
@@ -492,7 +543,7 @@ class Fit:
 
     def without_samples(self) -> Fit:
         """The same fit without the records it came from."""
-        return replace(self, records=None, known_level=self.high_band_sigma)
+        return replace(self, records=None, known_level=self.high_band_levels)
 
     def __repr__(self) -> str:
         return explain.one_line(self)

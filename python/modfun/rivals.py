@@ -148,15 +148,14 @@ class OutputError:
     def __call__(self, rec: Record, rng: Any = None) -> dict[str, float]:
         """Estimate the parameters from a record; raises FitError where that fails."""
         _check_record(rec, self.model, self.name)
-        inputs = len(rec.inputs)
-        names = self.model.param_names(rec.inputs)
-        degrees = self.model.numerators(inputs)
-        n, count = self.model.poles, len(names)
+        layout = self.model.plain_layout(rec.inputs, self.name)
+        names, degrees, delays = layout.param_names, layout.numerators[0], layout.delays(np.zeros(0))
+        n, count = layout.orders[0], len(names)
         extra = _trend(self.trend, rec.intervals + 1)
         theta = self._start(rec, names, extra)
         theta[:n] = _mirrored(theta[:n])
         prepared = _inputs(
-            rec.u.tobytes(), inputs, rec.dt or 0.0, rec.intervals, rec.intersample, self.model.delays(inputs)
+            rec.u.tobytes(), len(rec.inputs), rec.dt or 0.0, rec.intervals, rec.intersample, delays
         )
         engine = Sensitivities(n, degrees, prepared, time_unit(np.concatenate([[1.0], theta[:n]])))
         y = rec.y[0]
@@ -182,13 +181,14 @@ class OutputError:
                     f"output_error: start= lacks {', '.join(missing)}; give all of {', '.join(names)}"
                 )
             return np.array([self.start[name] for name in names], dtype=np.float64)
-        harmonics = max(0, min(3 * len(names), rec.intervals // 4 - self.model.poles))
+        n = self.model.plain_layout(rec.inputs, self.name).orders[0]
+        harmonics = max(0, min(3 * len(names), rec.intervals // 4 - n))
         r = regressors(rec, self.model, harmonics=harmonics)
         size = np.linalg.norm(r.gamma, axis=0)
         if not np.all(size > 0):
             raise FitError(f"{self.name}: an input or the output is zero, its parameters cannot be found")
         # Under A(p) an offset stays a constant and a slope a line: their coefficients are further columns.
-        lines = np.zeros((len(extra), harmonics + self.model.poles + 1), dtype=np.complex128)
+        lines = np.zeros((len(extra), harmonics + n + 1), dtype=np.complex128)
         lines[:1, 0] = 1.0
         lines[1:, 1:] = 1j / np.arange(1, lines.shape[1])
         columns = np.column_stack([r.gamma, r.differenced(lines)])
@@ -258,18 +258,18 @@ class _Discrete:
     """y = (Σ B u + T δ)/F + trend with parameters f1 … fn, then the B, then T, then the trend."""
 
     def __init__(self, rec: Record, model: TransferFunction, transient: bool, trend: str | None) -> None:
-        inputs = len(rec.inputs)
         assert rec.dt is not None
-        self.n, self.dt, self.size = model.poles, rec.dt, rec.intervals + 1
-        self.names = model.param_names(rec.inputs)
-        self.degrees = model.numerators(inputs)
+        layout = model.plain_layout(rec.inputs, "rivals")
+        self.n, self.dt, self.size = layout.orders[0], rec.dt, rec.intervals + 1
+        self.names, self.degrees = layout.param_names, layout.numerators[0]
+        delays = layout.delays(np.zeros(0))
         # Every regressor is a signal filtered by 1/F and shifted: (which signal, by how many samples).
         signals: list[F64] = []
         self.shifts: list[tuple[int, int]] = []
         for k, degree in enumerate(self.degrees):
             if degree is None:
                 continue
-            late = floor(model.delays(inputs)[k] / rec.dt + 0.5)
+            late = floor(delays[k] / rec.dt + 0.5)
             u = np.concatenate([np.full(min(late, self.size), rec.u[k, 0]), rec.u[k]])[: self.size]
             first = 0 if degree == self.n else 1
             self.shifts += [(len(signals), shift) for shift in range(first, self.n + 1)]
@@ -505,6 +505,7 @@ def _check_record(rec: Record, model: TransferFunction, what: str) -> None:
         raise SpecError(f"{what}: the record has no input")
     if rec.dt is None:
         raise DataError(f"{what}: the record is sampled unevenly; resample it")
-    unknowns = 2 * model.poles + sum(0 if d is None else d + 1 for d in model.numerators(len(rec.inputs)))
+    layout = model.plain_layout(rec.inputs, what)
+    unknowns = layout.orders[0] + len(layout.param_names)
     if rec.intervals < 2 * unknowns:
         raise DataError(f"{what}: {rec.intervals} intervals for {unknowns} unknowns; give a longer record")

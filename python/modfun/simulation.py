@@ -381,8 +381,9 @@ def regressors(
             f"regressors: the record has {len(rec.outputs)} outputs; take one, rec.select(outputs=[...])"
         )
     _check_rule(rule)
-    n, top = model.poles, _count(harmonics, "regressors: harmonics", 0) + model.poles
-    degrees, delays = model.numerators(len(rec.inputs)), model.delays(len(rec.inputs))
+    layout = model.plain_layout(rec.inputs, "regressors")
+    n, degrees, delays = layout.orders[0], layout.numerators[0], layout.delays(np.zeros(0))
+    top = _count(harmonics, "regressors: harmonics", 0) + n
     lead = 0
     if any(delays):
         if rec.dt is None:
@@ -410,7 +411,7 @@ def regressors(
     return Regressors(
         gamma=np.ascontiguousarray(rows[:, 1:]),
         target=np.ascontiguousarray(rows[:, 0]),
-        param_names=model.param_names(rec.inputs),
+        param_names=layout.param_names,
         index=index,
         _differences=(re, im),
         _s=s,

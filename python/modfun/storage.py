@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ._core import __version__
 from .errors import DataError, SpecError
+from .free import Free
+from .noise import Noise
 from .options import Options
 from .results import Fit
 from .structures import TransferFunction
@@ -19,29 +21,21 @@ from .structures import TransferFunction
 __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
 KIND = "modfun.Fit"
-SCHEMA = 1
+SCHEMA = 2
 
 # Fields that are plain numbers, texts, or lists of them.
-_PLAIN = ("units", "cost", "sigma", "df_resid", "status", "nit", "high_band_sigma", "band_rule")
-_TUPLES = (
-    "outputs",
-    "inputs",
-    "intersample",
-    "numerators",
-    "delays",
-    "param_names",
-    "omega0",
-    "intervals",
-    "steps",
-)
-_ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "gram")
+_PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")
+_TUPLES = ("intersample", "omega0", "intervals", "steps", "at_bound")
+_ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "gram", "noise_cov")
 
 
 def fit_to_dict(fit: Fit) -> dict[str, Any]:
     """A fit as plain Python values; what is not finite becomes text ("nan", "inf"), as JSON has none."""
     values: dict[str, Any] = {"kind": KIND, "schema": SCHEMA, "modfun": __version__}
     values["structure"] = _structure_to_dict(fit.structure)
-    values["options"] = asdict(fit.options)
+    values["options"] = _options_to_dict(fit.options)
+    values["outputs"], values["inputs"] = list(fit.outputs), list(fit.inputs)
+    values["high_band_levels"] = fit.high_band_levels.tolist()
     for name in _PLAIN:
         values[name] = getattr(fit, name)
     for name in _TUPLES:
@@ -70,14 +64,9 @@ def fit_from_dict(values: Any) -> Fit:
             f"version reads {SCHEMA}; install a newer modfun"
         )
     try:
-        options = dict(values["options"])
-        if options["band"] is not None:
-            options["band"] = tuple(options["band"])
         fields: dict[str, Any] = {name: values[name] for name in _PLAIN}
-        del fields["high_band_sigma"]
-        fields["cost"], fields["sigma"], fields["known_level"] = (
-            float(values[name]) for name in ("cost", "sigma", "high_band_sigma")
-        )
+        fields["cost"], fields["noise_scale"] = float(values["cost"]), float(values["noise_scale"])
+        fields["known_level"] = _array(values["high_band_levels"])
         fields.update({name: tuple(values[name]) for name in _TUPLES})
         fields.update({name: _array(values[name]) for name in _ARRAYS})
         fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])
@@ -86,7 +75,12 @@ def fit_from_dict(values: Any) -> Fit:
             fields["band_rule"] = {k: float(v) for k, v in fields["band_rule"].items()}
         structure = _structure_from_dict(values["structure"])
         return Fit(
-            structure=structure, options=Options(**options), pieces=tuple(pieces), records=None, **fields
+            structure=structure,
+            layout=structure.layout(values["outputs"], values["inputs"]),
+            options=_options_from_dict(values["options"]),
+            pieces=tuple(pieces),
+            records=None,
+            **fields,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"loading a fit: the file is damaged ({type(error).__name__}: {error})") from None
@@ -130,11 +124,54 @@ def load(path: str | Path) -> Any:
 
 
 def _structure_to_dict(structure: TransferFunction) -> dict[str, Any]:
-    return {"poles": structure.poles, "zeros": structure.zeros, "delay": structure.delay}
+    values: dict[str, Any] = {"poles": structure.poles, "zeros": structure.zeros}
+    values["delay"] = _freed(structure.delay)
+    values["denominator"] = structure.denominator
+    values["params"] = {name: _freed(given) for name, given in structure.params}
+    return values
 
 
 def _structure_from_dict(values: dict[str, Any]) -> TransferFunction:
-    return TransferFunction(**values)
+    params = {name: _unfreed(given) for name, given in values["params"].items()}
+    return TransferFunction(**{**values, "delay": _unfreed(values["delay"]), "params": params})
+
+
+def _freed(value: Any) -> Any:
+    """A value in which `Free` stands as a mapping."""
+    if isinstance(value, Free):
+        return {"start": value.start, "min": value.min, "max": value.max}
+    return [_freed(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _unfreed(value: Any) -> Any:
+    if isinstance(value, dict):
+        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
+    return [_unfreed(one) for one in value] if isinstance(value, list) else value
+
+
+def _options_to_dict(options: Options) -> dict[str, Any]:
+    values = asdict(options)
+    if isinstance(options.noise, Noise):
+        values["noise"] = {"y": options.noise.y, "u": options.noise.u}
+        if any(callable(one) for given in values["noise"].values() for one in np.ravel([given])):
+            raise SpecError(
+                "saving a fit: its noise is given by functions, which a file cannot hold; fit with standard "
+                "deviations, or keep the fit in memory"
+            )
+    return values
+
+
+def _options_from_dict(values: dict[str, Any]) -> Options:
+    options = dict(values)
+    if options["band"] is not None:
+        options["band"] = tuple(options["band"])
+    if options["output_weights"] is not None:
+        options["output_weights"] = Options.checked(
+            "load", output_weights=options["output_weights"]
+        ).output_weights
+    if isinstance(options["noise"], dict):
+        options["noise"] = Noise(**options["noise"])
+    return Options(**options)
 
 
 def _array(values: Any) -> NDArray[np.float64]:

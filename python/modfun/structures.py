@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from math import inf, isfinite
 from numbers import Integral
 from typing import Any
 
@@ -11,29 +13,40 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import SpecError
+from .free import Free
+from .layout import Layout, routes
 from .lti import LTI, tf
+from .tables import nearest
 
 __all__ = ["TransferFunction"]
 
 
 MOST_POLES = 100
+DENOMINATORS = ("common", "separate")
+Degrees = int | None
+Delay = float | Free
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
-    """Transfer function with a number of poles, zeros an input and known delays; keywords only.
+    """Transfer functions with a number of poles, zeros a path and delays; keywords only.
 
     yⁿ + a1 yⁿ⁻¹ + … + an y = Σ over inputs of (b0 p^zeros + b1 p^(zeros−1) + …) u(t − delay).
 
     Parameters
     ----------
-    poles : int
-        Order n of the denominator, at least 1.
-    zeros : int, or sequence of int and None, optional
-        Degree of the numerators: one for all inputs, or one an input, None where an input has no path
-        to the output. Default: poles − 1.
-    delay : float or sequence of float, default 0
-        Known delay, s: one for all inputs, or one an input.
+    poles : int, or sequence of int
+        Order n of the denominator, at least 1; with denominator="separate" also one an output.
+    zeros : int, or sequence of int and None, or sequence of such sequences, optional
+        Degree of the numerators: one for all, one an input, or [output][input]; None where there is no
+        path. Default: poles − 1 (None where outputs differ in their poles).
+    delay : float or Free, or sequence of these, or sequence of such sequences, default 0
+        Delay in s: known, or to be estimated (`Free` with a `max`); one for all inputs, one an input, or
+        [output][input]. A `Free` given for an input is one parameter, given for a path it is one of its own.
+    denominator : {"common", "separate"}, optional
+        For several outputs: one denominator that all share (report, eq. 25), or one an output (eq. 26).
+    params : mapping from name to float or Free, optional
+        Parameters that are held at a number (``{"a2": 0.0}``: an integrator), or bounded.
 
     Raises
     ------
@@ -43,140 +56,164 @@ class TransferFunction:
     Notes
     -----
     Parameters are a1 … an, then the numerator of each input in descending powers: b0, b1, … with one
-    input, b0[de], b1[de], … with several.
+    input, b0[de], b1[de], … with several. With several outputs the output stands first, b0[q,de]; with
+    denominator="separate" in the denominators, too: a1[q]. Delays come last: delay, delay[de]. What is
+    held is no parameter of the fit.
 
     Examples
     --------
     >>> TransferFunction(poles=2, zeros=[1, None], delay=[0.1, 0]).param_names(["de", "da"])
     ('a1', 'a2', 'b0[de]', 'b1[de]')
+    >>> TransferFunction(poles=2, zeros=0, denominator="common").param_names(["de"], ["alpha", "q"])
+    ('a1', 'a2', 'b0[alpha]', 'b0[q]')
     """
 
-    poles: int
-    zeros: int | tuple[int | None, ...]
-    delay: float | tuple[float, ...]
+    poles: int | tuple[int, ...]
+    zeros: int | tuple[Degrees, ...] | tuple[tuple[Degrees, ...], ...] | None
+    delay: Delay | tuple[Delay, ...] | tuple[tuple[Delay, ...], ...]
+    denominator: str | None
+    params: tuple[tuple[str, float | Free], ...]
 
     def __init__(
         self,
         *,
-        poles: int,
-        zeros: int | Sequence[int | None] | None = None,
-        delay: float | Sequence[float] = 0.0,
+        poles: int | Sequence[int],
+        zeros: int | Sequence[Any] | None = None,
+        delay: Delay | Sequence[Any] = 0.0,
+        denominator: str | None = None,
+        params: Mapping[str, float | Free] | None = None,
     ) -> None:
-        if not _is_count(poles) or poles < 1:
-            raise SpecError(f"TransferFunction: poles={poles!r} must be a whole number of at least 1")
-        if poles > MOST_POLES:
+        if denominator is not None and denominator not in DENOMINATORS:
             raise SpecError(
-                f"TransferFunction: poles={poles} is more than {MOST_POLES}; no record determines so many"
+                f"TransferFunction: denominator={denominator!r} is not available; "
+                f"{nearest(denominator, DENOMINATORS)}"
             )
-        n = int(poles)
-        degrees: int | tuple[int | None, ...]
-        if zeros is None:
-            degrees = n - 1
-        elif isinstance(zeros, str | bytes) or not isinstance(zeros, Sequence | np.ndarray):
-            degrees = _degree(zeros, n)
-        else:
-            if any(isinstance(z, Sequence | np.ndarray) for z in zeros):
+        orders: int | tuple[int, ...]
+        if _is_row(poles):
+            orders = tuple(_order(n) for n in poles)  # type: ignore[union-attr]
+            if denominator != "separate":
                 raise SpecError(
-                    f"TransferFunction: zeros={zeros!r} is nested (output, input); structures of several "
-                    "outputs come with denominator= in a later version: fit one output at a time, "
-                    "rec.select(outputs=[...])"
+                    f"TransferFunction: poles={list(orders)} gives each output its own; that takes "
+                    'denominator="separate"'
                 )
-            degrees = tuple(None if z is None else _degree(z, n) for z in zeros)
-            if not any(z is not None for z in degrees):
-                raise SpecError(
-                    f"TransferFunction: zeros={zeros!r} leaves no input with a path; "
-                    "give the degree of at least one numerator"
-                )
-        late: float | tuple[float, ...]
-        if isinstance(delay, str | bytes) or not isinstance(delay, Sequence | np.ndarray):
-            late = _delay(delay)
         else:
-            late = tuple(_delay(d) for d in delay)
-        if isinstance(degrees, tuple) and isinstance(late, tuple) and len(degrees) != len(late):
-            raise SpecError(
-                f"TransferFunction: zeros has {len(degrees)} inputs and delay {len(late)}; "
-                "give both for the same inputs, or one number for all"
-            )
-        if isinstance(late, tuple) and not late:
-            raise SpecError("TransferFunction: delay=[] names no input; give one number, or one an input")
-        object.__setattr__(self, "poles", n)
+            orders = _order(poles)
+        most = max(orders) if isinstance(orders, tuple) else orders
+        degrees: Any = orders - 1 if isinstance(orders, int) else None
+        if zeros is not None:
+            degrees = _nested("zeros", zeros, lambda value: _degree(value, most))
+        late = _nested("delay", delay, _delay)
+        object.__setattr__(self, "poles", orders)
         object.__setattr__(self, "zeros", degrees)
         object.__setattr__(self, "delay", late)
+        object.__setattr__(self, "denominator", denominator)
+        object.__setattr__(self, "params", _params(params))
+        for what, counts in (("outputs", self._outputs()), ("inputs", self._inputs())):
+            if len(counts) > 1:
+                raise SpecError(
+                    f"TransferFunction: poles, zeros={_shown(self.zeros)} and delay={_shown(self.delay)} are "
+                    f"for different numbers of {what} ({', '.join(map(str, sorted(counts)))}); give all for "
+                    "the same, or one number for all"
+                )
+        if denominator is None and self._outputs() - {1}:
+            raise SpecError(
+                f"TransferFunction: zeros={_shown(self.zeros)}, delay={_shown(self.delay)} name several "
+                "outputs (output, input); say whether they share their poles: "
+                'denominator="common" or "separate"'
+            )
+        rows = self.zeros if _depth(self.zeros) == 2 else [self.zeros]
+        for row in rows:  # type: ignore[union-attr]
+            if isinstance(row, tuple) and all(z is None for z in row):
+                raise SpecError(
+                    f"TransferFunction: zeros={_shown(self.zeros)} leaves an output no input with a path; "
+                    "give the degree of at least one numerator"
+                )
+
+    def _outputs(self) -> set[int]:
+        counts = {len(given) for given in (self.zeros, self.delay) if _depth(given) == 2}  # type: ignore[arg-type]
+        return counts | ({len(self.poles)} if isinstance(self.poles, tuple) else set())
+
+    def _inputs(self) -> set[int]:
+        rows = [row for given in (self.zeros, self.delay) if _depth(given) == 2 for row in given]  # type: ignore[union-attr]
+        rows += [given for given in (self.zeros, self.delay) if _depth(given) == 1]
+        return {len(row) for row in rows}  # type: ignore[arg-type]
 
     @property
     def n_inputs(self) -> int | None:
         """Number of inputs, or None where the structure serves any number."""
-        for given in (self.zeros, self.delay):
-            if isinstance(given, tuple):
-                return len(given)
-        return None
+        return next(iter(self._inputs()), None)
 
-    def numerators(self, inputs: int) -> tuple[int | None, ...]:
-        """Degree of each input's numerator, None without a path.
+    @property
+    def n_outputs(self) -> int | None:
+        """Number of outputs, or None where the structure serves any number (without denominator=: one)."""
+        return next(iter(self._outputs()), None) if self.denominator is not None else 1
+
+    def layout(self, outputs: Sequence[str], inputs: Sequence[str]) -> Layout:
+        """Coefficients, paths and parameter names for the channels of a record.
 
         Parameters
         ----------
-        inputs : int
-            Number of inputs of the record.
+        outputs, inputs : sequence of str
+            Names of the record's channels.
 
         Raises
         ------
         SpecError
-            The structure was made for another number of inputs.
+            The structure was made for another number of channels, or `params` names what it has not.
         """
-        self._check(inputs)
-        return self.zeros if isinstance(self.zeros, tuple) else (self.zeros,) * inputs
+        return _laid_out(self, tuple(outputs), tuple(inputs))
 
-    def delays(self, inputs: int) -> tuple[float, ...]:
-        """Delay of each input, s; raises as `numerators`."""
-        self._check(inputs)
-        return self.delay if isinstance(self.delay, tuple) else (self.delay,) * inputs
+    def plain_layout(self, inputs: Sequence[str], what: str) -> Layout:
+        """Layout for one output, for what takes free parameters and known delays only.
 
-    def param_names(self, inputs: Sequence[str] = ("u",)) -> tuple[str, ...]:
+        Raises
+        ------
+        SpecError
+            Several outputs, held or bounded parameters, delays to be estimated.
+        """
+        layout = self.layout(("y",), inputs)
+        if not layout.plain:
+            raise SpecError(
+                f"{what}: takes one output, free parameters and known delays, and the structure is {self}; "
+                "leave params= out and give numbers for the delays"
+            )
+        return layout
+
+    def param_names(self, inputs: Sequence[str] = ("u",), outputs: Sequence[str] = ("y",)) -> tuple[str, ...]:
         """Names of the parameters.
 
         Parameters
         ----------
-        inputs : sequence of str
-            Names of the record's inputs; they stand in the names when there are several.
+        inputs, outputs : sequence of str
+            Names of the record's channels; they stand in the names when there are several.
         """
-        names = [f"a{k}" for k in range(1, self.poles + 1)]
-        for channel, degree in zip(inputs, self.numerators(len(inputs)), strict=True):
-            suffix = "" if len(inputs) == 1 else f"[{channel}]"
-            if degree is not None:
-                names += [f"b{k}{suffix}" for k in range(degree + 1)]
-        return tuple(names)
+        return self.layout(outputs, inputs).param_names
 
-    def model(self, theta: ArrayLike, inputs: int | None = None) -> LTI:
+    def model(self, theta: ArrayLike, inputs: int | None = None, outputs: int | None = None) -> LTI:
         """The system with these parameters.
 
         Parameters
         ----------
         theta : array_like
             Parameters in the order of `param_names`.
-        inputs : int, optional
-            Number of inputs; default: the structure's own, or 1.
+        inputs, outputs : int, optional
+            Number of channels; default: the structure's own, or 1.
 
         Returns
         -------
         LTI
         """
-        count = (self.n_inputs or 1) if inputs is None else inputs
-        degrees = self.numerators(count)
+        layout = self.layout(
+            _numbered("y", outputs or self.n_outputs or 1),
+            _numbered("u", (self.n_inputs or 1) if inputs is None else inputs),
+        )
         values = np.asarray(theta, dtype=np.float64)
-        wanted = self.poles + sum(0 if d is None else d + 1 for d in degrees)
-        if values.shape != (wanted,):
+        if values.shape != (len(layout.param_names),):
             raise SpecError(
-                f"TransferFunction.model: {values.size} numbers for {wanted} parameters; give a1 … "
-                f"a{self.poles}, then each input's numerator in descending powers"
+                f"TransferFunction.model: {values.size} numbers for {len(layout.param_names)} parameters; "
+                f"give {', '.join(layout.param_names[:6])}{', …' if len(layout.param_names) > 6 else ''}"
             )
-        at = self.poles
-        nums: list[Any] = []
-        for degree in degrees:
-            size = 0 if degree is None else degree + 1
-            nums.append(values[at : at + size] if size else None)
-            at += size
-        return tf([nums], np.concatenate([[1.0], values[: self.poles]]), delay=self.delays(count))
+        return system_of(layout, values)
 
     def theta(self, system: LTI) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Parameters of a system in this structure, in the order of `param_names`.
@@ -184,83 +221,270 @@ class TransferFunction:
         Parameters
         ----------
         system : LTI
-            A system with one output.
 
         Raises
         ------
         SpecError
-            The system has other poles, more zeros, other delays or several outputs.
+            The system has other poles, more zeros, other delays, or other values of what is held.
         """
-        own = TransferFunction.from_system(system)
-        inputs = system.shape[1]
-        degrees, theirs = self.numerators(inputs), own.numerators(inputs)
-        fits = own.poles == self.poles and self.delays(inputs) == own.delays(inputs)
-        for mine, other in zip(degrees, theirs, strict=True):
-            fits = fits and (other is None or (mine is not None and other <= mine))
-        if not fits:
-            raise SpecError(f"the system is a {own}, which the structure {self} does not hold")
+        count, inputs = system.shape
+        layout = self.layout(_numbered("y", count), _numbered("u", inputs))
+        values = np.full(len(layout.names), np.nan)
         num, den = system.polynomials()
-        parts = [den[0][0][1:]]
-        for degree, p in zip(degrees, num[0], strict=True):
-            if degree is not None:
-                parts.append(np.concatenate([np.zeros(degree + 1 - p.size), p]))
-        return np.concatenate(parts)
+        dens, nums = layout.places
+        fits = True
+
+        def take(first: int, poly: Any) -> None:
+            nonlocal fits
+            for k, value in enumerate(poly, start=first):
+                # One denominator for all outputs, or for none.
+                fits = fits and (np.isnan(values[k]) or abs(values[k] - value) <= 1e-9 * abs(value))
+                values[k] = value
+
+        for i, order in enumerate(layout.orders):
+            own = [d for d, n in zip(den[i], num[i], strict=True) if np.any(n)] or [den[i][0]]
+            fits = fits and all(d.size == order + 1 for d in own)
+            fits = fits and all(np.allclose(d, own[0], rtol=1e-9, atol=0) for d in own)
+            if not fits:
+                break
+            take(dens[i], own[0][1:])
+            for k, degree in enumerate(layout.numerators[i]):
+                n = np.trim_zeros(num[i][k], "f")
+                fits = fits and n.size <= (0 if degree is None else degree + 1)
+                if fits and degree is not None:
+                    take(nums[i][k], np.concatenate([np.zeros(degree + 1 - n.size), n]))
+        late = []
+        for at, path in enumerate(layout.paths):
+            if isinstance(path.delay, Free):
+                late.append(system.delays[path.input])
+            else:
+                used = any(
+                    route == at and np.any(num[i][k])
+                    for i, row in enumerate(layout.routes)
+                    for k, route in enumerate(row)
+                )
+                fits = fits and (not used or path.delay == system.delays[path.input])
+        for value, held in zip(values, layout.fixed, strict=True):
+            fits = fits and (held is None or abs(value - held) <= 1e-9 * max(abs(held), abs(value)))
+        if not fits:
+            raise SpecError(
+                f"the system is {system!r}, which the structure {self} does not hold: other poles, more "
+                "zeros, other delays or other values of what is held"
+            )
+        return np.concatenate([values[list(layout.free)], late])
 
     @classmethod
     def from_system(cls, system: LTI) -> TransferFunction:
-        """The structure a system with one output has: its poles, zeros and delays.
+        """The structure a system has: its poles, zeros and delays.
 
         Parameters
         ----------
         system : LTI
-            A system with one output.
 
         Raises
         ------
         SpecError
-            Several outputs, or paths with denominators of their own.
+            A static gain, or paths to one output with denominators of their own.
         """
         outputs, inputs = system.shape
         num, den = system.polynomials()
-        if outputs != 1:
-            raise SpecError(
-                f"TransferFunction.from_system: the system has {outputs} outputs; structures of several "
-                "outputs come with denominator= in a later version: take one row"
-            )
-        if not isinstance(system.den, np.ndarray):
-            raise SpecError(
-                "TransferFunction.from_system: the inputs have different denominators; bring them to a "
-                "common one, mf.tf([num1, num2], den)"
-            )
-        if den[0][0].size < 2:
+        own: list[Any] = []
+        for i in range(outputs):
+            if any(d.size != den[i][0].size or np.any(d != den[i][0]) for d in den[i]):
+                raise SpecError(
+                    "TransferFunction.from_system: the inputs have different denominators; bring them to a "
+                    "common one, mf.tf([num1, num2], den)"
+                )
+            own.append(den[i][0])
+        if any(d.size < 2 for d in own):
             raise SpecError(
                 "TransferFunction.from_system: a static gain has no poles; there is nothing to fit"
             )
-        degrees = tuple(p.size - 1 if np.any(p) else None for p in num[0])
-        if inputs == 1 and degrees[0] is not None:
-            return cls(poles=den[0][0].size - 1, zeros=degrees[0], delay=system.delays[0])
-        return cls(poles=den[0][0].size - 1, zeros=degrees, delay=system.delays)
-
-    def _check(self, inputs: int) -> None:
-        own = self.n_inputs
-        if own is not None and own != inputs:
-            raise SpecError(
-                f"TransferFunction: made for {own} input(s), used with {inputs}; give zeros and delay "
-                "one an input of the record, or select its inputs"
-            )
+        degrees = [tuple(p.size - 1 if np.any(p) else None for p in row) for row in num]
+        if outputs == 1:
+            if inputs == 1 and degrees[0][0] is not None:
+                return cls(poles=own[0].size - 1, zeros=degrees[0][0], delay=system.delays[0])
+            return cls(poles=own[0].size - 1, zeros=degrees[0], delay=system.delays)
+        if all(d.size == own[0].size and np.all(d == own[0]) for d in own):
+            return cls(poles=own[0].size - 1, zeros=degrees, delay=system.delays, denominator="common")
+        poles = [d.size - 1 for d in own]
+        return cls(poles=poles, zeros=degrees, delay=system.delays, denominator="separate")
 
     def __repr__(self) -> str:
-        zeros = list(self.zeros) if isinstance(self.zeros, tuple) else self.zeros
-        delay = list(self.delay) if isinstance(self.delay, tuple) else self.delay
-        late = f", delay={delay}" if np.any(delay) else ""
-        return f"TransferFunction(poles={self.poles}, zeros={zeros}{late})"
+        poles = list(self.poles) if isinstance(self.poles, tuple) else self.poles
+        words = [f"poles={poles}"]
+        words += [] if self.zeros is None else [f"zeros={_shown(self.zeros)}"]
+        late = self.delay if isinstance(self.delay, tuple) else (self.delay,)
+        words += [f"delay={_shown(self.delay)}"] if any(d != 0 for d in late) else []
+        words += [] if self.denominator is None else [f"denominator={self.denominator!r}"]
+        words += [f"params={dict(self.params)}"] if self.params else []
+        return f"TransferFunction({', '.join(words)})"
+
+
+def system_of(layout: Layout, params: Any) -> LTI:
+    """The system that parameters make of a layout.
+
+    Raises
+    ------
+    SpecError
+        A delay that differs from output to output, which no LTI holds.
+    """
+    late = [layout.delays(params, i) for i in range(len(layout.outputs))]
+    if any(row != late[0] for row in late):
+        raise SpecError(
+            "fit.model: an input's delay differs from output to output, and a system has one an input; "
+            "take outputs one by one"
+        )
+    dens, nums = [], []
+    for i in range(len(layout.outputs)):
+        den, row = layout.polynomials(params, i)
+        dens.append([den] * len(row))
+        nums.append(row)
+    if layout.common or len(layout.outputs) == 1:
+        return tf(nums, dens[0][0], delay=late[0])
+    return tf(nums, dens, delay=late[0])
+
+
+@lru_cache(64)
+def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> Layout:
+    q, k = len(outputs), len(inputs)
+    if q > 1 and structure.denominator is None:
+        raise SpecError(
+            f"TransferFunction: the record has {q} outputs ({', '.join(outputs)}); say whether they share "
+            'their poles, denominator="common" or "separate", or choose one with '
+            f"rec.select(outputs=[{outputs[0]!r}])"
+        )
+    for what, own, have in (("output", structure.n_outputs, q), ("input", structure.n_inputs, k)):
+        if own is not None and own != have and not (what == "input" and have == 0):
+            raise SpecError(
+                f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay one an "
+                f"{what} of the record, or select its {what}s"
+            )
+    if not k and structure.n_inputs is not None:
+        raise SpecError(
+            f"TransferFunction: the structure has {structure.n_inputs} input(s), the record has none; free "
+            f"motion takes TransferFunction(poles={structure.poles!r})"
+        )
+    orders = structure.poles if isinstance(structure.poles, tuple) else (structure.poles,) * q
+    if structure.zeros is None:
+        numerators = tuple((n - 1,) * k for n in orders)
+    else:
+        numerators = _table(structure.zeros, q, k)
+    for row, n in zip(numerators, orders, strict=True):
+        if any(z is not None and z > n for z in row):
+            raise SpecError(
+                f"TransferFunction: zeros={_shown(structure.zeros)} holds more zeros than the {n} poles of "
+                "an output; lower zeros= or raise poles="
+            )
+    paths, routed = routes(_table(structure.delay, q, k), inputs, outputs, shared=_depth(structure.delay) < 2)
+    common = structure.denominator == "common" or q == 1
+    names: list[str] = []
+    if common:
+        names += [f"a{j}" for j in range(1, orders[0] + 1)]
+    for i, row in enumerate(numerators):
+        if not common:
+            names += [f"a{j}[{outputs[i]}]" for j in range(1, orders[i] + 1)]
+        for channel, degree in zip(inputs, row, strict=True):
+            where = [outputs[i]] if q > 1 else []
+            where += [channel] if k > 1 else []
+            suffix = f"[{','.join(where)}]" if where else ""
+            names += [f"b{j}{suffix}" for j in range(0 if degree is None else degree + 1)]
+    fixed: list[float | None] = [None] * len(names)
+    bounds = [(-inf, inf)] * len(names)
+    known = [*names, *(path.name for path in paths)]
+    for name, given in structure.params:
+        if name not in known:
+            raise SpecError(f"TransferFunction: params names {name!r}; {nearest(name, known)}")
+        if name in names:
+            at = names.index(name)
+            if isinstance(given, Free):
+                bounds[at] = (given.min, given.max)
+            else:
+                fixed[at] = given
+        else:
+            late = given if isinstance(given, Free) else _delay(given)
+            paths = tuple(
+                type(path)(path.input, _delay(late), path.name) if path.name == name else path
+                for path in paths
+            )
+    if all(value is not None for value in fixed):
+        raise SpecError("TransferFunction: params holds every coefficient; there is nothing to fit")
+    return Layout(
+        outputs=outputs,
+        inputs=inputs,
+        orders=orders,
+        common=common,
+        numerators=numerators,
+        paths=paths,
+        routes=routed,
+        names=tuple(names),
+        fixed=tuple(fixed),
+        bounds=tuple(bounds),
+    )
+
+
+def _numbered(letter: str, count: int) -> tuple[str, ...]:
+    return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+
+
+def _is_row(value: Any) -> bool:
+    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
+
+
+def _depth(value: Any) -> int:
+    return 0 if not isinstance(value, tuple) else 2 if any(isinstance(one, tuple) for one in value) else 1
+
+
+def _nested(name: str, value: Any, one: Callable[[Any], Any]) -> Any:
+    """A number, a row or a table of what `one` accepts, as tuples."""
+    if not _is_row(value):
+        return one(value)
+    rows = [_is_row(item) for item in value]
+    if not rows:
+        raise SpecError(f"TransferFunction: {name}=[] names no input; give one number, or one an input")
+    if any(rows) and not all(rows):
+        raise SpecError(
+            f"TransferFunction: {name}={value!r} mixes numbers and lists; give a list an output, each with a "
+            "number an input"
+        )
+    if not any(rows):
+        return tuple(one(item) for item in value)
+    if any(len(row) == 0 or any(_is_row(item) for item in row) for row in value):
+        raise SpecError(f"TransferFunction: {name}={value!r} must be nested as [output][input], no deeper")
+    return tuple(tuple(one(item) for item in row) for row in value)
+
+
+def _table(value: Any, outputs: int, inputs: int) -> tuple[tuple[Any, ...], ...]:
+    """[output][input] from what may be given for all, an input or a path."""
+    if _depth(value) == 2:
+        return tuple(value)
+    row = value if isinstance(value, tuple) else (value,) * inputs
+    return (row,) * outputs
+
+
+def _shown(value: Any) -> Any:
+    if not isinstance(value, tuple):
+        return value
+    return [_shown(one) for one in value]
 
 
 def _is_count(value: Any) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool | np.bool_)
 
 
-def _degree(value: Any, poles: int) -> int:
+def _order(value: Any) -> int:
+    if not _is_count(value) or value < 1:
+        raise SpecError(f"TransferFunction: poles={value!r} must be a whole number of at least 1")
+    if value > MOST_POLES:
+        raise SpecError(
+            f"TransferFunction: poles={value} is more than {MOST_POLES}; no record determines so many"
+        )
+    return int(value)
+
+
+def _degree(value: Any, poles: int) -> int | None:
+    if value is None:
+        return None
     if not _is_count(value) or value < 0:
         raise SpecError(
             f"TransferFunction: zeros holds {value!r}; give whole numbers of at least 0, or None for an "
@@ -274,13 +498,46 @@ def _degree(value: Any, poles: int) -> int:
     return int(value)
 
 
-def _delay(value: Any) -> float:
+def _delay(value: Any) -> float | Free:
+    if isinstance(value, Free):
+        if not (isfinite(value.max) and value.max > 0):
+            raise SpecError(
+                f"TransferFunction: delay={value!r} needs a max, in s: the window starts so much later; as "
+                "mf.Free(0.1, min=0, max=0.5)"
+            )
+        if value.start is not None and value.start < 0:
+            raise SpecError(f"TransferFunction: delay={value!r} starts below 0 s")
+        return value
     try:
         late = float(value)
     except (TypeError, ValueError):
         raise SpecError(
-            f"TransferFunction: delay={value!r} is no number; give known delays in seconds"
+            f"TransferFunction: delay={value!r} is no number; give known delays in seconds, or mf.Free(...)"
         ) from None
     if not (np.isfinite(late) and late >= 0):
         raise SpecError(f"TransferFunction: delay={value!r} s must be finite and at least 0")
     return late
+
+
+def _params(given: Mapping[str, Any] | None) -> tuple[tuple[str, float | Free], ...]:
+    if given is None:
+        return ()
+    if not isinstance(given, Mapping):
+        raise SpecError(f'TransferFunction: params={given!r} must map names to values, as {{"a2": 0.0}}')
+    found: list[tuple[str, float | Free]] = []
+    for name, value in given.items():
+        if isinstance(value, Free):
+            found.append((str(name), value))
+            continue
+        try:
+            if isinstance(value, bool | str):
+                raise TypeError
+            number = float(value)
+        except (TypeError, ValueError):
+            raise SpecError(
+                f"TransferFunction: params[{name!r}]={value!r} must be a number (held there) or mf.Free(...)"
+            ) from None
+        if not isfinite(number):
+            raise SpecError(f"TransferFunction: params[{name!r}]={value!r} must be finite")
+        found.append((str(name), number))
+    return tuple(found)

@@ -165,11 +165,12 @@ class Regression:
     fitted: F64
 
 
-def regress(y: F64, columns: F64) -> Regression:
+def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
     """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
 
-    Columns that the samples cannot tell apart get the smallest coefficients that explain them; the
-    covariance takes the remainder as white.
+    `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
+    the samples cannot tell apart get the smallest coefficients that explain them; the covariance takes the
+    remainder as white.
     """
     k = columns.shape[0]
     if k == 0:
@@ -179,14 +180,16 @@ def regress(y: F64, columns: F64) -> Regression:
             "The free response of the model overflows within this record: a mode is too unstable for a "
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
-    scale = np.array([_rms(row) * np.sqrt(y.size) for row in columns])
+    each = np.ones_like(y) if weight is None else weight
+    scale = np.array([_rms(row) * np.sqrt(y.size) for row in columns * each])
     scale[scale == 0] = 1.0
-    q, s, rotation = np.linalg.svd((columns / scale[:, None]).T, full_matrices=False)
+    q, s, rotation = np.linalg.svd((columns * each / scale[:, None]).T, full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
-    coefficients = inverse @ (q[:, keep].T @ y)
+    coefficients = inverse @ (q[:, keep].T @ (y * each))
     fitted = (columns / scale[:, None]).T @ coefficients
-    rest = float(np.sum((y - fitted) ** 2)) / max(y.size - int(keep.sum()), 1)
+    rest = float(np.sum((each * (y - fitted)) ** 2))
+    rest /= max(int(np.count_nonzero(each)) - int(keep.sum()), 1)
     covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
     return Regression(coefficients / scale, covariance, fitted)
 

@@ -48,8 +48,6 @@ pub struct Words {
     tol: f64,
     #[pyo3(item)]
     maxiter: usize,
-    #[pyo3(item, default)]
-    transient: Option<usize>,
 }
 
 impl Words {
@@ -117,6 +115,8 @@ pub struct Given {
     numerators: Vec<Option<usize>>,
     delays: Vec<f64>,
     noise: String,
+    /// Transient coefficients, where they are more than the poles.
+    transient: Option<usize>,
     words: Words,
 }
 
@@ -128,6 +128,10 @@ impl<'py> FromPyObject<'_, 'py> for Given {
             numerators: given.get_item("numerators")?.extract()?,
             delays: given.get_item("delays")?.extract()?,
             noise: given.get_item("noise")?.extract()?,
+            transient: match given.get_item("transient") {
+                Ok(transient) => transient.extract()?,
+                Err(_) => None,
+            },
             words: given.extract()?,
         })
     }

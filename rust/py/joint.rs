@@ -16,6 +16,9 @@ use crate::enter::enter;
 use crate::errors::to_python;
 use crate::fit::{Records, When, Words, account, many_dictionary, sampling};
 
+/// Input, delay or its start, and the bounds of a delay that is estimated.
+type GivenPath = (usize, f64, Option<(f64, f64)>);
+
 /// Options as Python gives them.
 pub struct GivenJoint {
     structure: JointStructure,
@@ -26,8 +29,8 @@ pub struct GivenJoint {
 impl<'py> FromPyObject<'_, 'py> for GivenJoint {
     type Error = PyErr;
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<GivenJoint> {
-        let paths: Vec<(usize, f64, Option<(f64, f64)>)> = given.get_item("paths")?.extract()?;
-        let path = |(input, delay, bounds): (usize, f64, Option<(f64, f64)>)| {
+        let paths: Vec<GivenPath> = given.get_item("paths")?.extract()?;
+        let path = |(input, delay, bounds): GivenPath| {
             let delay = match bounds {
                 None => Delay::Known(delay),
                 Some((min, max)) => Delay::Free { start: delay, min, max },
@@ -171,6 +174,7 @@ fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_,
     out.set_item("gram", matrix(py, f.gram, p)?)?;
     out.set_item("condition_bound", f.condition_bound)?;
     out.set_item("cost", f.cost)?;
+    out.set_item("scale", f.scale)?;
     out.set_item("df_resid", f.degrees_of_freedom)?;
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;
     out.set_item("status", f.status.name())?;

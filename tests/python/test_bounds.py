@@ -27,14 +27,13 @@ def test_derivatives_equal_high_order_differences(num, den, kinds, delays):
     system = mf.tf(num, den, delay=delays)
     structure = mf.TransferFunction.from_system(system)
     theta = structure.theta(system)
-    n, inputs = structure.poles, len(kinds)
+    layout = structure.plain_layout(tuple(f"u{k}" for k in range(len(kinds))), "test")
+    n = layout.orders[0]
     rng = np.random.default_rng(5)
-    u = rng.standard_normal((inputs, 301))
+    u = rng.standard_normal((len(kinds), 301))
     u[0] = np.sin(np.linspace(0, 9, 301))
     prepared = Inputs(list(u), 0.02, 300, kinds, delays)
-    engine = Sensitivities(
-        n, structure.numerators(inputs), prepared, time_unit(np.concatenate([[1], theta[:n]]))
-    )
+    engine = Sensitivities(n, layout.numerators[0], prepared, time_unit(np.concatenate([[1], theta[:n]])))
     transient = rng.standard_normal(n)
     jacobian = engine.run(theta * engine.scale, transient)[1]
     point = np.concatenate([theta * engine.scale, transient])

@@ -313,7 +313,7 @@ def test_saved_fits_come_back_exactly(fitted, tmp_path):
     with pytest.raises(mf.FitError, match=r"fit\.score\(rec\)"):
         back.score()
     assert len(path.read_text()) < 12_000
-    assert json.loads(path.read_text())["schema"] == 1
+    assert json.loads(path.read_text())["schema"] == 2
 
 
 def test_saved_fits_keep_what_is_not_finite(tmp_path):
@@ -359,9 +359,10 @@ BAD = {
     "unknown trend": (lambda: mf.fit(REC, TF20, trend="Constant"), mf.SpecError, "'constant'"),
     "trend as number": (lambda: mf.fit(REC, TF20, trend=1), mf.SpecError, "constant"),
     "unknown cov_type": (lambda: mf.fit(REC, TF20, cov_type="HC0"), mf.SpecError, "HC3"),
-    "noise of later": (lambda: mf.fit(REC, TF20, noise="coloured"), mf.SpecError, "output, equation"),
+    "misspelt noise": (lambda: mf.fit(REC, TF20, noise="colored"), mf.SpecError, "'coloured'"),
     "noise as object": (lambda: mf.fit(REC, TF20, noise=np.ones(3)), mf.SpecError, "output, equation"),
-    "output_weights": (lambda: mf.fit(REC, TF20, output_weights=[1]), mf.SpecError, "one output"),
+    "output_weights": (lambda: mf.fit(REC, TF20, output_weights=[-1]), mf.SpecError, "positive"),
+    "too many weights": (lambda: mf.fit(REC, TF20, output_weights=[1, 2]), mf.SpecError, "2 output"),
     "band and harmonics": (
         lambda: mf.fit(REC, TF20, band=8.0, harmonics=6),
         mf.SpecError,

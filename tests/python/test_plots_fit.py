@@ -46,7 +46,7 @@ def test_bode_draws_gain_and_a_band_that_is_the_delta_method(fit):
     for i in range(3):
         theta = fit.params.copy()
         theta[i] += step
-        den, nums = fit.polynomials(theta)
+        den, nums = fit.layout.polynomials(theta)
         g = np.polyval(nums[0], 1j * omega[k]) / np.polyval(den, 1j * omega[k])
         gradient.append((20 * np.log10(abs(g)) - db[k]) / step)
     error = np.sqrt(np.array(gradient) @ fit.cov_params() @ np.array(gradient))

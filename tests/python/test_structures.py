@@ -13,13 +13,15 @@ def test_defaults_and_names():
     assert TransferFunction(poles=2, zeros=0).param_names() == ("a1", "a2", "b0")
     two = TransferFunction(poles=2, zeros=[1, None], delay=[0.1, 0])
     assert two.param_names(["de", "da"]) == ("a1", "a2", "b0[de]", "b1[de]")
-    assert two.numerators(2) == (1, None)
-    assert two.delays(2) == (0.1, 0.0)
+    layout = two.layout(["y"], ["de", "da"])
+    assert layout.numerators == ((1, None),)
+    assert layout.delays(np.zeros(0)) == (0.1, 0.0)
     assert two.n_inputs == 2
     shared = TransferFunction(poles=1, zeros=0, delay=0.2)
     assert shared.n_inputs is None
-    assert shared.numerators(2) == (0, 0)
-    assert shared.delays(2) == (0.2, 0.2)
+    layout = shared.layout(["y"], ["u1", "u2"])
+    assert layout.numerators == ((0, 0),)
+    assert layout.delays(np.zeros(0)) == (0.2, 0.2)
     assert shared.param_names(["u1", "u2"]) == ("a1", "b0[u1]", "b0[u2]")
 
 
@@ -63,16 +65,24 @@ def test_numbers_in_and_out():
         (lambda: TransferFunction(poles=2, zeros=-1), "at least 0"),
         (lambda: TransferFunction(poles=2, zeros="any"), "whole numbers"),
         (lambda: TransferFunction(poles=2, zeros=[None, None]), "no input with a path"),
-        (lambda: TransferFunction(poles=2, zeros=[[1], [0]]), "one output at a time"),
+        (lambda: TransferFunction(poles=2, zeros=[[1], [0]]), "whether they share their poles"),
         (lambda: TransferFunction(poles=2, delay=-0.1), "at least 0"),
         (lambda: TransferFunction(poles=2, delay="late"), "no number"),
         (lambda: TransferFunction(poles=2, delay=np.nan), "finite"),
-        (lambda: TransferFunction(poles=2, zeros=[1, 1], delay=[0.1]), "2 inputs and delay 1"),
-        (lambda: TransferFunction(poles=2, zeros=[1, 1]).numerators(3), "made for 2 input"),
+        (lambda: TransferFunction(poles=2, zeros=[1, 1], delay=[0.1]), "different numbers of inputs"),
+        (lambda: TransferFunction(poles=2, zeros=[1, 1]).param_names(["a", "b", "c"]), "made for 2 input"),
         (lambda: TransferFunction(poles=2, zeros=0).model([1, 2]), "2 numbers for 3"),
         (lambda: TransferFunction(poles=2, zeros=0).theta(mf.tf([1, 1], [1, 3, 8])), "does not hold"),
         (lambda: TransferFunction(poles=1).theta(mf.tf([1], [1, 3, 8])), "does not hold"),
-        (lambda: TransferFunction.from_system(mf.tf([[[1]], [[2]]], [1, 1])), "2 outputs"),
+        (lambda: TransferFunction(poles=[2, 3]), "separate"),
+        (lambda: TransferFunction(poles=2, denominator="shared"), "common"),
+        (lambda: TransferFunction(poles=2, delay=mf.Free(0.1)), "needs a max"),
+        (lambda: TransferFunction(poles=2).param_names(["u"], ["a", "q"]), "share their poles"),
+        (lambda: TransferFunction(poles=2, params={"a3": 1.0}).param_names(), "'a2'"),
+        (lambda: TransferFunction(poles=2, params={"a1": "3"}), "must be a number"),
+        (lambda: TransferFunction(poles=1, zeros=0, params={"a1": 1, "b0": 2}).param_names(), "every"),
+        (lambda: mf.Free(0.6, min=0, max=0.5), "between"),
+        (lambda: mf.Free(min=1, max=1), "fixed parameter is a number"),
         (lambda: TransferFunction.from_system(mf.tf([[[1], [2]]], [[[1, 1], [1, 2]]])), "common"),
         (lambda: TransferFunction.from_system(mf.tf([1], [1])), "static gain"),
     ],

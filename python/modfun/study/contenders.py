@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..callables import source
 from ..errors import SpecError
 from ..estimation import Estimator
+from ..layout import Layout
 from ..options import WORDS, Options
-from ..prepared import channels, prepare
+from ..prepared import plain_words, prepare
 from ..records import Record
 from ..structures import TransferFunction
 from ..tables import nearest
@@ -56,6 +57,11 @@ class Contender:
         """Names of the parameters in a group."""
         return self.params[group.index]
 
+    def layout(self, group: Group) -> Layout:
+        """The structure for the channels of a group."""
+        own = self.estimators[group.index]
+        return own.model.layout(group.outputs, group.inputs)
+
     @property
     def trend(self) -> str | None:
         """Trend fitted beside the model (None for a user's estimator)."""
@@ -64,15 +70,15 @@ class Contender:
     def core(self, group: Group) -> dict[str, Any]:
         """Keywords of the compiled core for this group."""
         own = self.estimators[group.index]
-        return {**_core_structure(own.model, group.record(group.y)), **own.options.core()}
+        rec = group.record(group.y)
+        return plain_words(own.model.layout(rec.outputs, rec.inputs), rec.intersample, own.options)
 
     def described(self, group: Group | Generated) -> Any:
         """All that its estimates depend on."""
         if self.call is not None:
             return source(self.call)
         own = self.estimators[group.index]
-        count = len(group.inputs)
-        return [own.model.poles, own.model.numerators(count), own.model.delays(count), own.options.core()]
+        return [repr(own.model), repr(own.options.settled())]
 
 
 def contenders(
@@ -169,23 +175,13 @@ def _contender(
 def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
     """The estimator with its band chosen on a record of the group, if none was given."""
     options = own.options
-    channels(own.model, rec.outputs, rec.inputs)  # refuses what does not go together
+    layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
     if options.band is not None or options.harmonics is not None:
         return own
     with np.errstate(all="ignore"):
         found = prepare(own.model, options, [rec]).core.fit([rec.y], [rec.u])
     low, high = (int(line) for line in found["lines"][0])
     if isinstance(group, Group):
-        return Estimator(own.model, **options.replace(harmonics=high - own.model.poles).given())
+        return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
-
-
-def _core_structure(structure: TransferFunction, rec: Record) -> dict[str, Any]:
-    numerators, delays = channels(structure, rec.outputs, rec.inputs)
-    return {
-        "order": structure.poles,
-        "numerators": numerators,
-        "delays": delays,
-        "intersample": list(rec.intersample),
-    }

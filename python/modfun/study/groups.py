@@ -60,6 +60,12 @@ class Group:
         return ("u",) if count == 1 else tuple(f"u{k}" for k in range(1, count + 1))
 
     @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        count = self.system.shape[0]
+        return ("y",) if count == 1 else tuple(f"y{k}" for k in range(1, count + 1))
+
+    @property
     def made(self) -> bool:
         """Whether functions of the user make its records, so that the core cannot."""
         return self.state is not None or self.noise is not None
@@ -72,7 +78,7 @@ class Group:
     def names(self, structure: TransferFunction | None) -> tuple[str, ...]:
         """Names of a structure's parameters."""
         assert structure is not None
-        return structure.param_names(self.inputs)
+        return structure.param_names(self.inputs, self.outputs)
 
     def truth(self, structure: TransferFunction | None) -> F64:
         """True parameters of a structure; nan where it does not hold the system."""
@@ -80,7 +86,7 @@ class Group:
         try:
             return structure.theta(self.system)
         except SpecError:
-            structure.numerators(self.system.shape[1])  # a wrong number of inputs is a mistake, not a misfit
+            # A wrong number of inputs is a mistake, not a misfit: the names tell.
             return np.full(len(self.names(structure)), np.nan)
 
     def record(self, y: F64) -> Record:

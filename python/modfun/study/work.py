@@ -212,7 +212,7 @@ def _nanoseconds(work: Work, group: Group | Generated) -> float:
     fits, widest = 0.0, 0.0
     for c in work.plan.contenders:
         options = c.estimators[group.index].options
-        top = (options.harmonics or 0) + c.estimators[group.index].model.poles
+        top = (options.harmonics or 0) + max(c.layout(group).orders)
         lines = top if options.band is None else options.band[1] * duration / (2 * np.pi)
         passes = {"ls": 1, "wls": 1, "awls": 5, "ml": 7}[options.method] + 2 * work.coverage
         fits += 100 + passes * lines * (2 + 0.5 * len(c.truth[group.index]) ** 2)

@@ -242,8 +242,12 @@ impl Many {
         self.bse_nonrobust.extend(JointSpace::bse(&w.cov_nonrobust, d, lane));
         self.bse_hc3.extend(JointSpace::bse(&w.cov_hc3, d, lane));
         self.status.push(outcome.status[lane]);
-        let unit = if d.outputs() == 1 { d.residual_unit(0) } else { 1.0 };
-        self.cost.push(w.progress.cost.0[lane] * unit * unit);
+        // Of one output in units of its square.
+        let unit = match d.outputs() {
+            1 => w.sigma[0].0[lane] * d.residual_unit(0) * d.residual_unit(0),
+            _ => 1.0,
+        };
+        self.cost.push(w.progress.cost.0[lane] * unit);
         self.nit.push(outcome.nit[lane]);
     }
 }

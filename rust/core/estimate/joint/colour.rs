@@ -92,7 +92,7 @@ fn levinson(
         let sum = (1..order)
             .fold(covariance[order], |s, k| taps[k - 1].mul_add(covariance[order - k], s));
         let reflection = -sum / error;
-        if !(reflection.abs() < 1.0) {
+        if reflection.abs() >= 1.0 || reflection.is_nan() {
             break;
         }
         let before = taps;
@@ -123,7 +123,7 @@ impl Kernel for Periodogram<'_> {
     fn run<L: Lanes>(self) {
         let Periodogram { design: d, space: w, power } = self;
         let q = d.outputs();
-        for k in 0..w.records.len() {
+        for (k, own) in power.iter_mut().enumerate() {
             for range in tiles(w.records[k].lines, d.tile) {
                 rows::<L>(d, w, k, range.clone(), Weights::Adapted, Factors::Data, false);
                 for (t, m) in range.enumerate() {
@@ -131,8 +131,8 @@ impl Kernel for Periodogram<'_> {
                     for i in 0..q {
                         let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);
                         let root = L::load(&w.records[k].colour[m * q + i]);
-                        let own = weight * re.mul_add(re, im * im) / (root * root);
-                        own.store(&mut power[k][m * q + i]);
+                        let size = weight * re.mul_add(re, im * im) / (root * root);
+                        size.store(&mut own[m * q + i]);
                     }
                 }
             }

@@ -73,6 +73,8 @@ pub struct JointFit {
     pub condition_bound: f64,
     /// Weighted sum of squares: in units of the output squared for one output, else of Σ̂.
     pub cost: f64,
+    /// Variance of the noise over that given: cost in units of Σ over degrees of freedom.
+    pub scale: f64,
     /// Real equations less unknowns.
     pub degrees_of_freedom: usize,
     /// Covariance of the noise of the outputs' samples (of the equations', for equation noise).
@@ -558,7 +560,8 @@ impl JointFitter {
             cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
             condition_bound: condition_bound(&gram, p),
             gram,
-            cost: if q == 1 { cost * unit(0) * unit(0) } else { cost },
+            cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
+            scale,
             degrees_of_freedom: freedom,
             noise,
             status,
@@ -625,7 +628,7 @@ fn uneven(
         }
     };
     let one = |v: &Vec<f64>| {
-        if v.len() != samples || v.iter().any(|x| !(*x > 0.0)) {
+        if v.len() != samples || v.iter().any(|x| *x <= 0.0 || x.is_nan()) {
             return Err(Error::Data(format!(
                 "fitting with uneven noise: {} variances for {samples} samples, all above zero",
                 v.len()

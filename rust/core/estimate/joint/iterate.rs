@@ -115,11 +115,12 @@ fn status(w: &JointSpace, k: usize) -> Status {
 /// How far a call of the vector code came.
 #[derive(PartialEq)]
 enum Came {
-    ToItsEnd,
+    /// To its end.
+    Home,
     /// A lane needs orthogonal factors.
-    ToSmallPivots,
+    SmallPivots,
     /// The delays have changed.
-    ToNewDelays,
+    NewDelays,
 }
 
 struct Iteration<'a> {
@@ -142,7 +143,7 @@ impl Kernel for Iteration<'_> {
             if !*mended {
                 step::<L>(d, w, rule.weights(), rule.factors(), held);
                 if unsound::<L>(&w.progress, &w.trusted).any() {
-                    return Came::ToSmallPivots;
+                    return Came::SmallPivots;
                 }
             }
             *mended = false;
@@ -153,10 +154,10 @@ impl Kernel for Iteration<'_> {
             rule.take::<L>(w, limit);
             w.spread_theta(d);
             if !held && !d.free_delays.is_empty() {
-                return Came::ToNewDelays;
+                return Came::NewDelays;
             }
         }
-        Came::ToItsEnd
+        Came::Home
     }
 }
 
@@ -183,9 +184,9 @@ fn iterate(
             mended: &mut mended,
         });
         match came {
-            Came::ToItsEnd => return Ok(()),
-            Came::ToNewDelays => refresh(w)?,
-            Came::ToSmallPivots => {
+            Came::Home => return Ok(()),
+            Came::NewDelays => refresh(w)?,
+            Came::SmallPivots => {
                 for lane in 0..LANES {
                     let sound = w.trusted.0[lane] > 0.0 && w.progress.moved.0[lane].is_finite();
                     if sound || w.progress.active.0[lane] == 0.0 {

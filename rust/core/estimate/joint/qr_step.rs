@@ -21,6 +21,8 @@ pub(crate) struct QrStep {
     right: Vec<f64>,
     square: Vec<f64>,
     solution: Vec<f64>,
+    /// What moves, in order.
+    found: Vec<f64>,
     scale: Vec<f64>,
     /// R of each record's transient with what it needs to be solved.
     kept: Vec<f64>,
@@ -39,6 +41,7 @@ impl QrStep {
             right: vec![0.0; size + 1],
             square: vec![0.0; p * (p + 1)],
             solution: vec![0.0; p],
+            found: vec![0.0; p],
             scale: vec![0.0; p],
             kept: vec![0.0; d.records.len() * nt * (size + 1)],
             moving: Vec::with_capacity(p),
@@ -165,7 +168,7 @@ pub(crate) fn solve(
             w.qr.moving.push(k);
         }
     }
-    let QrStep { all, square, moving, solution, scale, .. } = &mut w.qr;
+    let QrStep { all, square, moving, solution, found, scale, .. } = &mut w.qr;
     let count = moving.len();
     // RᵀR of what moves would square the condition: the rows of QᵀΓ suffice where all move.
     for (a, i) in moving.iter().enumerate() {
@@ -176,9 +179,8 @@ pub(crate) fn solve(
             (0..p).filter(|j| !moving.contains(j)).map(|j| all.qt(*i, j) * solution[j]).sum();
         square[a * (count + 1) + count] = all.qt(*i, p) - held;
     }
-    let mut found = vec![0.0; count];
-    full &= solve_square(square, count, &mut found, scale) > RANK;
-    for (k, value) in moving.iter().zip(&found) {
+    full &= solve_square(square, count, found, scale) > RANK;
+    for (k, value) in moving.iter().zip(found.iter()) {
         solution[*k] = *value;
     }
     let QrStep { solution, kept, .. } = &w.qr;
@@ -195,8 +197,8 @@ pub(crate) fn solve(
             r.next_transient[i].0[lane] = sum / row[i];
         }
     }
-    for k in 0..p {
-        let change = solution[k] + if k >= delays { w.theta[k].0[lane] } else { 0.0 };
+    for (k, found) in solution.iter().enumerate() {
+        let change = found + if k >= delays { w.theta[k].0[lane] } else { 0.0 };
         let (low, high) = d.parameter_bounds(k);
         w.next[k].0[lane] = change.clamp(low, high);
     }

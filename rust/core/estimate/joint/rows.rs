@@ -231,8 +231,8 @@ fn plain_whitener<L: Lanes>(
             let (order, from) = (d.structure.orders[i], d.denominators[i]);
             let square = variance::<L>(a, &w.coefficients[from..from + order], rd.size_x[m]);
             let still = L::splat(1.0) / square.sqrt();
-            if d.structure.common {
-                // What all outputs share may turn them all alike: nothing turns.
+            if d.structure.common && rd.dense.is_empty() {
+                // What all outputs share may turn them all alike, where lines are independent: nothing turns.
                 (still, L::splat(0.0))
             } else {
                 // conj(A)/|A| turns, the floored |A| scales; where A vanishes nothing turns.

@@ -111,9 +111,9 @@ impl Kernel for Information<'_> {
                 for t in (0..nt).rev() {
                     let row = &r.matrix[t * (size + 1)..(t + 1) * (size + 1)];
                     let mut sum = L::load(&row[nt + c]);
-                    for j in t + 1..nt {
+                    for (j, left) in row[..nt].iter().enumerate().skip(t + 1) {
                         let by = L::load(&r.projection[j * p + c]);
-                        sum = (-L::load(&row[j])).mul_add(by, sum);
+                        sum = (-L::load(left)).mul_add(by, sum);
                     }
                     (sum * L::load(&row[t])).store(&mut r.projection[t * p + c]);
                 }

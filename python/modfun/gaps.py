@@ -1,0 +1,70 @@
+"""Masked samples in a fit: what stands in their place, and how little it may be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .records import Record
+
+__all__ = ["bridged", "variances"]
+
+F64 = NDArray[np.float64]
+NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
+
+
+def bridged(rec: Record) -> tuple[F64, F64]:
+    """Outputs with masked samples interpolated, and how far each may be off; both (output, time).
+
+    A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
+    `NEAR` nearest ones is taken as its error. Across long gaps it grows beyond all measure.
+    """
+    y, off = rec.y.copy(), np.zeros_like(rec.y)
+    if rec.mask is None:
+        return y, off
+    for i, good in enumerate(rec.mask):
+        known = np.flatnonzero(good)
+        for k in np.flatnonzero(~good):
+            at = int(np.searchsorted(known, k))
+            near, far = (_around(known, at, count) for count in (NEAR, FAR))
+            first = _through(rec.t[near], rec.y[i, near], rec.t[k])
+            y[i, k] = _through(rec.t[far], rec.y[i, far], rec.t[k])
+            off[i, k] = abs(y[i, k] - first)
+    # What flies off tells nothing: the neighbours' range is all that can be said.
+    wild = ~np.isfinite(y) | (np.abs(y - rec.y) > np.ptp(rec.y, axis=1, keepdims=True))
+    y, off = np.where(wild, rec.y, y), np.where(wild, np.inf, off)
+    return np.ascontiguousarray(y), off
+
+
+def variances(rec: Record, off: F64, order: int) -> F64 | None:
+    """Variance of each sample of the outputs (output, time), infinite where nothing is known; None if even.
+
+    An interpolated sample counts as an ordinary one with the square of its possible error added, in units of
+    the noise that the upper harmonics show. Without noise there it counts for nothing.
+    """
+    if rec.mask is None and rec.sigma is None:
+        return None
+    found = np.ones_like(rec.y) if rec.sigma is None else rec.sigma**2
+    if rec.mask is not None:
+        level = np.zeros(len(rec.y))
+        if rec.dt is not None and rec.intervals >= 8 * (order + 4):
+            level = _core.noise_level(np.ascontiguousarray(rec.y), order)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = found + (off / level[:, None]) ** 2
+        found = np.where(rec.mask, found, np.where(np.isfinite(own), own, np.inf))
+    return np.ascontiguousarray(found)
+
+
+def _around(known: NDArray[np.intp], at: int, count: int) -> NDArray[np.intp]:
+    first = min(max(at - count // 2, 0), max(known.size - count, 0))
+    return known[first : first + count]
+
+
+def _through(t: F64, y: F64, at: float) -> float:
+    """Value of the polynomial through some points, by Lagrange's formula."""
+    apart = at - t
+    between = t[:, None] - t
+    np.fill_diagonal(between, 1.0)
+    weights = np.array([np.prod(np.delete(apart, k)) for k in range(t.size)]) / between.prod(axis=1)
+    return float(weights @ y)

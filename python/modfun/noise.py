@@ -1,0 +1,225 @@
+"""What is known of the measurement noise, and what a fit makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .errors import DataError, SpecError
+
+if TYPE_CHECKING:
+    from .layout import Layout
+    from .options import Options
+    from .records import Record
+
+__all__ = ["Noise", "weighting"]
+
+F64 = NDArray[np.float64]
+
+
+class Noise:
+    """Measurement noise known up to a common factor: `mf.fit(rec, model, noise=mf.Noise(y=0.02, u=0.1))`.
+
+    Parameters
+    ----------
+    y : float, sequence of float, (output, output) array, callable, or sequence of callable
+        Standard deviations of the samples of the outputs, their covariance matrix, or power spectra:
+        functions of omega (rad/s, array in, array out), one for all outputs or one an output, in units in
+        which white noise of standard deviation s has the constant spectrum s².
+    u : as `y`, optional
+        Of the inputs; left out: they are exact.
+
+    Raises
+    ------
+    SpecError
+        Negative levels, or a matrix that is no covariance.
+
+    Notes
+    -----
+    Ratios are what an estimate depends on. The common factor is estimated too, and scales the standard
+    errors; `fit.check()` says where it is far from one.
+    """
+
+    __slots__ = ("u", "y")
+
+    y: Any
+    u: Any
+
+    def __init__(self, y: Any = 1.0, u: Any = None) -> None:
+        object.__setattr__(self, "y", _given("y", y))
+        object.__setattr__(self, "u", None if u is None else _given("u", u))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Noise cannot be changed ({name}); make a new one")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Noise) and (self.y, self.u) == (other.y, other.u)
+
+    def __hash__(self) -> int:
+        return hash((self.y, self.u))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Noise, (_plain(self.y), _plain(self.u))
+
+    def __repr__(self) -> str:
+        words = f"y={_plain(self.y)!r}" + ("" if self.u is None else f", u={_plain(self.u)!r}")
+        return f"Noise({words})"
+
+
+def _plain(given: Any) -> Any:
+    return [_plain(one) for one in given] if isinstance(given, tuple) else given
+
+
+def _given(name: str, given: Any) -> Any:
+    """Numbers, tuples of them, tuples of tuples, or callables."""
+    if callable(given):
+        return given
+    if isinstance(given, Sequence) and not isinstance(given, str) and any(callable(one) for one in given):
+        if not all(callable(one) for one in given):
+            raise SpecError(f"Noise: {name}={given!r} mixes functions and numbers; give a function a channel")
+        return tuple(given)
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if values.ndim > 2 or not np.all(np.isfinite(values)):
+        raise SpecError(
+            f"Noise: {name}={given!r} must be standard deviations, a covariance matrix, or functions of omega"
+        )
+    if values.ndim == 2:
+        if values.shape[0] != values.shape[1] or not np.allclose(values, values.T, rtol=1e-9, atol=0):
+            raise SpecError(
+                f"Noise: {name} of shape {values.shape} is no covariance matrix: it must be symmetric"
+            )
+        if np.min(np.linalg.eigvalsh(values)) < -1e-12 * np.max(np.diag(values)):
+            raise SpecError(f"Noise: {name} is no covariance matrix: it has a negative eigenvalue")
+        return tuple(map(tuple, values.tolist()))
+    if np.any(values < 0):
+        raise SpecError(f"Noise: {name}={given!r} holds a negative standard deviation")
+    return float(values) if values.ndim == 0 else tuple(values.tolist())
+
+
+def weighting(
+    layout: Layout, options: Options, records: Sequence[Record], intervals: Sequence[int]
+) -> dict[str, Any]:
+    """Keywords of the core: what the residuals of a joint fit are weighted by.
+
+    Raises
+    ------
+    DataError, SpecError
+        Levels that are not to be had, or for another number of channels.
+    """
+    outputs, inputs = len(layout.outputs), len(layout.inputs)
+    found: dict[str, Any] = {
+        "equation": options.noise == "equation",
+        "coloured": options.noise == "coloured",
+        "sigma_y": None,
+        "sigma_u": None,
+        "spectra": [],
+    }
+    if options.output_weights is not None:
+        weights = np.array(options.output_weights, dtype=float)
+        weights = np.diag(weights) if weights.ndim == 1 else weights
+        if weights.shape != (outputs, outputs):
+            raise SpecError(
+                f"fit: output_weights is for {weights.shape[0]} output(s), the record has {outputs}; give "
+                "one weight an output (1/variance), or the inverse covariance matrix"
+            )
+        found["sigma_y"] = np.linalg.inv(weights).ravel().tolist()
+    if isinstance(options.noise, Noise):
+        given = options.noise
+        cov, shape = _covariance("y", given.y, outputs)
+        found["sigma_y"] = cov.ravel().tolist()
+        shapes = [shape]
+        if given.u is not None:
+            cov, shape = _covariance("u", given.u, inputs)
+            found["sigma_u"] = _of_paths(cov, layout).ravel().tolist()
+            shapes.append(shape)
+        if any(shape is not None for shape in shapes):
+            found["spectra"] = [
+                _spectra(layout, shapes, rec, used) for rec, used in zip(records, intervals, strict=True)
+            ]
+    elif options.noise == "errors-in-variables":
+        y, u = _levels(layout, records, intervals)
+        found["sigma_y"] = np.diag(y**2).ravel().tolist()
+        found["sigma_u"] = _of_paths(np.diag(u**2), layout).ravel().tolist()
+    if found["sigma_u"] is not None and len(layout.paths) > inputs:
+        raise SpecError(
+            "fit: noisy inputs with a delay that differs from output to output are not supported; give one "
+            "delay an input"
+        )
+    return found
+
+
+def _covariance(name: str, given: Any, channels: int) -> tuple[F64, tuple[Callable[..., Any], ...] | None]:
+    """Covariance of the channels and, where given as functions, their spectra."""
+    if callable(given) or (isinstance(given, tuple) and given and callable(given[0])):
+        functions = given if isinstance(given, tuple) else (given,) * channels
+        _count(name, len(functions), channels)
+        return np.eye(channels), functions
+    values = np.asarray(given, dtype=float)
+    if values.ndim == 2:
+        _count(name, len(values), channels)
+        return values, None
+    if values.ndim == 1:
+        _count(name, values.size, channels)
+    return np.diag(np.broadcast_to(values, (channels,)) ** 2), None
+
+
+def _count(name: str, have: int, wanted: int) -> None:
+    if have != wanted:
+        raise SpecError(
+            f"fit: noise of {have} {name} channel(s) for a record with {wanted}; give one a channel of {name}"
+        )
+
+
+def _of_paths(cov: F64, layout: Layout) -> F64:
+    index = [path.input for path in layout.paths]
+    return np.ascontiguousarray(cov[np.ix_(index, index)])
+
+
+def _spectra(layout: Layout, shapes: Sequence[Any], rec: Record, intervals: int) -> list[list[float]]:
+    """Power on the lines from 0 on, outputs then paths."""
+    duration = rec.duration if rec.dt is None else intervals * rec.dt
+    omega = 2 * np.pi / duration * np.arange(intervals // 2 + 1)
+    rows = []
+    for shape, index in zip(
+        [*shapes, None][:2],
+        [range(len(layout.outputs)), [path.input for path in layout.paths]],
+        strict=True,
+    ):
+        for k in index:
+            values = np.ones(omega.size) if shape is None else np.asarray(shape[k](omega), dtype=float)
+            if values.shape != omega.shape or not np.all(np.isfinite(values)) or np.any(values <= 0):
+                raise SpecError(
+                    "fit: a noise spectrum must return one finite number above 0 for each omega (rad/s, from "
+                    f"0 to {omega[-1]:.4g}); it returned shape {values.shape}, smallest {np.min(values):.3g}"
+                )
+            rows.append(values.tolist())
+    return rows
+
+
+def _levels(layout: Layout, records: Sequence[Record], intervals: Sequence[int]) -> tuple[F64, F64]:
+    """Noise levels of outputs and inputs from the harmonics that the signals leave empty."""
+    order = max(layout.orders)
+    power = []
+    for rec, used in zip(records, intervals, strict=True):
+        if rec.dt is None:
+            raise DataError(
+                'fit: noise="errors-in-variables" takes levels from the unused high band of evenly sampled '
+                "records; give them as noise=mf.Noise(y=..., u=...)"
+            )
+        window = np.vstack([rec.y, rec.u])[:, rec.intervals - used :]
+        power.append(_core.noise_level(np.ascontiguousarray(window), order) ** 2)
+    level = np.sqrt(np.mean(power, axis=0))
+    outputs = len(layout.outputs)
+    if np.any(level[:outputs] == 0):
+        raise DataError(
+            'fit: noise="errors-in-variables": the unused high band of an output is empty, so its noise '
+            "level cannot be seen; give the levels as noise=mf.Noise(y=..., u=...)"
+        )
+    return level[:outputs], level[outputs:]
