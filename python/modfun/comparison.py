@@ -208,9 +208,17 @@ def _label(value: Any) -> str:
     structure = getattr(value, "structure", getattr(value, "model", value))
     if not isinstance(structure, TransferFunction):
         return type(value).__name__
-    zeros = structure.zeros
-    words = (
-        f"{zeros}" if isinstance(zeros, int) else ", ".join("none" if z is None else str(z) for z in zeros)
-    )
-    poles = f"{structure.poles} pole{'s' if structure.poles > 1 else ''}"
-    return f"{poles}, {words} zero{'' if words == '1' else 's'}"
+    words = [
+        f"{_counted(given)} {word}{'' if given == 1 else 's'}"
+        for given, word in ((structure.poles, "pole"), (structure.zeros, "zero"))
+        if given is not None
+    ]
+    return ", ".join(words)
+
+
+def _counted(given: Any) -> str:
+    """A number, or numbers in a row; outputs apart by semicolons."""
+    if not isinstance(given, tuple):
+        return "none" if given is None else str(given)
+    apart = "; " if any(isinstance(one, tuple) for one in given) else ", "
+    return apart.join(_counted(one) for one in given)

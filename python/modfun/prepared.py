@@ -158,10 +158,9 @@ def _joint(
     if not isinstance(data, Batch):
         records, used = list(data), intervals
     order = max(layout.orders)
-    whole = [] if isinstance(data, Batch) else [bridged(rec) for rec in data]
-    uneven = (
-        [variances(rec, off, order) for rec, (_, off) in zip(data, whole, strict=True)] if whole else [None]
-    )
+    # A batch has no masks.
+    whole = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
+    uneven = [variances(rec, off, order) for rec, _, off in whole] or [None]
     core = _core.JointFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -169,7 +168,7 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for y, _ in whole))
+    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in whole))
 
 
 def _intervals(layout: Layout, sampling: tuple[tuple[int, Any], ...]) -> tuple[int, ...]:

@@ -165,7 +165,7 @@ def test_several_records_inputs_and_a_delay():
         records, poles=range(1, 4), zeros=[(0, 0), (1, 0), (1, 1)], delay=[0.2, 0.0], trend=None
     )
     assert found.best.structure == mf.TransferFunction(poles=2, zeros=(1, 0), delay=(0.2, 0.0))
-    assert found.best.delays == (0.2, 0.0)
+    assert found.best.model.delays == (0.2, 0.0)
 
 
 def test_free_motion_has_no_zeros():
