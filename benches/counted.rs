@@ -9,7 +9,7 @@ mod common;
 
 use common::{DURATION, INTERVALS};
 use modfun::estimate::{Band, FitOptions, Options, Wanted};
-use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run};
+use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::quadrature::Rule;
 use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -44,12 +44,13 @@ fn main() -> ExitCode {
     let group = Group {
         group: 0,
         dt,
-        y,
+        y: vec![y],
         u: vec![(0..=INTERVALS).map(|k| common::chirp(k as f64 * dt)).collect()],
         free: Vec::new(),
         sigma: vec![0.2 * rms],
+        scale: vec![1.0],
         estimators: vec![Contender {
-            options,
+            options: Told::Plain(options),
             truth: vec![3.0, 8.0, 5.0],
             intervals: Intervals::None,
         }],

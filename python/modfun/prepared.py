@@ -20,7 +20,7 @@ from .options import Options
 from .records import Batch, Record
 from .structures import TransferFunction
 
-__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "refuse_standing"]
+__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "refuse_standing", "spans"]
 
 KEPT = 32  # kinds of fits
 LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes for less than the fit takes
@@ -169,6 +169,11 @@ def _joint(
         **joint_words(layout, intersample, options),
     )
     return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in whole))
+
+
+def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:
+    """Sampling intervals of each record that a fit uses."""
+    return _intervals(layout, tuple((rec.y.shape[1], rec.dt or rec.t) for rec in records))
 
 
 def _intervals(layout: Layout, sampling: tuple[tuple[int, Any], ...]) -> tuple[int, ...]:

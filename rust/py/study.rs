@@ -2,10 +2,10 @@
 
 use modfun::estimate::Wanted;
 use modfun::monte_carlo::histogram::BINS;
-use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run};
+use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::simd::Isa;
 use modfun::{Error, Status};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -13,6 +13,7 @@ use crate::arrays::{slice, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
 use crate::fit::Given;
+use crate::joint::GivenJoint;
 use crate::tally::numbers;
 
 /// What all cells with the same noise-free record share, as Python gives it.
@@ -23,11 +24,14 @@ struct GivenGroup<'py> {
     #[pyo3(item)]
     dt: f64,
     #[pyo3(item)]
-    y: PyReadonlyArray1<'py, f64>,
+    y: PyReadonlyArray2<'py, f64>,
     #[pyo3(item)]
     u: PyReadonlyArray2<'py, f64>,
+    /// (state, output, time).
     #[pyo3(item)]
-    free: PyReadonlyArray2<'py, f64>,
+    free: PyReadonlyArray3<'py, f64>,
+    #[pyo3(item)]
+    scale: Vec<f64>,
     #[pyo3(item)]
     sigma: PyReadonlyArray1<'py, f64>,
     #[pyo3(item)]
@@ -38,7 +42,7 @@ struct GivenGroup<'py> {
 #[derive(FromPyObject)]
 struct GivenContender<'py> {
     #[pyo3(item)]
-    options: Given,
+    options: Bound<'py, PyDict>,
     #[pyo3(item)]
     truth: PyReadonlyArray1<'py, f64>,
     #[pyo3(item)]
@@ -67,31 +71,40 @@ impl GivenContender<'_> {
             let (columns, values) = (self.columns.len(), truth.len());
             return Err(refused(&format!("{columns} columns for {values} true values")));
         }
-        let options = self.options.options(Wanted::Theta).map_err(to_python)?;
+        let options = match self.options.contains("orders")? {
+            true => {
+                let given: GivenJoint = self.options.extract()?;
+                Told::Joint(Box::new(given.options(Wanted::Theta).map_err(to_python)?))
+            }
+            false => {
+                let given: Given = self.options.extract()?;
+                Told::Plain(given.options(Wanted::Theta).map_err(to_python)?)
+            }
+        };
         Ok(Contender { options, truth, intervals })
     }
 }
 
 impl GivenGroup<'_> {
     fn group(&self) -> PyResult<Group> {
-        let samples = self.y.as_array().len();
-        let rows = |array: &PyReadonlyArray2<'_, f64>, name: &str| -> PyResult<Vec<Vec<f64>>> {
-            let values = slice(array, name)?;
-            if !values.is_empty() && array.as_array().ncols() != samples {
+        let (outputs, samples) = (self.y.shape()[0], self.y.shape()[1]);
+        let rows = |values: &[f64], length: usize, name: &str| -> PyResult<Vec<Vec<f64>>> {
+            if !values.is_empty() && length != samples {
                 return Err(to_python(Error::Data(format!(
-                    "planning a study: {name} has {} samples but y has {samples}",
-                    array.as_array().ncols()
+                    "planning a study: {name} has {length} samples but y has {samples}"
                 ))));
             }
             Ok(values.chunks_exact(samples.max(1)).map(<[f64]>::to_vec).collect())
         };
+        let free = rows(slice(&self.free, "free")?, self.free.shape()[2], "free")?;
         Ok(Group {
             group: self.group,
             dt: self.dt,
-            y: slice(&self.y, "y")?.to_vec(),
-            u: rows(&self.u, "u")?,
-            free: rows(&self.free, "free")?,
+            y: rows(slice(&self.y, "y")?, samples, "y")?,
+            u: rows(slice(&self.u, "u")?, self.u.shape()[1], "u")?,
+            free: free.chunks(outputs.max(1)).map(<[Vec<f64>]>::to_vec).collect(),
             sigma: slice(&self.sigma, "sigma")?.to_vec(),
+            scale: self.scale.clone(),
             estimators: self
                 .estimators
                 .iter()
@@ -296,5 +309,5 @@ fn half_widths(
     }
     let quantile = py.import("scipy.special")?.getattr("stdtrit")?;
     let of = |df: usize| quantile.call1((df as f64, 0.5 + level / 2.0))?.extract::<f64>();
-    plan.designs().iter().map(|g| g.iter().map(|d| of(d.degrees_of_freedom())).collect()).collect()
+    plan.freedom().iter().map(|g| g.iter().map(|df| of(*df)).collect()).collect()
 }

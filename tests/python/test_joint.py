@@ -363,3 +363,75 @@ def test_mistakes_are_told(words, said):
 def test_noise_that_is_none_is_refused(given, said):
     with pytest.raises(mf.SpecError, match=said):
         mf.Noise(**given)
+
+
+# Monte Carlo ---------------------------------------------------------------------------------------
+
+
+SYS = mf.tf(NUM, DEN)
+
+
+def study(**words) -> mf.MonteCarlo:
+    chirps = ["sin(t**2/6)", "cos((20-t)**2/5)"]
+    return mf.MonteCarlo(
+        system=SYS, input=chirps, duration=20.0, intervals=N, replicates=200, seed=4, **words
+    )
+
+
+def test_a_study_of_several_outputs_is_made_of_its_fits():
+    made = study(nsr=[0.05, 0.2], estimators=["ml", "awls"], initial_state="random")
+    found = made.run(progress=False, keep="samples")
+    assert found.axes["parameter"] == mf.TransferFunction.from_system(SYS).param_names(
+        ["u1", "u2"], ["y1", "y2"]
+    )
+    np.testing.assert_array_equal(found.truth[0, 0], TRUE)
+    assert found.failures.sum() == 0
+    for level, name in itertools.product(range(2), ("ml", "awls")):
+        rec, fits = found.replicate(7, nsr=[0.05, 0.2][level])
+        assert rec.outputs == ("y1", "y2")
+        k = ["ml", "awls"].index(name)
+        np.testing.assert_allclose(found.samples[level, k, :, 7], fits[name].params, rtol=1e-7)
+    # Bias of 16 numbers within 5 Monte Carlo errors at low noise: false alarm 1e-5 of seeds.
+    assert (np.abs(found.bias[0, 0]) < 5 * found.bias_mcse[0, 0]).all()
+    assert found.coverage[0, 0].mean() > 0.92
+
+
+def test_a_study_is_the_same_for_any_number_of_threads_and_draw_agrees():
+    one = study(nsr=0.1, estimators=["ml"]).run(progress=False, threads=1)
+    two = study(nsr=0.1, estimators=["ml"]).run(progress=False, threads=2)
+    np.testing.assert_array_equal(one.bias, two.bias)
+    drawn = study(nsr=0.1, estimators=["ml"]).run(progress=False, draw="coefficients")
+    # Two standard deviations of 200 each: ratio within 5 standard errors of one.
+    assert (np.abs(drawn.sd / one.sd - 1) < 0.25).all()
+
+
+def test_studies_with_noise_as_it_is():
+    sys = mf.tf([5], [1, 3, 8], delay=0.2)
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.1, min=0, max=0.5))
+    held = mf.TransferFunction(poles=2, zeros=0, delay=0.2, params={"a2": 8.0})
+    words = {
+        "input": "sin(t**2/5)",
+        "duration": 10.0,
+        "intervals": 256,
+        "nsr": 0.1,
+        "replicates": 120,
+        "seed": 2,
+    }
+    estimators = {
+        "late": mf.Estimator(late),
+        "held": mf.Estimator(held),
+        "coloured": mf.Estimator(mf.TransferFunction(poles=2, zeros=0, delay=0.2), noise="coloured"),
+    }
+    found = mf.MonteCarlo(system=sys, estimators=estimators, **words).run(progress=False)
+    names = found.axes["parameter"]
+    assert names == ("a1", "a2", "b0", "delay")
+    assert found.failures.sum() == 0
+    known = ~np.isnan(found.sd)
+    assert known.tolist() == [[True] * 4, [True, False, True, False], [True, True, True, False]]
+    assert (np.abs(found.bias[known]) < 5 * found.bias_mcse[known]).all()
+    assert found.sd[1, 0] < found.sd[2, 0] < 1.5 * found.sd[0, 0]
+    assert found.coverage[known].min() > 0.86
+    noisy = {"eiv": mf.Estimator(mf.TransferFunction(poles=2, zeros=0), noise="errors-in-variables")}
+    seen = mf.MonteCarlo(system=mf.tf([5], [1, 3, 8]), estimators=noisy, **words).run(progress=False)
+    assert np.isfinite(seen.bias).all()
+    assert seen.failures.sum() == 0

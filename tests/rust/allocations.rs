@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::{ALL, DURATION, INTERVALS, METHODS, OPTIONS};
 use modfun::Status;
 use modfun::estimate::{Band, FitOptions, Start, Workspace, estimate};
-use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run};
+use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
 use modfun::simd::{Isa, Wide};
@@ -109,16 +109,21 @@ fn plan(draw: Draw) -> Plan {
             band: Band::Harmonics(6),
             options: OPTIONS,
         };
-        Contender { options, truth: vec![3.0, 8.0, 5.0], intervals: Intervals::Hc3 }
+        Contender {
+            options: Told::Plain(options),
+            truth: vec![3.0, 8.0, 5.0],
+            intervals: Intervals::Hc3,
+        }
     });
     let dt = DURATION / INTERVALS as f64;
     let group = Group {
         group: 0,
         dt,
-        y: common::response(),
+        y: vec![common::response()],
         u: vec![(0..=INTERVALS).map(|k| common::chirp(k as f64 * dt)).collect()],
-        free: vec![vec![0.1; INTERVALS + 1]],
+        free: vec![vec![vec![0.1; INTERVALS + 1]]],
         sigma: vec![0.01, 0.1],
+        scale: vec![1.0],
         estimators: estimators.into(),
     };
     Plan::new(&[group], draw, Isa::detect().unwrap()).unwrap()

@@ -13,8 +13,9 @@ from ..callables import source
 from ..errors import SpecError
 from ..estimation import Estimator
 from ..layout import Layout
+from ..noise import weighting
 from ..options import WORDS, Options
-from ..prepared import plain_words, prepare
+from ..prepared import joint_words, plain_words, prepare, spans
 from ..records import Record
 from ..structures import TransferFunction
 from ..tables import nearest
@@ -70,8 +71,13 @@ class Contender:
     def core(self, group: Group) -> dict[str, Any]:
         """Keywords of the compiled core for this group."""
         own = self.estimators[group.index]
-        rec = group.record(group.y)
-        return plain_words(own.model.layout(rec.outputs, rec.inputs), rec.intersample, own.options)
+        rec, layout = group.record(group.y), self.layout(group)
+        if layout.plain and own.options.plain_noise:
+            return plain_words(layout, rec.intersample, own.options)
+        return {
+            **weighting(layout, own.options, [rec], spans(layout, [rec])),
+            **joint_words(layout, rec.intersample, own.options),
+        }
 
     def described(self, group: Group | Generated) -> Any:
         """All that its estimates depend on."""

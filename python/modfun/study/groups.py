@@ -35,9 +35,9 @@ class Group:
     system : LTI
     rest : Experiment
         Response from rest and what noise and random states are scaled by.
-    y : ndarray, shape (time,)
-        Noise-free output with the fixed part of the initial state.
-    free : ndarray, shape (states, time)
+    y : ndarray, shape (output, time)
+        Noise-free outputs with the fixed part of the initial state.
+    free : ndarray, shape (states, output, time)
         Response to one standard deviation of each random state; no rows if none is random.
     intersample : tuple of str
     state, noise : callable or None
@@ -72,8 +72,13 @@ class Group:
 
     @property
     def scale(self) -> float:
-        """What nsr refers to: root mean square of the response from rest."""
-        return float(self.rest.rms[0])
+        """What the noise levels of the core are in units of: of one output its root mean square, else 1."""
+        return float(self.rest.rms[0]) if len(self.y) == 1 else 1.0
+
+    @property
+    def unit(self) -> F64:
+        """Unit of the noise of each output: nsr refers to the root mean square of the response from rest."""
+        return np.ones(1) if len(self.y) == 1 else self.rest.rms
 
     def names(self, structure: TransferFunction | None) -> tuple[str, ...]:
         """Names of a structure's parameters."""
@@ -91,7 +96,9 @@ class Group:
 
     def record(self, y: F64) -> Record:
         """A record with this group's input."""
-        return Record(y=y, u=self.rest.u, dt=self.rest.dt, intersample=list(self.intersample))
+        return Record(
+            y=y, u=self.rest.u, dt=self.rest.dt, outputs=self.outputs, intersample=list(self.intersample)
+        )
 
     def records(self, seed: int, replicate: int, sigma: Sequence[float]) -> list[Record]:
         """The records of a replicate at each noise level, from their address.
@@ -106,17 +113,21 @@ class Group:
             rng = generator("initial_state", seed, replicate, self.index)
             drawn = attempt("initial_state", self.state, rng)
             shape = self.rest.state_rms.shape
-            y = y + series(drawn, "initial_state", shape, "the states at t = 0") @ self.rest.free[:, 0]
+            start = series(drawn, "initial_state", shape, "the states at t = 0")
+            y = y + np.tensordot(start, self.rest.free, 1)
         elif len(self.free):
             z = _core.normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
-            y = y + z @ self.free
+            y = y + np.tensordot(z, self.free, 1)
         if self.noise is not None:
             rng = generator("noise", seed, replicate, self.index)
-            drawn = attempt("noise", self.noise, rng, y.copy(), self.rest.dt)
-            noise = series(drawn, "noise", y.shape, "noise of unit standard deviation for each sample")
+            given = y[0].copy() if len(y) == 1 else y.copy()
+            drawn = attempt("noise", self.noise, rng, given, self.rest.dt)
+            noise = series(drawn, "noise", given.shape, "noise of unit standard deviation for each sample")
         else:
-            noise = _core.normals(seed, "noise_y", 0, replicate, self.index, y.size)
-        return [self.record(y + s * noise) for s in sigma]
+            noise = np.array(
+                [_core.normals(seed, "noise_y", k, replicate, self.index, y.shape[1]) for k in range(len(y))]
+            )
+        return [self.record(y + s * self.unit[:, None] * noise) for s in sigma]
 
     @property
     def functions(self) -> dict[str, Any]:
@@ -150,16 +161,14 @@ def groups(
                 f"MonteCarlo: system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
                 "fit.model, or a dict of them (an axis with names)"
             )
-        if system.shape[0] != 1:
-            raise SpecError(f"MonteCarlo: the system has {system.shape[0]} outputs; this version takes one")
         for given in inputs:
             rest = experiment(
                 system, input=given, duration=duration, intervals=intervals, intersample=intersample
             )
-            if not rest.rms[0] > 0 and any(nsr.labels):
+            if not np.all(rest.rms > 0) and any(nsr.labels):
                 raise DataError(
-                    "MonteCarlo: the response from rest is zero, so that nsr, noise relative to it, says "
-                    "nothing; give an input that moves the output"
+                    "MonteCarlo: the response from rest of an output is zero, so that nsr, noise "
+                    "relative to it, says nothing; give an input that moves the output"
                 )
             kinds = (intersample,) * len(rest.u) if isinstance(intersample, str) else tuple(intersample)
             for state in states:
@@ -172,7 +181,7 @@ def groups(
                         rest=rest,
                         intersample=kinds,
                         free=free,
-                        y=np.ascontiguousarray(rest.y[0] + fixed @ rest.free[:, 0]),
+                        y=np.ascontiguousarray(rest.y + np.tensordot(fixed, rest.free, 1)),
                         state=drawn,
                         noise=noise,
                     )
@@ -183,12 +192,12 @@ def groups(
 def _state(given: Any, rest: Experiment) -> tuple[F64, F64]:
     """Fixed initial state, and the free responses of the random one."""
     n = rest.state_rms.size
-    none = np.zeros((0, rest.y.shape[1]))
+    none = np.zeros((0, *rest.y.shape))
     if isinstance(given, str):
         if given == "zero":
             return np.zeros(n), none
         if given == "random":
-            return np.zeros(n), np.ascontiguousarray(rest.state_rms[:, None] * rest.free[:, 0])
+            return np.zeros(n), np.ascontiguousarray(rest.state_rms[:, None, None] * rest.free)
         raise SpecError(
             f"MonteCarlo: initial_state={given!r} is unknown; give 'zero', 'random', {n} numbers or a "
             "function of rng"

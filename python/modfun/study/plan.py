@@ -46,8 +46,14 @@ class Plan:
 
     @property
     def made(self) -> bool:
-        """Whether records or fits are needed in Python, so that no estimator can run in the core's study."""
-        return bool(self.metrics) or any(g.made for g in self.groups)
+        """Whether records or fits are needed in Python, so that no estimator can run in the core's study.
+
+        Noise levels for errors in variables are told by the records themselves.
+        """
+        seen = any(
+            own.options.noise == "errors-in-variables" for c in self.contenders for own in c.estimators
+        )
+        return bool(self.metrics) or seen or any(g.made for g in self.groups)
 
     @property
     def functions(self) -> list[tuple[str, Any]]:

@@ -155,7 +155,7 @@ class Results:
         for g in plan.groups:
             if not isinstance(g, Group):
                 continue  # there is no system
-            rec = g.record(g.rest.y[0])
+            rec = g.record(g.rest.y)
             for k, c in enumerate(plan.contenders):
                 key = (g.index, c.structures[g.index], c.trend)
                 if key not in known:

@@ -77,8 +77,8 @@ class Work:
 
     @property
     def called(self) -> bool:
-        """Whether functions of the user take part."""
-        return bool(self.plan.functions)
+        """Whether records are made in Python: for functions of the user, or levels told by each record."""
+        return bool(self.plan.functions) or self.plan.made
 
     @cached_property
     def part(self) -> int:
@@ -124,6 +124,7 @@ class Work:
                 "y": g.y,
                 "u": g.rest.u,
                 "free": g.free,
+                "scale": g.unit.tolist(),
                 "sigma": plan.sigma(g),
                 "estimators": [
                     {
@@ -207,14 +208,18 @@ def _timed(study: _core.Study, seed: int) -> float:
 def _nanoseconds(work: Work, group: Group | Generated) -> float:
     """Roughly what one replicate of a group takes on one thread."""
     assert isinstance(group, Group)
-    samples = group.y.size
+    samples = group.y.shape[1]
     duration = samples * group.rest.dt
     fits, widest = 0.0, 0.0
     for c in work.plan.contenders:
         options = c.estimators[group.index].options
         top = (options.harmonics or 0) + max(c.layout(group).orders)
         lines = top if options.band is None else options.band[1] * duration / (2 * np.pi)
+        plain = c.layout(group).plain and options.plain_noise
         passes = {"ls": 1, "wls": 1, "awls": 5, "ml": 7}[options.method] + 2 * work.coverage
-        fits += 100 + passes * lines * (2 + 0.5 * len(c.truth[group.index]) ** 2)
+        # Rows of a joint problem cost more than products that are summed, and alternate with the noise.
+        passes *= 1 if plain else 10 * len(group.y)
+        fits += 100.0 + passes * lines * (2 + 0.5 * len(c.truth[group.index]) ** 2)
         widest = max(widest, lines)
-    return 2 * samples + 0.1 * samples * widest + len(work.plan.axes[-1].labels) * fits
+    made = len(group.y) * (2.0 * samples + 0.1 * samples * widest)
+    return float(made + len(work.plan.axes[-1].labels) * fits)

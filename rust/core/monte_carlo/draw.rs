@@ -1,30 +1,31 @@
 //! Noise in lanes: noise-free coefficients plus noise, and coefficients drawn with their covariance.
 
 use super::plan::Source;
-use crate::estimate::Workspace;
 use crate::modulation::Lines;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
-/// Y = Y₀ + Σ z F + σE on the used lines.
+/// Y = Y₀ + Σ z F + σE of one output on the used lines.
 pub(crate) struct Noisy<'a> {
     pub source: &'a Source,
+    pub output: usize,
     pub noise: &'a (Vec<Wide>, Vec<Wide>),
     pub initial: &'a [Wide],
     pub sigma: f64,
     pub lines: Lines,
-    pub space: &'a mut Workspace,
+    pub to: (&'a mut [Wide], &'a mut [Wide]),
 }
 
 impl Kernel for Noisy<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Noisy { source, noise, initial, sigma, lines, space } = self;
-        let (to_re, to_im) = space.signal_mut(0, 0);
+        let Noisy { source, output, noise, initial, sigma, lines, to: (to_re, to_im) } = self;
         let used = lines.first..=lines.last;
-        add_noise::<L>(to_re, &source.y.0[used.clone()], &noise.0[used.clone()], sigma);
-        add_noise::<L>(to_im, &source.y.1[used.clone()], &noise.1[used.clone()], sigma);
+        let y = &source.y[output];
+        add_noise::<L>(to_re, &y.0[used.clone()], &noise.0[used.clone()], sigma);
+        add_noise::<L>(to_im, &y.1[used.clone()], &noise.1[used.clone()], sigma);
         for (z, free) in initial.iter().zip(&source.free) {
+            let free = &free[output];
             add_free::<L>(to_re, &free.0[used.clone()], z);
             add_free::<L>(to_im, &free.1[used.clone()], z);
         }
@@ -80,7 +81,7 @@ pub(crate) fn colour(
 mod tests {
     use super::*;
     use crate::estimate::{Band, FitOptions, Options, Wanted};
-    use crate::monte_carlo::plan::{Contender, Draw, Group, Intervals, Plan};
+    use crate::monte_carlo::plan::{Contender, Draw, Group, Intervals, Plan, Told};
     use crate::quadrature::Rule;
     use crate::rng::{self, Purpose};
     use crate::simd::LANES;
@@ -102,10 +103,19 @@ mod tests {
             band: Band::Harmonics(4),
             options: Options { tol: 1e-9, maxiter: 1, wanted: Wanted::Theta },
         };
+        let options = Told::Plain(options);
         let estimators = vec![Contender { options, truth: vec![1.0], intervals: Intervals::None }];
-        let y = (0..=INTERVALS).map(|k| k as f64).collect();
-        let group =
-            Group { group: 3, dt: 0.1, y, u: vec![], free: vec![], sigma: vec![1.0], estimators };
+        let y = vec![(0..=INTERVALS).map(|k| k as f64).collect()];
+        let group = Group {
+            group: 3,
+            dt: 0.1,
+            y,
+            u: vec![],
+            free: vec![],
+            sigma: vec![1.0],
+            scale: vec![1.0],
+            estimators,
+        };
         Plan::new(&[group], Draw::Coefficients, Isa::detect().unwrap()).unwrap()
     }
 

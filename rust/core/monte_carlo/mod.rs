@@ -5,6 +5,7 @@ pub mod histogram;
 pub mod moments;
 mod plan;
 mod run;
+mod space;
 
-pub use plan::{Contender, Draw, Group, Intervals, Plan};
+pub use plan::{Contender, Draw, Group, Intervals, Plan, Told};
 pub use run::{Cell, Run};

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use crate::error::Error;
 use crate::estimate::batch::Shared;
-use crate::estimate::{Design, FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use crate::estimate::joint::{self, JointFitter, JointOptions, JointRecord};
+use crate::estimate::{FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use crate::modulation::Lines;
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
 
@@ -28,11 +30,36 @@ pub enum Intervals {
     Hc3,
 }
 
+/// What an estimator of a study is told.
+#[derive(Debug, Clone)]
+pub enum Told {
+    /// One output, free parameters, white noise.
+    Plain(FitOptions),
+    /// Anything else.
+    Joint(Box<JointOptions>),
+}
+
+impl Told {
+    fn parameters(&self) -> usize {
+        match self {
+            Told::Plain(o) => o.structure.parameters(),
+            Told::Joint(o) => o.structure.parameters(),
+        }
+    }
+
+    fn options(&self) -> Options {
+        match self {
+            Told::Plain(o) => o.options,
+            Told::Joint(o) => o.options,
+        }
+    }
+}
+
 /// An estimator of a study.
 #[derive(Debug, Clone)]
 pub struct Contender {
     /// Structure, method and options.
-    pub options: FitOptions,
+    pub options: Told,
     /// True parameters; 0 where unknown, so that errors are estimates.
     pub truth: Vec<f64>,
     /// What coverage counts.
@@ -46,21 +73,62 @@ pub struct Group {
     pub group: u32,
     /// Step in seconds.
     pub dt: f64,
-    /// Noise-free output.
-    pub y: Vec<f64>,
+    /// Noise-free outputs.
+    pub y: Vec<Vec<f64>>,
     /// Inputs.
     pub u: Vec<Vec<f64>>,
-    /// Response to one standard deviation of each random initial state.
-    pub free: Vec<Vec<f64>>,
-    /// Noise standard deviations, one a level.
+    /// Response of each output to one standard deviation of each random initial state: \[state\]\[output\].
+    pub free: Vec<Vec<Vec<f64>>>,
+    /// Noise standard deviations, one a level, in units of `scale`.
     pub sigma: Vec<f64>,
+    /// Unit of the noise of each output.
+    pub scale: Vec<f64>,
     /// Estimators, all of which see the same noise.
     pub estimators: Vec<Contender>,
 }
 
+/// What the replicates of an estimator share.
+pub(crate) enum Problem {
+    Plain(Arc<Shared>),
+    Joint(Box<joint::Shared>),
+}
+
+impl Problem {
+    /// Coefficient plans of the signals, outputs first.
+    fn plans(&self) -> &[CoefficientPlan] {
+        match self {
+            Problem::Plain(s) => &s.plans,
+            Problem::Joint(s) => &s.plans,
+        }
+    }
+
+    /// Which input each signal behind the outputs begins with.
+    fn input(&self, signal: usize) -> usize {
+        match self {
+            Problem::Plain(_) => signal,
+            Problem::Joint(s) => s.input(signal),
+        }
+    }
+
+    /// Lines that coefficients are needed on.
+    pub fn lines(&self) -> Lines {
+        match self {
+            Problem::Plain(s) => s.design.records[0].lines,
+            Problem::Joint(s) => s.design.records[0].lines,
+        }
+    }
+
+    fn freedom(&self) -> usize {
+        match self {
+            Problem::Plain(s) => s.design.degrees_of_freedom(),
+            Problem::Joint(s) => s.design.degrees_of_freedom(),
+        }
+    }
+}
+
 /// One estimator of one group: its problem and where its coefficients come from.
 pub(crate) struct Task {
-    pub shared: Arc<Shared>,
+    pub problem: Problem,
     pub options: Options,
     pub truth: Vec<f64>,
     pub intervals: Intervals,
@@ -69,14 +137,19 @@ pub(crate) struct Task {
     /// Which of the group's output plans it uses.
     pub source: usize,
     /// Noise-free input coefficients on lines 0..=last.
-    pub inputs: Vec<(Vec<f64>, Vec<f64>)>,
+    pub inputs: Vec<Pair>,
 }
+
+/// Re and Im of coefficients on lines from 0 on.
+pub(crate) type Pair = (Vec<f64>, Vec<f64>);
 
 /// Output coefficients of one rule and window: noise-free, of each free response, and of noise.
 pub(crate) struct Source {
     pub plan: CoefficientPlan,
-    pub y: (Vec<f64>, Vec<f64>),
-    pub free: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Of each output.
+    pub y: Vec<Pair>,
+    /// Of each output to each state.
+    pub free: Vec<Vec<Pair>>,
     /// Lower triangle, row major, of the root of the covariance of (Re V(0), Re V(1), Im V(1), …).
     pub root: Vec<f64>,
 }
@@ -86,7 +159,10 @@ pub(crate) struct GroupPlan {
     pub group: u32,
     pub samples: usize,
     pub sigma: Vec<f64>,
+    pub scale: Vec<f64>,
     pub states: usize,
+    /// Inputs, for delays that change from fit to fit.
+    pub u: Vec<Vec<f64>>,
     pub sources: Vec<Source>,
     pub tasks: Vec<Task>,
 }
@@ -109,10 +185,10 @@ impl Plan {
         Ok(Plan { groups, draw, isa })
     }
 
-    /// The design of each group's estimators: lines and degrees of freedom.
+    /// Degrees of freedom of each group's estimators.
     #[must_use]
-    pub fn designs(&self) -> Vec<Vec<&Design>> {
-        self.groups.iter().map(|g| g.tasks.iter().map(|t| &*t.shared.design).collect()).collect()
+    pub fn freedom(&self) -> Vec<Vec<usize>> {
+        self.groups.iter().map(|g| g.tasks.iter().map(|t| t.problem.freedom()).collect()).collect()
     }
 }
 
@@ -128,62 +204,88 @@ impl GroupPlan {
     }
 
     pub fn new(g: &Group, draw: Draw, isa: Isa) -> Result<GroupPlan, Error> {
-        let record = RecordView { y: &g.y, u: g.u.iter().map(Vec::as_slice).collect() };
-        let sampling = [(g.y.len(), Time::Even(g.dt))];
+        let inputs = || g.u.iter().map(Vec::as_slice).collect();
+        let y: Vec<&[f64]> = g.y.iter().map(Vec::as_slice).collect();
+        let samples = y.first().map_or(0, |y| y.len());
+        let sampling = [(samples, Time::Even(g.dt))];
+        if y.is_empty() || g.scale.len() != y.len() || g.free.iter().any(|f| f.len() != y.len()) {
+            return Err(Error::Spec(format!(
+                "planning a study: {} outputs, {} noise units and free responses of other sizes",
+                y.len(),
+                g.scale.len()
+            )));
+        }
         let mut sources: Vec<Source> = Vec::new();
         let mut tasks = Vec::with_capacity(g.estimators.len());
         // The widest estimator of each rule and window decides how far its source reaches.
         let mut shared = Vec::with_capacity(g.estimators.len());
         for Contender { options, truth, .. } in &g.estimators {
-            if truth.len() != options.structure.parameters() {
+            if truth.len() != options.parameters() {
                 return Err(Error::Spec(format!(
                     "planning a study: {} true values for {} parameters",
                     truth.len(),
-                    options.structure.parameters()
+                    options.parameters()
                 )));
             }
-            shared.push(Fitter::new(options.clone(), &sampling, isa)?.shared(&record)?);
+            shared.push(match options {
+                Told::Plain(o) => {
+                    let record = RecordView { y: y[0], u: inputs() };
+                    Problem::Plain(Fitter::new(o.clone(), &sampling, isa)?.shared(&record)?)
+                }
+                Told::Joint(o) => {
+                    let record = JointRecord { y: y.clone(), u: inputs() };
+                    let fitter = JointFitter::new((**o).clone(), &sampling, &[], isa)?;
+                    Problem::Joint(Box::new(fitter.shared(&record)?))
+                }
+            });
         }
         let alike = |a: &CoefficientPlan, b: &CoefficientPlan| {
             a.kind() == b.kind() && a.intervals() == b.intervals()
         };
         for s in &shared {
-            let plan = &s.plans[0];
+            let plan = &s.plans()[0];
             match sources.iter_mut().find(|have| alike(&have.plan, plan)) {
                 Some(have) if have.plan.harmonics() >= plan.harmonics() => {}
                 Some(have) => have.plan = plan.clone(),
                 None => sources.push(Source {
                     plan: plan.clone(),
-                    y: (Vec::new(), Vec::new()),
+                    y: Vec::new(),
                     free: Vec::new(),
                     root: Vec::new(),
                 }),
             }
         }
         for source in &mut sources {
-            source.y = coefficients(&source.plan, &g.y)?;
-            source.free =
-                g.free.iter().map(|f| coefficients(&source.plan, f)).collect::<Result<_, _>>()?;
+            let all = |signals: &Vec<Vec<f64>>| -> Result<Vec<Pair>, Error> {
+                signals.iter().map(|v| coefficients(&source.plan, v)).collect()
+            };
+            (source.y, source.free) =
+                (all(&g.y)?, g.free.iter().map(all).collect::<Result<_, _>>()?);
             if draw == Draw::Coefficients {
                 source.root = covariance_root(&source.plan)?;
             }
         }
         for (shared, own) in shared.into_iter().zip(&g.estimators) {
-            let source = sources.iter().position(|s| alike(&s.plan, &shared.plans[0])).unwrap_or(0);
-            let inputs = shared.plans[1..]
+            let source =
+                sources.iter().position(|s| alike(&s.plan, &shared.plans()[0])).unwrap_or(0);
+            let outputs = match &shared {
+                Problem::Plain(_) => 1,
+                Problem::Joint(_) => y.len(),
+            };
+            let inputs = shared.plans()[outputs..]
                 .iter()
-                .zip(&g.u)
-                .map(|(plan, u)| coefficients(plan, u))
+                .enumerate()
+                .map(|(signal, plan)| coefficients(plan, &g.u[shared.input(signal)]))
                 .collect::<Result<_, _>>()?;
             let offset = tasks.iter().map(|t: &Task| t.truth.len()).sum();
             tasks.push(Task {
-                shared,
+                problem: shared,
                 options: Options {
                     wanted: match own.intervals {
                         Intervals::None => Wanted::Theta,
                         Intervals::Nonrobust | Intervals::Hc3 => Wanted::Covariance,
                     },
-                    ..own.options.options
+                    ..own.options.options()
                 },
                 truth: own.truth.clone(),
                 intervals: own.intervals,
@@ -194,8 +296,10 @@ impl GroupPlan {
         }
         Ok(GroupPlan {
             group: g.group,
-            samples: g.y.len(),
+            samples,
             sigma: g.sigma.clone(),
+            scale: g.scale.clone(),
+            u: g.u.clone(),
             states: g.free.len(),
             sources,
             tasks,
@@ -203,7 +307,7 @@ impl GroupPlan {
     }
 }
 
-fn coefficients(plan: &CoefficientPlan, samples: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+fn coefficients(plan: &CoefficientPlan, samples: &[f64]) -> Result<Pair, Error> {
     let lines = plan.harmonics() + 1;
     let (mut re, mut im) = (vec![0.0; lines], vec![0.0; lines]);
     plan.run(samples, &mut re, &mut im)?;

@@ -4,9 +4,10 @@ use super::draw::{Noisy, colour};
 use super::histogram::{Histogram, Occupied};
 use super::moments::Moments;
 use super::plan::{Draw, GroupPlan, Intervals, Plan, Task};
+use super::space::Space;
 use crate::error::{Error, Status};
-use crate::estimate::batch::{CHUNK, load};
-use crate::estimate::{Outcome, Start, Workspace, estimate};
+use crate::estimate::Outcome;
+use crate::estimate::batch::CHUNK;
 use crate::rng::{self, Purpose};
 use crate::simd::{LANES, Wide};
 use crate::spectrum::Scratch;
@@ -137,12 +138,17 @@ impl Plan {
         let live = std::array::from_fn(|lane| lane < count);
         for (level, sigma) in g.sigma.iter().enumerate() {
             for (k, task) in g.tasks.iter().enumerate() {
-                let (d, space) = (&task.shared.design, &mut w.spaces[k]);
-                let lines = d.records[0].lines;
+                let space = &mut w.spaces[k];
+                let lines = task.problem.lines();
                 let source = &g.sources[task.source];
-                let (noise, initial) = (&w.noise[task.source], &w.initial[..]);
-                self.isa.run(Noisy { source, noise, initial, sigma: *sigma, lines, space });
-                let outcome = estimate(self.isa, d, space, live, Start::Wls, &task.options);
+                let initial = &w.initial[..];
+                for output in 0..space.outputs(task) {
+                    let noise = &w.noise[task.source][output];
+                    let sigma = *sigma * g.scale[output];
+                    let to = space.signal_mut(output);
+                    self.isa.run(Noisy { source, output, noise, initial, sigma, lines, to });
+                }
+                let outcome = space.estimate(self.isa, g, task, live)?;
                 let first_error = level * g.parameters() + task.offset;
                 let errors = &mut w.errors[first_error..first_error + task.truth.len()];
                 let cell = &mut cells[level * g.tasks.len() + k];
@@ -157,20 +163,22 @@ impl Plan {
 
     /// Noise coefficients of every source, and normals of the initial states.
     fn draw(&self, g: &GroupPlan, w: &mut Worker, seed: u64, replicate: u64) -> Result<(), Error> {
-        let fill = |purpose, out: &mut [Wide]| {
-            rng::fill(self.isa, seed, purpose, 0, replicate, g.group, out);
+        let fill = |purpose, channel, out: &mut [Wide]| {
+            rng::fill(self.isa, seed, purpose, channel, replicate, g.group, out);
         };
         if g.states > 0 {
-            fill(Purpose::InitialState, &mut w.initial);
+            fill(Purpose::InitialState, 0, &mut w.initial);
         }
-        fill(Purpose::NoiseY, &mut w.samples);
-        for (k, source) in g.sources.iter().enumerate() {
-            let (re, im) = &mut w.noise[k];
-            match self.draw {
-                Draw::Samples => {
-                    source.plan.run_lanes(self.isa, &w.samples, re, im, &mut w.scratch[k])?
+        for output in 0..g.scale.len() {
+            fill(Purpose::NoiseY, output as u32, &mut w.samples);
+            for (k, source) in g.sources.iter().enumerate() {
+                let (re, im) = &mut w.noise[k][output];
+                match self.draw {
+                    Draw::Samples => {
+                        source.plan.run_lanes(self.isa, &w.samples, re, im, &mut w.scratch[k])?
+                    }
+                    Draw::Coefficients => colour(self.isa, source, &w.samples, re, im),
                 }
-                Draw::Coefficients => colour(self.isa, source, &w.samples, re, im),
             }
         }
         Ok(())
@@ -198,13 +206,13 @@ impl Counted {
 struct Worker {
     group: usize,
     /// A workspace an estimator, inputs loaded.
-    spaces: Vec<Workspace>,
+    spaces: Vec<Space>,
     scratch: Vec<Scratch>,
     /// Normals: a sample each, or a coefficient each.
     samples: Vec<Wide>,
     initial: Vec<Wide>,
-    /// Noise coefficients of each source.
-    noise: Vec<(Vec<Wide>, Vec<Wide>)>,
+    /// Noise coefficients of each source and output.
+    noise: Vec<Vec<(Vec<Wide>, Vec<Wide>)>>,
     /// Errors of this chunk, a parameter of a cell each.
     errors: Vec<Vec<f64>>,
 }
@@ -212,20 +220,7 @@ struct Worker {
 impl Worker {
     fn new(g: &GroupPlan, group: usize) -> Worker {
         let wide = |n: usize| vec![Wide::ZERO; n];
-        let spaces = g
-            .tasks
-            .iter()
-            .map(|t| {
-                let d = &t.shared.design;
-                let mut space = Workspace::new(d);
-                for (k, (re, im)) in t.inputs.iter().enumerate() {
-                    let splat =
-                        |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
-                    load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
-                }
-                space
-            })
-            .collect();
+        let spaces = g.tasks.iter().map(Space::new).collect();
         Worker {
             group,
             spaces,
@@ -239,7 +234,10 @@ impl Worker {
             noise: g
                 .sources
                 .iter()
-                .map(|s| (wide(s.plan.harmonics() + 1), wide(s.plan.harmonics() + 1)))
+                .map(|s| {
+                    let lines = s.plan.harmonics() + 1;
+                    g.scale.iter().map(|_| (wide(lines), wide(lines))).collect()
+                })
                 .collect(),
             errors: (0..g.sigma.len() * g.parameters())
                 .map(|_| Vec::with_capacity(CHUNK))
@@ -259,7 +257,7 @@ impl Cell {
     fn add(
         &mut self,
         task: &Task,
-        space: &Workspace,
+        space: &Space,
         outcome: &Outcome,
         count: usize,
         quantile: f64,
@@ -272,16 +270,15 @@ impl Cell {
             self.iterations += u64::from(nit);
             *all = found(status);
         }
-        let d = &task.shared.design;
         for (k, truth) in task.truth.iter().enumerate() {
-            let error = space.parameter(d, k).map(|value| value - truth);
+            let error = space.parameter(task, k).map(|value| value - truth);
             if all == [true; LANES] {
                 errors[k].extend_from_slice(&error);
             } else {
                 errors[k].extend(error.iter().zip(all).filter(|(_, found)| *found).map(|(e, _)| e));
             }
             if task.intervals != Intervals::None {
-                let bse = space.parameter_bse(d, k, task.intervals == Intervals::Hc3);
+                let bse = space.parameter_bse(task, k);
                 let held = |lane: &usize| all[*lane] && error[*lane].abs() <= quantile * bse[*lane];
                 self.covered[k] += (0..LANES).filter(held).count() as u64;
             }
@@ -289,10 +286,12 @@ impl Cell {
     }
 
     /// Keeps the estimates of the lanes with these statuses.
-    fn keep(&mut self, task: &Task, space: &Workspace, statuses: &[Status]) {
+    fn keep(&mut self, task: &Task, space: &Space, statuses: &[Status]) {
         for (lane, status) in statuses.iter().enumerate() {
-            let theta = space.theta(&task.shared.design, lane);
-            self.samples.extend(theta.map(|v| if found(*status) { v } else { f64::NAN }));
+            for k in 0..task.truth.len() {
+                let value = space.parameter(task, k)[lane];
+                self.samples.push(if found(*status) { value } else { f64::NAN });
+            }
         }
     }
 

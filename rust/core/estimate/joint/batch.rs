@@ -208,6 +208,19 @@ impl Shared {
         }
     }
 
+    /// Brings outputs that stand in the user's units to those of the workspace.
+    pub(crate) fn to_units(&self, space: &mut JointSpace) {
+        for output in 0..self.design.outputs() {
+            let by = 1.0 / self.design.units[output];
+            let (re, im) = space.signal_mut(0, output);
+            for value in re.iter_mut().chain(im) {
+                for lane in &mut value.0 {
+                    *lane *= by;
+                }
+            }
+        }
+    }
+
     /// Estimates what stands in the workspace; `samples` of each path's input, one set or one a lane.
     pub(crate) fn estimate(
         &self,

@@ -20,6 +20,8 @@ mod uncertainty;
 mod workspace;
 
 pub use batch::JointBatch;
+pub(crate) use batch::Shared;
 pub use design::{Colour, JointDesign, NoiseModel};
 pub use fitter::{JointFit, JointFitter, JointOptions, JointRecord};
 pub use structure::{Delay, JointStructure, Path};
+pub(crate) use workspace::JointSpace;

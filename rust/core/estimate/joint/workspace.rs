@@ -187,6 +187,17 @@ impl JointSpace {
         self.theta.iter().enumerate().map(move |(k, t)| t.0[lane] * d.parameter_scale(k))
     }
 
+    /// Parameter `k` of every lane in the user's units.
+    pub(crate) fn parameter(&self, d: &JointDesign, k: usize) -> [f64; LANES] {
+        self.theta[k].0.map(|t| t * d.parameter_scale(k))
+    }
+
+    /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
+    pub(crate) fn parameter_bse(&self, d: &JointDesign, k: usize, hc3: bool) -> [f64; LANES] {
+        let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
+        cov[k * (d.parameters() + 1)].0.map(|v| v.sqrt() * d.parameter_scale(k))
+    }
+
     /// Standard errors of one lane from the diagonal of a covariance, in the user's units.
     pub(crate) fn bse<'a>(
         cov: &'a [Wide],

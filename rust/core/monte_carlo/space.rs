@@ -1,0 +1,100 @@
+//! Workspace of one estimator of a study, of one output or joint.
+
+use super::plan::{GroupPlan, Intervals, Problem, Task};
+use crate::error::Error;
+use crate::estimate::batch::load;
+use crate::estimate::joint::JointSpace;
+use crate::estimate::{Outcome, Start, Workspace, estimate};
+use crate::simd::{Isa, LANES, Wide};
+
+/// Coefficients of eight replicates with all that an estimate needs.
+pub(crate) enum Space {
+    Plain(Box<Workspace>),
+    Joint(Box<JointSpace>),
+}
+
+impl Space {
+    /// With the inputs of a task loaded.
+    pub fn new(task: &Task) -> Space {
+        let splat = |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
+        match &task.problem {
+            Problem::Plain(shared) => {
+                let d = &shared.design;
+                let mut space = Workspace::new(d);
+                for (k, (re, im)) in task.inputs.iter().enumerate() {
+                    load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
+                }
+                Space::Plain(Box::new(space))
+            }
+            Problem::Joint(shared) => {
+                let mut space = JointSpace::new(&shared.design);
+                let outputs = shared.design.outputs();
+                for (k, (re, im)) in task.inputs.iter().enumerate() {
+                    shared.load(&mut space, outputs + k, &splat(re), &splat(im));
+                }
+                Space::Joint(Box::new(space))
+            }
+        }
+    }
+
+    /// Outputs that the estimator sees.
+    pub fn outputs(&self, task: &Task) -> usize {
+        match &task.problem {
+            Problem::Plain(_) => 1,
+            Problem::Joint(shared) => shared.design.outputs(),
+        }
+    }
+
+    /// Where an output's coefficients are written, in the user's units.
+    pub fn signal_mut(&mut self, output: usize) -> (&mut [Wide], &mut [Wide]) {
+        match self {
+            Space::Plain(space) => space.signal_mut(0, output),
+            Space::Joint(space) => space.signal_mut(0, output),
+        }
+    }
+
+    /// Estimates from what stands in it.
+    pub fn estimate(
+        &mut self,
+        isa: Isa,
+        g: &GroupPlan,
+        task: &Task,
+        live: [bool; LANES],
+    ) -> Result<Outcome, Error> {
+        match (self, &task.problem) {
+            (Space::Plain(space), Problem::Plain(shared)) => {
+                Ok(estimate(isa, &shared.design, space, live, Start::Wls, &task.options))
+            }
+            (Space::Joint(space), Problem::Joint(shared)) => {
+                shared.to_units(space);
+                let paths = 0..shared.kinds.len();
+                let samples = paths.map(|s| vec![g.u[shared.input(s)].as_slice()]).collect();
+                shared.estimate(isa, space, live, samples, &task.options)
+            }
+            _ => Err(Error::Internal("a study's workspace is not that of its estimator".into())),
+        }
+    }
+
+    /// Parameter `k` of every lane in the user's units.
+    pub fn parameter(&self, task: &Task, k: usize) -> [f64; LANES] {
+        match (self, &task.problem) {
+            (Space::Plain(space), Problem::Plain(shared)) => space.parameter(&shared.design, k),
+            (Space::Joint(space), Problem::Joint(shared)) => space.parameter(&shared.design, k),
+            _ => [f64::NAN; LANES],
+        }
+    }
+
+    /// Standard errors of parameter `k` of every lane, of the kind that the task counts.
+    pub fn parameter_bse(&self, task: &Task, k: usize) -> [f64; LANES] {
+        let hc3 = task.intervals == Intervals::Hc3;
+        match (self, &task.problem) {
+            (Space::Plain(space), Problem::Plain(shared)) => {
+                space.parameter_bse(&shared.design, k, hc3)
+            }
+            (Space::Joint(space), Problem::Joint(shared)) => {
+                space.parameter_bse(&shared.design, k, hc3)
+            }
+            _ => [f64::NAN; LANES],
+        }
+    }
+}
