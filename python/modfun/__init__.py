@@ -7,6 +7,7 @@ from . import plot, rivals, signals
 from ._core import __version__
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
+from .common import CommonPoles, common_poles
 from .comparison import Comparison, CrossValidation, compare, cross_validate
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
@@ -30,6 +31,7 @@ __all__ = [
     "LTI",
     "Batch",
     "Collinearity",
+    "CommonPoles",
     "Comparison",
     "CrossValidation",
     "DataError",
@@ -54,6 +56,7 @@ __all__ = [
     "coefficients",
     "collinearity",
     "columns",
+    "common_poles",
     "compare",
     "crlb",
     "cross_validate",

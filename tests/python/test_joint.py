@@ -390,7 +390,7 @@ def test_a_study_of_several_outputs_is_made_of_its_fits():
         rec, fits = found.replicate(7, nsr=[0.05, 0.2][level])
         assert rec.outputs == ("y1", "y2")
         k = ["ml", "awls"].index(name)
-        np.testing.assert_allclose(found.samples[level, k, :, 7], fits[name].params, rtol=1e-7)
+        np.testing.assert_allclose(found.samples[level, k, 7], fits[name].params, rtol=1e-7)
     # Bias of 16 numbers within 5 Monte Carlo errors at low noise: false alarm 1e-5 of seeds.
     assert (np.abs(found.bias[0, 0]) < 5 * found.bias_mcse[0, 0]).all()
     assert found.coverage[0, 0].mean() > 0.92
