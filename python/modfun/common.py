@@ -183,7 +183,7 @@ def _one(roots: list[_Root], cov: F64) -> tuple[F64, F64, float]:
     width = 1 if roots[0].is_real else 2
     design = np.tile(np.eye(width), (len(roots), 1))
     inverse = np.linalg.pinv(spread, rcond=1e-12, hermitian=True)
-    own = np.linalg.pinv(design.T @ inverse @ design, rcond=1e-14, hermitian=True)
+    own: F64 = np.linalg.pinv(design.T @ inverse @ design, rcond=1e-14, hermitian=True).astype(np.float64)
     value = own @ design.T @ inverse @ values
     left = values - design @ value
     df = width * (len(roots) - 1)
@@ -238,10 +238,10 @@ def _reduced(fit: Fit, cov: F64) -> tuple[F64 | None, F64 | None, float, int, fl
     scale = np.sqrt(np.diag(spread))
     inverse = np.linalg.inv(spread / np.outer(scale, scale))
     design = np.tile(np.eye(orders[0]), (len(orders), 1)) / scale[:, None]
-    own = np.linalg.inv(design.T @ inverse @ design)
+    own: F64 = np.linalg.inv(design.T @ inverse @ design).astype(np.float64)
     found = own @ design.T @ inverse @ (values / scale)
     left = values / scale - design @ found
-    chi2, df = float(left @ inverse @ left), values.size - orders[0]
+    chi2, df = float(left @ inverse @ left), int(values.size - orders[0])
     return found, own, chi2, df, float(chdtrc(df, chi2))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ __all__ = ["Noise", "weighting"]
 F64 = NDArray[np.float64]
 
 
+@dataclass(frozen=True, init=False, repr=False)
 class Noise:
     """Measurement noise known up to a common factor: `mf.fit(rec, model, noise=mf.Noise(y=0.02, u=0.1))`.
 
@@ -44,26 +46,12 @@ class Noise:
     errors; `fit.check()` says where it is far from one.
     """
 
-    __slots__ = ("u", "y")
-
     y: Any
     u: Any
 
     def __init__(self, y: Any = 1.0, u: Any = None) -> None:
         object.__setattr__(self, "y", _given("y", y))
         object.__setattr__(self, "u", None if u is None else _given("u", u))
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a Noise cannot be changed ({name}); make a new one")
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Noise) and (self.y, self.u) == (other.y, other.u)
-
-    def __hash__(self) -> int:
-        return hash((self.y, self.u))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Noise, (_plain(self.y), _plain(self.u))
 
     def __repr__(self) -> str:
         words = f"y={_plain(self.y)!r}" + ("" if self.u is None else f", u={_plain(self.u)!r}")

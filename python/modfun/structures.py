@@ -166,6 +166,13 @@ class TransferFunction:
     def plain_layout(self, inputs: Sequence[str], what: str) -> Layout:
         """Layout for one output, for what takes free parameters and known delays only.
 
+        Parameters
+        ----------
+        inputs : sequence of str
+            Names of the record's inputs.
+        what : str
+            Who asks, for the message.
+
         Raises
         ------
         SpecError
@@ -519,9 +526,11 @@ def _delay(value: Any) -> float | Free:
     return late
 
 
-def _params(given: Mapping[str, Any] | None) -> tuple[tuple[str, float | Free], ...]:
+def _params(given: Any) -> tuple[tuple[str, float | Free], ...]:
     if given is None:
         return ()
+    if isinstance(given, tuple) and all(isinstance(pair, tuple) and len(pair) == 2 for pair in given):
+        given = dict(given)  # as the structure keeps them
     if not isinstance(given, Mapping):
         raise SpecError(f'TransferFunction: params={given!r} must map names to values, as {{"a2": 0.0}}')
     found: list[tuple[str, float | Free]] = []

@@ -97,7 +97,7 @@ def test_options_reach_the_fit(table, capsys):
     assert options["band"] == [0.5, 8.0]
     assert (options["method"], options["trend"], options["rule"]) == ("awls", "linear", "trapezoid")
     assert options["cov_type"] == "nonrobust"
-    assert found["delays"] == [0.05]
+    assert found["structure"]["delay"] == 0.05
     assert found["intersample"] == ["foh"]
     assert main(["fit", str(table), *FIT, "--trend", "none", "--harmonics", "6", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["options"]["trend"] is None

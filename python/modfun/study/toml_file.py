@@ -289,6 +289,7 @@ OPTIONS: dict[str, Reader] = {
     "band": values.several("rad/s: the upper edge, or [lower, upper]", int, float),
     "harmonics": values.plain("a whole number", int),
     "trend": _trend,
+    "output_weights": values.several("1/variance of the noise, a number an output", int, float),
     "cov_type": values.plain('"HC3" or "nonrobust"', str),
     "rule": values.plain('"gregory", "parabolic", "trapezoid" or "staircase"', str),
     "extended": values.plain("true or false", bool),

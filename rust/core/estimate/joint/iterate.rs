@@ -275,15 +275,15 @@ impl JointSpace {
         }
     }
 
-    /// Inverse of the lower Cholesky factor of Σ, lane by lane.
+    /// Inverse of the lower Cholesky factor of Σ, lane by lane; called from vector code, so that no scalar
+    /// multiply-add may stand here.
     fn take_root(&mut self, q: usize) {
         let JointSpace { sigma, root, triangle: l, .. } = self;
         for lane in 0..LANES {
             for j in 0..q {
                 for i in j..q {
-                    let own = (0..j).fold(sigma[i * q + j].0[lane], |s, c| {
-                        (-l[i * q + c]).mul_add(l[j * q + c], s)
-                    });
+                    let own = (0..j)
+                        .fold(sigma[i * q + j].0[lane], |s, c| s - l[i * q + c] * l[j * q + c]);
                     let least = OWN * sigma[j * q + j].0[lane];
                     l[i * q + j] = if i == j { own.max(least).sqrt() } else { own / l[j * q + j] };
                 }
@@ -292,7 +292,7 @@ impl JointSpace {
                 for i in c..q {
                     let one = if i == c { 1.0 } else { 0.0 };
                     let sum = (c..i)
-                        .fold(one, |s: f64, j| (-l[i * q + j]).mul_add(root[j * q + c].0[lane], s));
+                        .fold(one, |s: f64, j| s - l[i * q + j] * root[j * q + c].0[lane]);
                     root[i * q + c].0[lane] = sum / l[i * q + i];
                 }
             }
