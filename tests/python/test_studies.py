@@ -230,7 +230,7 @@ def test_rivals_take_part() -> None:
         ({"system": 3}, "mf.tf"),
         ({"system": {}}, "at least one name"),
         ({"system": {1: SYSTEM}}, "texts"),
-        ({"system": mf.tf([[[1]], [[2]]], [1, 1])}, "takes one"),
+        ({"model": mf.TransferFunction(poles=2), "system": mf.tf([[[1]], [[2]]], [1, 1])}, "share"),
         ({"input": "sin(x)"}, "allowed"),
         ({"input": np.zeros(5)}, "one value a time"),
         ({"input": ["t", "t"]}, "one a system input"),

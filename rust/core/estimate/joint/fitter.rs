@@ -600,8 +600,8 @@ fn criterion(d: &JointDesign, w: &JointSpace, lane: usize) -> f64 {
     }
     let q = d.outputs();
     // The diagonal of the inverse root: det Σ = Π 1/root².
-    let log: f64 = (0..q).map(|i| -2.0 * crate::math::ln_1(w.root[i * q + i].0[lane])).sum();
-    d.degrees_of_freedom() as f64 * log
+    let sum: f64 = (0..q).map(|i| -2.0 * crate::math::ln_1(w.root[i * q + i].0[lane])).sum();
+    d.degrees_of_freedom() as f64 * sum
 }
 
 /// Variances on the window, phases in turns per harmonic, and weights over the length, an output.

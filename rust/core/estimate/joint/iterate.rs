@@ -291,8 +291,8 @@ impl JointSpace {
             for c in 0..q {
                 for i in c..q {
                     let one = if i == c { 1.0 } else { 0.0 };
-                    let sum = (c..i)
-                        .fold(one, |s: f64, j| s - l[i * q + j] * root[j * q + c].0[lane]);
+                    let sum =
+                        (c..i).fold(one, |s: f64, j| s - l[i * q + j] * root[j * q + c].0[lane]);
                     root[i * q + c].0[lane] = sum / l[i * q + i];
                 }
             }

@@ -1,0 +1,158 @@
+//! Joint fits through the public calls: the fast estimator's answer for one output, the same bits on any
+//! instruction set, alone and in a batch.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use common::{DURATION, INTERVALS, OPTIONS, chirp, response};
+use modfun::estimate::joint::{
+    Delay, JointBatch, JointFit, JointFitter, JointOptions, JointRecord, JointStructure,
+    NoiseModel, Path,
+};
+use modfun::estimate::{Band, FitOptions, Fitter, RecordView, Time};
+use modfun::quadrature::Rule;
+use modfun::rng::{Address, Purpose, normals};
+use modfun::simd::Isa;
+use modfun::structure::{Method, Noise, Structure, Trend};
+use modfun::threads::Control;
+
+/// A record of two outputs, 5/A and its half, with noise of their own.
+fn outputs(seed: u64) -> [Vec<f64>; 2] {
+    let clean = response();
+    [1.0, 0.5].map(|gain| {
+        let mut noise = vec![0.0; INTERVALS + 1];
+        let channel = u32::from(gain < 1.0);
+        let purpose = Purpose::NoiseY;
+        normals(Address { seed, purpose, channel, replicate: 0, group: 0 }, &mut noise);
+        clean.iter().zip(&noise).map(|(y, e)| gain * (y + 0.05 * e)).collect()
+    })
+}
+
+fn input() -> Vec<f64> {
+    let step = DURATION / INTERVALS as f64;
+    (0..=INTERVALS).map(|k| chirp(k as f64 * step)).collect()
+}
+
+fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
+    JointOptions {
+        structure: JointStructure {
+            orders: vec![2; outputs],
+            common: true,
+            numerators: vec![vec![Some(0)]; outputs],
+            paths: vec![Path { input: 0, delay }],
+            fixed: vec![],
+            bounds: vec![],
+        }
+        .checked()
+        .unwrap(),
+        intersample: vec![None],
+        rule: Rule::Gregory,
+        method: Method::Ml,
+        noise: NoiseModel::output(),
+        trend: Trend::Constant,
+        extended: true,
+        band,
+        options: OPTIONS,
+    }
+}
+
+fn fitter(o: JointOptions, isa: Isa) -> JointFitter {
+    let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];
+    JointFitter::new(o, &sampling, &[], isa).unwrap()
+}
+
+fn fit(o: JointOptions, isa: Isa, y: &[Vec<f64>]) -> JointFit {
+    let u = input();
+    let record = JointRecord { y: y.iter().map(Vec::as_slice).collect(), u: vec![&u] };
+    fitter(o, isa).fit(&[record]).unwrap()
+}
+
+const KNOWN: Delay = Delay::Known(0.0);
+
+#[test]
+fn one_output_is_what_the_fast_estimator_says() {
+    for seed in 0..4 {
+        let (y, u) = (&outputs(seed)[0], input());
+        let joint = fit(options(1, KNOWN, Band::Default), Isa::Plain, std::slice::from_ref(y));
+        let fast = FitOptions {
+            structure: Structure::new(2, vec![Some(0)]).unwrap(),
+            delays: vec![0.0],
+            intersample: vec![None],
+            rule: Rule::Gregory,
+            method: Method::Ml,
+            noise: Noise::Output,
+            trend: Trend::Constant,
+            extended: true,
+            band: Band::Default,
+            options: OPTIONS,
+        };
+        let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];
+        let record = RecordView { y, u: vec![&u] };
+        let fast = Fitter::new(fast, &sampling, Isa::Plain).unwrap().fit(&[record]).unwrap();
+        assert_eq!(joint.lines, fast.lines);
+        for (a, b) in joint.theta.iter().zip(&fast.theta) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+        for (a, b) in joint.cov_hc3.iter().zip(&fast.cov_hc3) {
+            assert!((a - b).abs() < 1e-6 * b.abs(), "{a} {b}");
+        }
+        assert!((joint.cost / fast.cost - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_bits() {
+    let free = Delay::Free { start: 0.1, min: 0.0, max: 0.3 };
+    for (delay, band) in [(KNOWN, Band::Default), (free, Band::Edges(0.0, 8.0))] {
+        let found: Vec<JointFit> = Isa::available()
+            .into_iter()
+            .filter(|isa| *isa != Isa::One)
+            .map(|isa| fit(options(2, delay, band), isa, &outputs(1)))
+            .collect();
+        for other in &found[1..] {
+            let bits = |f: &JointFit| -> Vec<u64> {
+                f.theta.iter().chain(&f.cov_hc3).chain(&f.noise).map(|x| x.to_bits()).collect()
+            };
+            assert_eq!(bits(&found[0]), bits(other));
+        }
+    }
+}
+
+#[test]
+fn a_record_is_fitted_alike_alone_and_in_a_batch() {
+    let (u, records) = (input(), 11);
+    let y: Vec<[Vec<f64>; 2]> = (0..records).map(outputs).collect();
+    let band = Band::Edges(0.0, 8.0);
+    let batch = JointBatch {
+        y: y.iter().flatten().map(Vec::as_slice).collect(),
+        u: vec![&u],
+        records: records as usize,
+    };
+    let isa = Isa::detect().unwrap();
+    let many = |threads: usize| {
+        let fitter = fitter(options(2, KNOWN, band), isa);
+        fitter.fit_many(&batch, threads, &mut |_, _| Control::Continue).unwrap().0
+    };
+    let (one, two) = (many(1), many(2));
+    assert_eq!(one.theta, two.theta);
+    for (k, y) in y.iter().enumerate() {
+        let alone = fit(options(2, KNOWN, band), isa, y);
+        for (a, b) in alone.theta.iter().zip(&one.theta[4 * k..]) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+        assert_eq!(alone.nit, one.nit[k]);
+    }
+}
+
+#[test]
+fn what_does_not_go_together_is_refused() {
+    let mut o = options(2, KNOWN, Band::Default);
+    o.method = Method::Ls;
+    let sampling = [(INTERVALS + 1, Time::Even(0.04))];
+    let said = JointFitter::new(o, &sampling, &[], Isa::Plain).err().unwrap().to_string();
+    assert!(said.contains("\"awls\" or \"ml\""), "{said}");
+    let (u, y) = (input(), response());
+    let record = JointRecord { y: vec![&y], u: vec![&u] };
+    let said = fitter(options(2, KNOWN, Band::Default), Isa::Plain).fit(&[record]);
+    assert!(said.unwrap_err().to_string().contains("2 outputs"));
+}
