@@ -23,6 +23,8 @@ use crate::structure::{Method, Trend};
 const TOLERANCE: f64 = 1.01;
 /// Costs that differ by less, in parts of themselves, are those of one minimum.
 const SAME: f64 = 1e-9;
+/// Most steps, and alternations with Σ, of a fit that chooses the band.
+const TRIAL: usize = 15;
 /// Most delays tried, over all paths together.
 const TRIALS: usize = 128;
 
@@ -297,7 +299,9 @@ impl JointFitter {
         records: &[JointRecord<'_>],
         start: Option<&[f64]>,
     ) -> Result<(f64, Option<Vec<f64>>), Error> {
-        let options = Options { wanted: Wanted::Cost, ..self.o.options };
+        // To choose a band, an estimate near the minimum will do.
+        let maxiter = self.o.options.maxiter.min(TRIAL);
+        let options = Options { wanted: Wanted::Cost, maxiter, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
         let start = start.map_or(Start::Wls, Start::Theta);

@@ -13,8 +13,9 @@ use crate::estimate::{Options, Outcome, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
-/// Alternations of θ with Σ and the colour.
+/// Alternations of θ with Σ and the colour, and most steps of θ in one.
 const ROUNDS: usize = 40;
+const STEPS: usize = 10;
 /// Largest change of Σ (as correlations) and of the colour's root after which nothing is left to do.
 const SETTLED: f64 = 1e-6;
 const COLOUR_SETTLED: f64 = 1e-4;
@@ -75,7 +76,7 @@ pub(crate) fn estimate(
     if rule != Rule::Wls {
         iterate(isa, d, w, rule, o, held, refresh)?;
         if d.alternates() {
-            alternate(isa, d, w, rule, o, held, refresh)?;
+            alternate(isa, d, w, live, rule, o, held, refresh)?;
         }
     } else {
         w.progress.active = Wide::ZERO;
@@ -206,22 +207,22 @@ fn iterate(
 }
 
 /// Σ and the colour from the residuals, θ again, until neither changes.
+#[allow(clippy::too_many_arguments)]
 fn alternate(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
+    live: [bool; LANES],
     rule: Rule,
     o: &Options,
     held: bool,
     refresh: &mut Refresh<'_>,
 ) -> Result<(), Error> {
-    // Lanes that did not settle keep what they have.
-    let settled: [bool; LANES] = std::array::from_fn(|k| w.progress.active.0[k] == 0.0);
-    let stuck = w.progress.active;
-    let live: [bool; LANES] =
-        std::array::from_fn(|k| settled[k] && w.progress.cost.0[k].is_finite() && !w.dependent[k]);
-    let mut going = live;
-    for round in 0..ROUNDS {
+    let mut going: [bool; LANES] =
+        std::array::from_fn(|k| live[k] && w.progress.cost.0[k].is_finite() && !w.dependent[k]);
+    let unsettled = w.progress.active;
+    let few = Options { maxiter: o.maxiter.min(STEPS), ..*o };
+    for round in 0..ROUNDS.min(o.maxiter) {
         let mut changed = Wide::ZERO;
         let mut recoloured = [0.0; LANES];
         if d.noise.colour == Colour::Fitted {
@@ -229,20 +230,19 @@ fn alternate(
         }
         isa.run(Covariance { design: d, space: w, changed: &mut changed });
         for k in 0..LANES {
+            // Steps that did not settle go on with the new Σ.
             let still = changed.0[k] <= SETTLED && recoloured[k] <= COLOUR_SETTLED;
-            going[k] &= !still && w.progress.active.0[k] == 0.0;
+            going[k] &= !(still && w.progress.active.0[k] == 0.0);
         }
         if !going.contains(&true) {
             break;
         }
         w.progress.again(Wide(going.map(f64::from)));
-        iterate(isa, d, w, rule, o, held, refresh)?;
+        iterate(isa, d, w, rule, &few, held, refresh)?;
     }
     for k in 0..LANES {
-        if going[k] || !settled[k] {
-            w.progress.active.0[k] =
-                w.progress.active.0[k].max(stuck.0[k]).max(f64::from(going[k]));
-        }
+        let lost = live[k] && unsettled.0[k] > 0.0 && !w.progress.cost.0[k].is_finite();
+        w.progress.active.0[k] = f64::from(going[k] || lost);
     }
     Ok(())
 }
