@@ -12,6 +12,7 @@ import typer
 
 from . import __version__, estimation
 from .command_output import Json, say, write_json
+from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, poles_of
 from .commands_study import mc
 from .errors import SpecError
 from .records import Record
@@ -31,7 +32,9 @@ app.add_typer(reproduce, name="reproduce")
 app.add_typer(mc, name="mc")
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE", help=".csv, .npz, .mat or .parquet.")]
-Outputs = Annotated[list[str] | None, typer.Option("--output", "-y", help="Column of the output.")]
+Outputs = Annotated[
+    list[str] | None, typer.Option("--output", "-y", help="Column of an output; repeat for several.")
+]
 Inputs = Annotated[
     list[str] | None, typer.Option("--input", "-u", help="Column of an input; repeat for several.")
 ]
@@ -101,12 +104,33 @@ def fit(
     files: Files,
     output: Outputs = None,
     input: Inputs = None,
-    poles: Annotated[int, typer.Option(help="Number of poles.")] = 2,
+    poles: Annotated[
+        list[int] | None, typer.Option(help="Number of poles, default 2; with separate, also one an output.")
+    ] = None,
     zeros: Annotated[
         list[str] | None,
-        typer.Option(help="Number of zeros, default poles - 1; once, or one an input (none: no path)."),
+        typer.Option(
+            help="Number of zeros, default poles - 1; once, or one an input (none: no path), or one an "
+            "output with commas between inputs (1,none)."
+        ),
     ] = None,
-    delay: Delay = None,
+    delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SECONDS|[START:]MIN:MAX",
+            help="Delay in s: known, or to be estimated within bounds; once, or as --zeros.",
+        ),
+    ] = None,
+    denominator: Annotated[
+        str | None, typer.Option(help="Of several outputs: common or separate poles.")
+    ] = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE|NAME=[START:]MIN:MAX",
+            help="Hold a parameter (a2=0) or bound it (a1=0:, from 0 on); repeat.",
+        ),
+    ] = None,
     time: Time = None,
     dt: Step = None,
     intersample: Between = None,
@@ -115,7 +139,7 @@ def fit(
     band: Band = None,
     harmonics: Harmonics = None,
     trend: Trend = "auto",
-    noise: Annotated[str, typer.Option(help="output or equation.")] = "output",
+    noise: Annotated[str, typer.Option(help="output, coloured, errors-in-variables or equation.")] = "output",
     cov_type: Annotated[str, typer.Option(help="HC3 or nonrobust.")] = "HC3",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
     json_to: Json = None,
@@ -124,15 +148,27 @@ def fit(
     ] = None,
 ) -> None:
     """Fit a transfer function to one file, or to several files as one problem."""
-    if not output or len(output) != 1:
-        raise SpecError("fit: give exactly one --output, the column to be modelled")
+    if not output:
+        raise SpecError("fit: give --output, the column to be modelled; repeat it for several")
     records = [_record(file, output, input, time, dt, intersample, part) for file in files]
-    structure = TransferFunction(poles=poles, zeros=_zeros(zeros), delay=_one_or_all(delay) or 0.0)
+    if len(output) > 1 and denominator is None:
+        raise SpecError(
+            f"fit: {len(output)} outputs ({', '.join(output)}): say whether they share their poles, "
+            "--denominator common or separate"
+        )
+    channels = (len(records[0].outputs), len(records[0].inputs))
+    structure = TransferFunction(
+        poles=one_or_all(poles) or 2,
+        zeros=by_path("--zeros", zeros, degree_of, channels),
+        delay=by_path("--delay", delay, delay_of, channels) or 0.0,
+        denominator=denominator,
+        params=dict(param_of(word) for word in param or ()),
+    )
     result = estimation.fit(
         records,
         structure,
         method=method,
-        band=_band(band),
+        band=band_of(band),
         harmonics=harmonics,
         trend=None if trend == "none" else trend,
         noise=noise,
@@ -179,11 +215,11 @@ def order(
         raise SpecError("order: give exactly one --output, the column to be modelled")
     found = select_order(
         [_record(file, output, input, time, dt, intersample, part) for file in files],
-        poles=_poles(poles),
+        poles=poles_of(poles),
         zeros=zeros or "any",
-        delay=_one_or_all(delay) or 0.0,
+        delay=one_or_all(delay) or 0.0,
         method=method,
-        band=_band(band),
+        band=band_of(band),
         harmonics=harmonics,
         trend=None if trend == "none" else trend,
     )
@@ -257,45 +293,8 @@ def _record(
 ) -> Record:
     from .io import read
 
-    between = _one_or_all(intersample)
+    between = one_or_all(intersample)
     return read(file, time=time, dt=dt, outputs=output, inputs=input, intersample=between, part=part)
-
-
-def _zeros(given: list[str] | None) -> Any:
-    if not given:
-        return None
-    found: list[int | None] = []
-    for word in given:
-        if word.lower() == "none":
-            found.append(None)
-        elif word.lstrip("-").isdigit():
-            found.append(int(word))
-        else:
-            raise SpecError(f"--zeros {word}: give a whole number, or none for an input without a path")
-    return _one_or_all(found)
-
-
-def _one_or_all(given: list[Any] | None) -> Any:
-    return given[0] if given and len(given) == 1 and given[0] is not None else given
-
-
-def _band(given: str | None) -> float | tuple[float, float] | None:
-    if given is None:
-        return None
-    try:
-        edges = [float(part) for part in given.split(":")]
-    except ValueError:
-        edges = []
-    if len(edges) not in (1, 2):
-        raise SpecError(f"--band {given}: give the upper edge, or lower:upper, in rad/s, such as 0.5:8")
-    return edges[0] if len(edges) == 1 else (edges[0], edges[1])
-
-
-def _poles(given: str) -> Any:
-    ends = given.split(":")
-    if len(ends) > 2 or not all(word.isdigit() for word in ends):
-        raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
-    return range(int(ends[0]), int(ends[-1]) + 1)
 
 
 # Pictures -----------------------------------------------------------------------------------------
@@ -320,13 +319,13 @@ def _save(to: Path, draw: Callable[[Any], Any]) -> None:
 def _response_and_bode(result: Fit, pyplot: Any) -> Any:
     from . import plot
 
-    across = 2 if result.inputs else 1
-    figure, axes = pyplot.subplots(
-        2, across, figsize=(6.0 * across, 5.5), squeeze=False, layout="constrained"
-    )
-    plot.response(result, 0, ax=axes[:, 0])
+    count, across = len(result.outputs), 2 if result.inputs else 1
+    figure = pyplot.figure(figsize=(6.0 * across, 1.0 + 4.5 * count), layout="constrained")
+    grid = figure.add_gridspec(2 * count, across)
+    plot.response(result, 0, ax=[figure.add_subplot(grid[row, 0]) for row in range(2 * count)])
     if result.inputs:
-        plot.bode(result, ax=axes[:, 1])
+        halves = (slice(0, count), slice(count, None))
+        plot.bode(result, ax=[figure.add_subplot(grid[half, 1]) for half in halves])
     return figure
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from .errors import SpecError
 from .extras import optional
+from .tables import nearest
 
 if TYPE_CHECKING:
     from .comparison import Comparison, CrossValidation
@@ -55,13 +56,7 @@ def record(rec: Record, ax: Any = None) -> Any:
         style = "steps-post" if held.get(name) == "zoh" else "default"
         color = "C1" if name in rec.inputs and len(set(axes)) > 1 else None
         here.plot(rec.t, rec._shown(name), drawstyle=style, label=name, color=color, linewidth=1.0)
-        masked = ~rec._good(name)
-        if masked.any():
-            masked |= np.append(masked[1:], False) | np.insert(
-                masked[:-1], 0, False
-            )  # to the good ones beside
-            bridge = np.where(masked, rec[name], np.nan)
-            here.plot(rec.t, bridge, ":", color="0.5", linewidth=1.0, label=f"_{name} masked")
+        _bridge(here, rec, name, label=f"_{name} masked")
     _label(axes, names, rec.units, "time (s)")
     return _returned(ax, axes)
 
@@ -94,38 +89,46 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     return _returned(ax, axes)
 
 
-def response(fit: Fit, rec: Record | int | None = None, ax: Any = None) -> Any:
-    """Draw measured and simulated output, and the error below.
+def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, output: str | None = None) -> Any:
+    """Draw measured and simulated outputs, the error below each; masked samples bridged by dots.
 
     Parameters
     ----------
     fit : Fit
     rec : Record or int, optional
         A record, or the index of one of the fit's own (needed where it has several).
-    ax : Axes or sequence of two Axes, optional
-        A single Axes takes both; new ones by default.
+    ax : Axes or sequence of Axes, optional
+        Two an output, in turn; of one output a single Axes takes both. New ones by default.
+    output : str, optional
+        Name of the one output to draw; default: all.
 
     Returns
     -------
-    Axes or ndarray of Axes
+    Axes or ndarray of Axes, shape (2 · outputs,)
     """
-    simulated, error = fit.predict(rec), fit.errors(rec)[0]
-    level = float(fit.score(rec)["signal_to_error"][-1])
-    upper, lower = _axes(ax, 2, height=2.3)
-    name = fit.outputs[0]
-    unit = f" ({fit.units[name]})" if name in fit.units else ""
-    upper.plot(simulated.t, simulated.y[0] + error, color="0.55", linewidth=2.0, label="measured")
-    upper.plot(simulated.t, simulated.y[0], color="C3", linewidth=1.0, label=f"simulated: {level:.1f} dB")
-    lower.plot(simulated.t, error, color="C0", linewidth=0.8, label="error")
-    upper.set_ylabel(f"{name}{unit}")
-    if lower is not upper:
-        lower.axhline(0.0, color="0.3", linewidth=0.6)
-        lower.set_ylabel(f"error{unit}")
-    upper.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    for here in (upper, lower):
-        here.grid(True, alpha=0.3)
-    lower.set_xlabel("time (s)")
-    return _returned(ax, [upper, lower])
+    chosen = _outputs(fit, output, "plot.response")
+    measured = fit._record(rec, "plot.response")
+    simulated, errors = fit.predict(measured), fit.errors(measured)
+    levels = fit.score(measured)["signal_to_error"]
+    axes = _pairs(ax, len(chosen), height=2.3)
+    for (upper, lower), i in zip(axes, chosen, strict=True):
+        name = fit.outputs[i]
+        unit = f" ({fit.units[name]})" if name in fit.units else ""
+        upper.plot(measured.t, measured._shown(name), color="0.55", linewidth=2.0, label="measured")
+        upper.plot(
+            simulated.t, simulated.y[i], color="C3", linewidth=1.0, label=f"simulated: {levels[i]:.1f} dB"
+        )
+        _bridge(upper, measured, name, label="masked")
+        lower.plot(measured.t, errors[i], color="C0", linewidth=0.8, label="error")
+        upper.set_ylabel(f"{name}{unit}")
+        if lower is not upper:
+            lower.axhline(0.0, color="0.3", linewidth=0.6)
+            lower.set_ylabel(f"error{unit}" if len(chosen) == 1 else f"error of {name}{unit}")
+        upper.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+        for here in (upper, lower):
+            here.grid(True, alpha=0.3)
+    axes[-1][1].set_xlabel("time (s)")
+    return _returned(ax, [here for pair in axes for here in pair])
 
 
 def comparison(table: Comparison, ax: Any = None) -> Any:
@@ -146,7 +149,7 @@ def comparison(table: Comparison, ax: Any = None) -> Any:
     axes = _axes(ax, len(rec.outputs), height=2.3)
     percent = {(row["model"], row["output"]): row["fit_percent"] for row in table}
     for here, name in zip(axes, rec.outputs, strict=True):
-        here.plot(rec.t, rec[name], color="0.6", linewidth=2.0, label=f"{name} measured")
+        here.plot(rec.t, rec._shown(name), color="0.6", linewidth=2.0, label=f"{name} measured")
     for model, fit in table.fits.items():
         simulated = fit.predict(rec)
         for here, name in zip(axes, rec.outputs, strict=True):
@@ -308,55 +311,72 @@ def bode(
     return _returned(ax, [upper, lower])
 
 
-def residuals(fit: Fit, ax: Any = None) -> Any:
+def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
 
     Parameters
     ----------
     fit : Fit
-    ax : sequence of two Axes, optional
-        New ones by default.
+    ax : sequence of Axes, optional
+        Two an output, in turn; new ones by default.
+    output : str, optional
+        Name of the one output to draw; default: all.
 
     Returns
     -------
-    ndarray of Axes
+    ndarray of Axes, shape (2 · outputs,)
     """
     from .validation import correlation_of_lines
 
-    upper, lower = _axes(ax, 2, height=2.3, sharex=False)
-    for k, ((first, last), e) in enumerate(zip(fit.lines, [piece[0] for piece in fit.pieces], strict=True)):
+    chosen = _outputs(fit, output, "plot.residuals")
+    axes = _pairs(ax, len(chosen), height=2.3, sharex=False)
+    for (upper, lower), i in zip(axes, chosen, strict=True):
+        pieces = [piece[i] for piece in fit.pieces]
+        of = "" if len(fit.outputs) == 1 else f" of {fit.outputs[i]}"
+        _lines_over_m(upper, fit.lines, pieces)
+        upper.set_ylabel(f"whitened residual{of}")
+        test, r = correlation_of_lines(pieces)
+        _autocorrelation(lower, r, test.count)
+        lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
+        lower.set_ylabel(f"autocorrelation{of}")
+        for here in (upper, lower):
+            here.grid(True, alpha=0.3)
+    return _returned(ax, [here for pair in axes for here in pair])
+
+
+def _lines_over_m(here: Any, lines: Sequence[tuple[int, int]], pieces: Sequence[Any]) -> None:
+    for k, ((first, last), e) in enumerate(zip(lines, pieces, strict=True)):
         m = np.arange(first, last + 1)
         some = len(e) <= 60
         look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
-        upper.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
-        upper.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
-    upper.axhline(0.0, color="0.3", linewidth=0.6)
+        here.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
+        here.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
+    here.axhline(0.0, color="0.3", linewidth=0.6)
     for level in (-1.96, 1.96):
-        upper.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
-    reach = max(3.0, 1.1 * float(np.max(np.abs([fit.residuals.real, fit.residuals.imag]), initial=0.0)))
-    upper.set_ylim(-reach, reach)
-    upper.xaxis.get_major_locator().set_params(integer=True)
-    upper.set_xlabel("harmonic m")
-    upper.set_ylabel("whitened residual")
-    upper.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    test, r = correlation_of_lines([piece[0] for piece in fit.pieces])
+        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    every = np.concatenate(pieces)
+    reach = max(3.0, 1.1 * float(np.max(np.abs([every.real, every.imag]), initial=0.0)))
+    here.set_ylim(-reach, reach)
+    here.xaxis.get_major_locator().set_params(integer=True)
+    here.set_xlabel("harmonic m")
+    here.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
+def _autocorrelation(here: Any, r: Any, count: int) -> None:
     lags = np.arange(1, r.size + 1)
-    lower.bar(lags, r, width=0.35, color="C0")
-    lower.axhline(0.0, color="0.3", linewidth=0.6)
-    limit = 1.96 / np.sqrt(2 * max(test.count, 1))
+    here.bar(lags, r, width=0.35, color="C0")
+    here.axhline(0.0, color="0.3", linewidth=0.6)
+    limit = 1.96 / np.sqrt(2 * max(count, 1))
     for level in (-limit, limit):
-        lower.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
-    lower.set_xticks(lags)
-    lower.set_xlim(0.0, max(10, r.size) + 1.0)
-    lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
-    lower.set_ylabel("autocorrelation")
-    for here in (upper, lower):
-        here.grid(True, alpha=0.3)
-    return _returned(ax, [upper, lower])
+        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    here.set_xticks(lags)
+    here.set_xlim(0.0, max(10, r.size) + 1.0)
 
 
 def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> Any:
     """Draw the poles of fits with 95 % confidence ellipses (real poles: intervals).
+
+    Outputs with denominators of their own have a colour each.
 
     Parameters
     ----------
@@ -370,39 +390,20 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     -------
     Axes
     """
-    from scipy.special import fdtri
-
-    from .derived import poles as poles_of
+    from .derived import denominators
 
     if not fits:
         raise SpecError("plot.poles: give at least one fit")
     if labels is not None and len(labels) != len(fits):
         raise SpecError(f"plot.poles: {len(labels)} labels for {len(fits)} fits; give one each")
     (here,) = _axes(ax, 1, height=4.0, width=5.0)
-    turn = np.exp(2j * np.pi * np.arange(181) / 180)
+    drawn = 0
     for k, fit in enumerate(fits):
-        found, gradients = poles_of(fit)
-        cov = fit.cov_params()
-        name = f"{fit.order} poles" if labels is None else labels[k]
-        here.plot(
-            found.real, found.imag, "x", color=f"C{k % 10}", markersize=8, markeredgewidth=1.8, label=name
-        )
-        for pole, gradient in zip(found, gradients, strict=True):
-            if pole.imag == 0:
-                low, high = fit.interval(np.array(pole.real), np.sqrt(gradient.real @ cov @ gradient.real))
-                here.plot(
-                    [low, high], [0, 0], color=f"C{k % 10}", linewidth=6, alpha=0.3, solid_capstyle="butt"
-                )
-                continue
-            both = np.array([gradient.real, gradient.imag])
-            spread = both @ cov @ both.T
-            if not np.all(np.isfinite(spread)):
-                continue
-            size, axes = np.linalg.eigh(spread)
-            radius = np.sqrt(2 * fdtri(2, max(fit.df_resid, 1), 0.95) * np.maximum(size, 0.0))
-            edge = axes @ (radius[:, None] * np.array([turn.real, turn.imag]))
-            here.fill(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", alpha=0.2, linewidth=0)
-            here.plot(pole.real + edge[0], pole.imag + edge[1], color=f"C{k % 10}", linewidth=0.8)
+        named = labels[k] if labels is not None else f"{fit.order} poles" if len(fits) > 1 else ""
+        for output, i in denominators(fit):
+            name = " ".join(part for part in (named, output) if part)
+            _poles_of_output(here, fit, i, f"C{drawn % 10}", name)
+            drawn += 1
     here.axhline(0.0, color="0.3", linewidth=0.6)
     here.axvline(0.0, color="0.3", linewidth=0.9)
     here.margins(0.12)
@@ -412,9 +413,34 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     here.set_xlabel("real part (rad/s)")
     here.set_ylabel("imaginary part (rad/s)")
     here.grid(True, alpha=0.3)
-    if len(fits) > 1:
+    if drawn > 1:
         here.legend(frameon=False)
     return _returned(ax, [here])
+
+
+def _poles_of_output(here: Any, fit: Fit, output: int, color: str, label: str) -> None:
+    from scipy.special import fdtri
+
+    from .derived import poles as poles_of
+
+    turn = np.exp(2j * np.pi * np.arange(181) / 180)
+    found, gradients = poles_of(fit, output)
+    cov = fit.cov_params()
+    here.plot(found.real, found.imag, "x", color=color, markersize=8, markeredgewidth=1.8, label=label)
+    for pole, gradient in zip(found, gradients, strict=True):
+        if pole.imag == 0:
+            low, high = fit.interval(np.array(pole.real), np.sqrt(gradient.real @ cov @ gradient.real))
+            here.plot([low, high], [0, 0], color=color, linewidth=6, alpha=0.3, solid_capstyle="butt")
+            continue
+        both = np.array([gradient.real, gradient.imag])
+        spread = both @ cov @ both.T
+        if not np.all(np.isfinite(spread)):
+            continue
+        size, axes = np.linalg.eigh(spread)
+        radius = np.sqrt(2 * fdtri(2, max(fit.df_resid, 1), 0.95) * np.maximum(size, 0.0))
+        edge = axes @ (radius[:, None] * np.array([turn.real, turn.imag]))
+        here.fill(pole.real + edge[0], pole.imag + edge[1], color=color, alpha=0.2, linewidth=0)
+        here.plot(pole.real + edge[0], pole.imag + edge[1], color=color, linewidth=0.8)
 
 
 def study(res: Results, ax: Any = None) -> Any:
@@ -495,6 +521,26 @@ def _axes(ax: Any, count: int, *, height: float = 2.4, width: float = 7.0, share
     return given
 
 
+def _pairs(ax: Any, outputs: int, *, height: float, sharex: bool = True) -> list[tuple[Any, Any]]:
+    """Return two Axes an output; a single Axes serves as both of a single output."""
+    if outputs > 1 and hasattr(ax, "plot"):
+        raise SpecError(
+            f"plot: ax is a single Axes and there are {outputs} outputs; give {2 * outputs} Axes, or choose "
+            "one output, as output="
+        )
+    axes = _axes(ax, 2 * outputs, height=height, sharex=sharex)
+    return list(zip(axes[::2], axes[1::2], strict=True))
+
+
+def _outputs(fit: Fit, output: str | None, what: str) -> list[int]:
+    """Positions of the outputs to draw: the one that is named, or all."""
+    if output is None:
+        return list(range(len(fit.outputs)))
+    if output not in fit.outputs:
+        raise SpecError(f"{what}: the fit has no output {output!r}; {nearest(output, fit.outputs)}")
+    return [fit.outputs.index(output)]
+
+
 def _grid(ax: Any, rows: int, columns: int) -> list[Any]:
     """Return Axes row by row: new ones, or the given ones."""
     if ax is not None:
@@ -535,6 +581,14 @@ def _label(axes: Sequence[Any], names: Sequence[str], units: dict[str, str], xla
     axes[-1].set_xlabel(xlabel)
 
 
+def _bridge(here: Any, rec: Record, name: str, label: str) -> None:
+    """Dots from the good samples beside a gap across the masked ones, whose values the record filled in."""
+    masked = ~rec._good(name)
+    if masked.any():
+        masked |= np.append(masked[1:], False) | np.insert(masked[:-1], 0, False)
+        here.plot(rec.t, np.where(masked, rec[name], np.nan), ":", color="0.5", linewidth=1.0, label=label)
+
+
 def _frequency(hz: bool) -> tuple[float, str]:
     """Return the factor from rad/s to the unit drawn, and the label of the axis."""
     return (0.5 / np.pi, "frequency (Hz)") if hz else (1.0, "frequency (rad/s)")
@@ -558,20 +612,22 @@ def _range(systems: Sequence[Any]) -> tuple[float, float]:
 def _paths(system: Any, omega: Any) -> Any:
     """Yield name, frequencies, gain, errors in dB and degrees (or None), and which lie in the fitted band."""
     if hasattr(system, "omega0"):  # a fit
-        gain, gradient = system.frequency_response(omega)
+        outputs, inputs = len(system.outputs), len(system.inputs)
+        response, gradient = system.frequency_response(omega)
+        response = response.reshape(outputs, inputs, -1)
+        gradient = gradient.reshape(-1, outputs, inputs, omega.size)
         cov = system.cov_params()
         inside = (omega >= system.band[0]) & (omega <= system.band[1])
-        for k, name in enumerate(system.inputs):
-            if system.layout.numerators[0][k] is None:
-                continue
+        half = system.interval(np.zeros(omega.size), np.ones(omega.size))[1]
+        for i, k in np.argwhere([[d is not None for d in row] for row in system.layout.numerators]):
+            gain = response[i, k]
             with np.errstate(divide="ignore", invalid="ignore"):
-                relative = gradient[:, k] / gain[k]
+                relative = gradient[:, i, k] / gain
             errors = [
                 np.sqrt(np.einsum("pf,pq,qf->f", part, cov, part)) for part in (relative.real, relative.imag)
             ]
-            half = system.interval(np.zeros(omega.size), np.ones(omega.size))[1]
             decibel, degree = 20 / np.log(10) * half * errors[0], np.degrees(half * errors[1])
-            yield f"{name} → {system.outputs[0]}", omega, gain[k], decibel, degree, inside
+            yield f"{system.inputs[k]} → {system.outputs[i]}", omega, gain, decibel, degree, inside
         return
     found = system if hasattr(system, "omega") else system.frequency_response(omega)
     everywhere = np.ones(found.omega.size, dtype=bool)

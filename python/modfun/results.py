@@ -385,9 +385,10 @@ class Fit:
         return record._like(y=simulated, mask=None, sigma=None)
 
     def errors(self, rec: Record | int | None = None) -> F64:
-        """Measured less simulated output in time, (output, time)."""
+        """Measured less simulated output in time, (output, time); nan where the record is masked."""
         record = self._record(rec, "errors")
-        return record.y - prediction.simulate_fit(self, record, None)[0]
+        errors = record.y - prediction.simulate_fit(self, record, None)[0]
+        return errors if record.mask is None else np.where(record.mask, errors, np.nan)
 
     def initial_state(
         self,
@@ -435,7 +436,7 @@ class Fit:
     def score(self, rec: Record | int | None = None) -> Table:
         """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
 
-        See `modfun.validation` for the formulas.
+        Masked samples are left out. See `modfun.validation` for the formulas.
 
         Parameters
         ----------
@@ -456,6 +457,8 @@ class Fit:
         record = self._record(rec, "score")
         simulated, _ = prediction.simulate_fit(self, record, None)
         pairs = list(zip(record.y, simulated, strict=True))
+        if record.mask is not None:
+            pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]
         return Table(
             {
                 "output": list(record.outputs),
@@ -504,11 +507,13 @@ class Fit:
 
     # Plots --------------------------------------------------------------------------------------
 
-    def plot_response(self, rec: Record | int | None = None, *, ax: Any = None) -> Any:
-        """Measured and simulated output with the error below; see `modfun.plot.response`."""
+    def plot_response(
+        self, rec: Record | int | None = None, *, output: str | None = None, ax: Any = None
+    ) -> Any:
+        """Measured and simulated outputs with the errors below; see `modfun.plot.response`."""
         from . import plot
 
-        return plot.response(self, rec, ax=ax)
+        return plot.response(self, rec, ax=ax, output=output)
 
     def plot_bode(self, *, band: tuple[float, float] | None = None, hz: bool = False, ax: Any = None) -> Any:
         """Bode plot with a 95 % band; see `modfun.plot.bode`."""
@@ -516,11 +521,11 @@ class Fit:
 
         return plot.bode(self, band=band, hz=hz, ax=ax)
 
-    def plot_residuals(self, *, ax: Any = None) -> Any:
+    def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
         from . import plot
 
-        return plot.residuals(self, ax=ax)
+        return plot.residuals(self, ax=ax, output=output)
 
     def plot_poles(self, *, ax: Any = None) -> Any:
         """Poles with 95 % confidence ellipses; see `modfun.plot.poles`."""

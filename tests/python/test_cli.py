@@ -103,6 +103,91 @@ def test_options_reach_the_fit(table, capsys):
     assert json.loads(capsys.readouterr().out)["options"]["trend"] is None
 
 
+@pytest.fixture
+def two(tmp_path):
+    """Two outputs, two inputs and a delay of the second, as a file."""
+    t = np.linspace(0.0, 20.0, 401)
+    u = np.array([np.sin(t**2 / 6), np.cos((20 - t) ** 2 / 5)])
+    sys = mf.tf([[[1.0, 2.0], [3.0]], [[0.5], [-1.0, 0.7]]], [1, 1.2, 4.0], delay=[0, 0.2])
+    y = sys.simulate(u=u, dt=0.05) + 0.02 * np.random.default_rng(0).standard_normal((2, t.size))
+    path = tmp_path / "two.csv"
+    columns = np.column_stack([t, *y, *u])
+    np.savetxt(path, columns, delimiter=",", header="t_s,al,q,de,da", comments="", fmt="%.17g")
+    return path
+
+
+TWO = ["--output", "al", "--output", "q", "--input", "de", "--input", "da"]
+
+
+@pytest.mark.parametrize("denominator", ["common", "separate"])
+def test_several_outputs(denominator, two, tmp_path, capsys):
+    words = ["--zeros", "1,0", "--zeros", "0,1", "--delay", "0", "--delay", "0.1:0:0.5"]
+    words = ["fit", str(two), *TWO, "--denominator", denominator, *words, "--band", "6"]
+    saved, picture = tmp_path / "fit.json", tmp_path / "fit.png"
+    pytest.importorskip("matplotlib")
+    assert main([*words, "--json", str(saved), "--plot", str(picture)]) == 0
+    out, _ = capsys.readouterr()
+    rec = mf.read(two, outputs=["al", "q"], inputs=["de", "da"])
+    late = [0.0, mf.Free(0.1, min=0, max=0.5)]
+    tf = mf.TransferFunction(poles=2, zeros=[[1, 0], [0, 1]], denominator=denominator, delay=late)
+    fit = mf.fit(rec, tf, band=6.0)
+    assert str(fit.summary()) in out
+    assert str(fit.score()) in out
+    back = mf.load(saved)
+    assert back.structure == tf
+    assert back.params.tolist() == fit.params.tolist()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["compare", str(saved), str(two), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["output"] == ["al", "q"]
+
+
+def test_one_number_of_poles_and_zeros_an_output(two, capsys):
+    words = [
+        "--output",
+        "al",
+        "--output",
+        "q",
+        "--input",
+        "de",
+        "--denominator",
+        "separate",
+        "--noise",
+        "coloured",
+    ]
+    assert main(
+        [
+            "fit",
+            str(two),
+            *words,
+            "--poles",
+            "2",
+            "--poles",
+            "3",
+            "--zeros",
+            "1",
+            "--zeros",
+            "0",
+            "--json",
+            "-",
+        ]
+    ) in (0, 1)
+    found = json.loads(capsys.readouterr().out)
+    assert found["structure"]["poles"] == [2, 3]
+    assert found["structure"]["zeros"] == [[1], [0]]
+    assert found["options"]["noise"] == "coloured"
+
+
+def test_parameters_are_held_and_bounded(table, capsys):
+    words = ["--param", "a2=8", "--param", "a1=2.5:0:", "--band", "8", "--json", "-"]
+    assert main(["fit", str(table), *FIT, *words]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    params = {"a2": 8.0, "a1": mf.Free(2.5, min=0)}
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0, params=params), band=8.0)
+    assert fit.param_names == ("a1", "b0")
+    assert printed["params"] == fit.params.tolist()
+
+
 def test_several_files_are_one_problem(table, capsys):
     assert main(["fit", str(table), str(table), *FIT, "--json", "-"]) == 0
     assert len(json.loads(capsys.readouterr().out)["lines"]) == 2
@@ -182,7 +267,17 @@ def test_check_shows_columns_and_findings(table, capsys):
 BAD = {
     "no such file": (["fit", "nowhere.csv", *FIT], "nowhere.csv"),
     "no output": (["fit", "TABLE", "--input", "de"], "--output"),
-    "two outputs": (["fit", "TABLE", "--output", "q", "--output", "de"], "exactly one"),
+    "two outputs": (["fit", "TABLE", "--output", "q", "--output", "de"], "--denominator common or separate"),
+    "second output unknown": (["fit", "TABLE", *FIT[:2], "--output", "dee"], "did you mean 'de'?"),
+    "rows of the wrong length": (["fit", "TABLE", *FIT[:4], "--zeros", "1,0"], "1 output(s) and 1 input(s)"),
+    "unknown denominator": (["fit", "TABLE", *FIT, "--denominator", "shared"], "common, separate"),
+    "unknown noise": (["fit", "TABLE", *FIT, "--noise", "colored"], "'coloured'"),
+    "unknown parameter": (["fit", "TABLE", *FIT, "--param", "a3=0"], "did you mean"),
+    "parameter without a value": (["fit", "TABLE", *FIT, "--param", "a2"], "NAME=VALUE"),
+    "parameter in words": (["fit", "TABLE", *FIT, "--param", "a2=nought"], "start:]min:max"),
+    "four bounds": (["fit", "TABLE", *FIT, "--param", "a2=0:1:2:3"], "start:]min:max"),
+    "bounds crossed": (["fit", "TABLE", *FIT, "--param", "a2=2:1"], "must lie below"),
+    "delay without its most": (["fit", "TABLE", *FIT, "--delay", "0.1:0:"], "needs its most"),
     "unknown column": (["fit", "TABLE", "--output", "qq", "--input", "de"], "'q'"),
     "unknown method": (["fit", "TABLE", *FIT, "--method", "mll"], "'ml'"),
     "band of words": (["fit", "TABLE", *FIT, "--band", "low:high"], "0.5:8"),

@@ -98,6 +98,106 @@ def test_given_axes_are_used(fit):
     assert figure.axes == list(axes)
 
 
+# Several outputs, masked samples -------------------------------------------------------------------
+
+
+def record_of_two(**words):
+    t = 0.05 * np.arange(401)
+    u = np.array([np.sin(t**2 / 6), np.cos((20 - t) ** 2 / 5)])
+    y = mf.tf([[[1.0, 2.0], [3.0]], [[0.0], [-1.0, 0.7]]], [1, 1.2, 4.0]).simulate(u=u, dt=0.05)
+    y += 0.05 * np.random.default_rng(1).standard_normal(y.shape)
+    return mf.Record(y=y, u=u, dt=0.05, outputs=["al", "q"], inputs=["de", "da"], units={"q": "1/s"}, **words)
+
+
+@pytest.fixture(scope="module", params=["common", "separate"])
+def two(request):
+    tf = mf.TransferFunction(poles=2, zeros=[[1, 0], [None, 1]], denominator=request.param)
+    return mf.fit(record_of_two(), tf, band=6.0)
+
+
+def test_each_output_has_its_response_and_error(two):
+    axes = two.plot_response()
+    assert axes.shape == (4,)
+    assert [here.get_ylabel() for here in axes] == ["al", "error of al", "q (1/s)", "error of q (1/s)"]
+    for i in range(2):
+        measured, simulated = (line.get_ydata() for line in axes[2 * i].get_lines())
+        np.testing.assert_array_equal(measured, two.records[0].y[i])
+        np.testing.assert_array_equal(simulated, two.predict().y[i])
+        np.testing.assert_array_equal(axes[2 * i + 1].get_lines()[0].get_ydata(), two.errors()[i])
+    level = two.score()["signal_to_error"][1]
+    assert f"simulated: {level:.1f} dB" in [x.get_label() for x in axes[2].get_lines()]
+    alone = two.plot_response(output="q")
+    np.testing.assert_array_equal(alone[0].get_lines()[1].get_ydata(), two.predict().y[1])
+    here = plt.figure().add_subplot()
+    assert two.plot_response(output="q", ax=here) is here
+
+
+def test_bode_draws_the_paths_of_all_outputs_and_no_others(two):
+    upper, _ = two.plot_bode(band=(1.0, 5.0))
+    names = [text.get_text() for text in upper.get_legend().get_texts()]
+    assert names == ["de → al", "da → al", "da → q"]
+    dashed = [line for line in upper.get_lines() if line.get_linestyle() == "--"]
+    omega = dashed[0].get_xdata()
+    want = two.model.frequency_response(omega).response
+    for line, (i, k) in zip(dashed, [(0, 0), (0, 1), (1, 1)], strict=True):
+        np.testing.assert_allclose(line.get_ydata(), 20 * np.log10(np.abs(want[i, k])), atol=1e-9)
+    # The band at one frequency against the covariance of the gain itself.
+    gain, gradient = two.frequency_response([omega[200]])
+    relative = (gradient[:, 1, 1, 0] / gain[1, 1, 0]).real
+    half = 20 / np.log(10) * two.interval(0.0, np.sqrt(relative @ two.cov_params() @ relative))[1]
+    edge = upper.collections[2].get_paths()[0].vertices
+    at = edge[np.isclose(edge[:, 0], omega[200]), 1]
+    assert at.max() - at.min() == pytest.approx(2 * half, rel=1e-6)
+
+
+def test_residuals_of_each_output(two):
+    axes = two.plot_residuals()
+    assert axes.shape == (4,)
+    for i, name in enumerate(["al", "q"]):
+        assert axes[2 * i].get_ylabel() == f"whitened residual of {name}"
+        np.testing.assert_array_equal(axes[2 * i].get_lines()[0].get_ydata(), two.residuals[i].real)
+    (upper, _) = two.plot_residuals(output="q")
+    np.testing.assert_array_equal(upper.get_lines()[1].get_ydata(), two.residuals[1].imag)
+
+
+def test_poles_of_separate_denominators_have_their_own_colours(two):
+    marks = [line for line in two.plot_poles().get_lines() if line.get_marker() == "x"]
+    if two.layout.common:
+        assert len(marks) == 1
+        return
+    assert [line.get_label() for line in marks] == ["al", "q"]
+    assert marks[0].get_color() != marks[1].get_color()
+    for i, line in enumerate(marks):
+        found = np.sort_complex(line.get_xdata() + 1j * line.get_ydata())
+        np.testing.assert_allclose(found, np.sort_complex(np.roots(two.polynomials(i)[0])))
+
+
+def test_masked_samples_are_drawn_apart_and_have_no_error():
+    ok = np.ones((2, 401), bool)
+    ok[0, 100:112] = False
+    fit = mf.fit(record_of_two(mask=ok), mf.TransferFunction(poles=2, denominator="common"), band=6.0)
+    al, error, q, _ = fit.plot_response()
+    lines = {line.get_label(): line for line in al.get_lines()}
+    np.testing.assert_array_equal(np.isnan(lines["measured"].get_ydata()), ~ok[0])
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(lines["masked"].get_ydata())), np.r_[99:113])
+    np.testing.assert_array_equal(np.isnan(error.get_lines()[0].get_ydata()), ~ok[0])
+    assert "masked" not in [line.get_label() for line in q.get_lines()]
+
+
+@pytest.mark.parametrize(
+    ("call", "cure"),
+    [
+        (lambda fit: fit.plot_response(ax=plt.figure().add_subplot()), "choose one output"),
+        (lambda fit: fit.plot_residuals(ax=plt.figure().subplots(2, 1)), "4 are needed"),
+        (lambda fit: fit.plot_response(output="Q"), "did you mean 'q'"),
+        (lambda fit: fit.plot_residuals(output="de"), "no output 'de'"),
+    ],
+)
+def test_bad_use_with_several_outputs_is_refused(two, call, cure):
+    with pytest.raises(mf.SpecError, match=cure):
+        call(two)
+
+
 @pytest.mark.parametrize(
     ("call", "cure"),
     [

@@ -1,0 +1,94 @@
+"""From words on the command line to numbers and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+from .errors import SpecError
+from .free import Free
+
+__all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "poles_of"]
+
+
+def by_path(
+    option: str, given: list[str] | None, one: Callable[[str], Any], channels: tuple[int, int]
+) -> Any:
+    """What was given once, one an input, or one an output with commas between the inputs."""
+    if not given:
+        return None
+    rows = [[one(part) for part in word.split(",")] for word in given]
+    outputs, inputs = channels
+    single = all(len(row) == 1 for row in rows)
+    if single and (len(rows) == 1 or inputs > 1 or outputs == 1):
+        return one_or_all([row[0] for row in rows])
+    if len(rows) != outputs or any(len(row) != inputs for row in rows):
+        raise SpecError(
+            f"{option} {f' {option} '.join(given)}: there are {outputs} output(s) and {inputs} input(s); "
+            "give one value, one an input, or one list an output with commas between the inputs"
+        )
+    return rows if outputs > 1 else rows[0]
+
+
+def degree_of(word: str) -> int | None:
+    if word.lower() == "none":
+        return None
+    if word.lstrip("-").isdigit():
+        return int(word)
+    raise SpecError(f"--zeros {word}: give a whole number, or none for an input without a path")
+
+
+def delay_of(word: str) -> float | Free:
+    found = _number_or_bounds("--delay", word)
+    if isinstance(found, Free) and found.max == inf:
+        raise SpecError(f"--delay {word}: a delay to be estimated needs its most, such as 0:0.5")
+    return found
+
+
+def param_of(word: str) -> tuple[str, float | Free]:
+    name, equals, value = word.partition("=")
+    if not (name and equals):
+        raise SpecError(f"--param {word}: give NAME=VALUE, such as a2=0, or NAME=MIN:MAX")
+    return name, _number_or_bounds("--param", value)
+
+
+def _number_or_bounds(option: str, word: str) -> float | Free:
+    """A number, or [start:]min:max to be estimated; a bound left out is none."""
+    parts = word.split(":")
+    try:
+        if len(parts) == 1:
+            return float(word)
+        low, high = (float(part or end) for part, end in zip(parts[-2:], ("-inf", "inf"), strict=True))
+        start = float(parts[0]) if len(parts) == 3 and parts[0] else None
+        if len(parts) <= 3:
+            return Free(start, min=low, max=high)
+    except ValueError as error:
+        if isinstance(error, SpecError):
+            raise SpecError(f"{option} {word}: {error}") from None
+    raise SpecError(
+        f"{option} {word}: give a number, or [start:]min:max to have it estimated, such as 0.1:0:0.5"
+    )
+
+
+def one_or_all(given: list[Any] | None) -> Any:
+    return given[0] if given and len(given) == 1 and given[0] is not None else given
+
+
+def band_of(given: str | None) -> float | tuple[float, float] | None:
+    if given is None:
+        return None
+    try:
+        edges = [float(part) for part in given.split(":")]
+    except ValueError:
+        edges = []
+    if len(edges) not in (1, 2):
+        raise SpecError(f"--band {given}: give the upper edge, or lower:upper, in rad/s, such as 0.5:8")
+    return edges[0] if len(edges) == 1 else (edges[0], edges[1])
+
+
+def poles_of(given: str) -> Any:
+    ends = given.split(":")
+    if len(ends) > 2 or not all(word.isdigit() for word in ends):
+        raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
+    return range(int(ends[0]), int(ends[-1]) + 1)
