@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .errors import DataError, SpecError
 from .lti import LTI
+from .prediction import sample_weights
 from .propagate import Inputs
 from .records import Record
 from .sensitivities import Sensitivities, time_unit
@@ -33,7 +34,7 @@ class Bound:
     cov : ndarray, shape (parameter, parameter)
         Smallest covariance of an unbiased estimate.
     sigma : float
-        Standard deviation of the noise.
+        Standard deviation of the noise (of a sample whose relative noise is 1).
     """
 
     param_names: tuple[str, ...]
@@ -95,7 +96,8 @@ def crlb(
     sys : LTI
         The system, one output.
     rec : Record
-        Inputs, sampling and length of the experiment; its output is not looked at.
+        Inputs, sampling and length of the experiment; of its output only which samples are masked, and
+        their relative noise (`sigma` of the record), count.
     nsr : float
         Noise standard deviation over the root mean square of the noise-free response from rest. Give
         this or `sigma`.
@@ -138,6 +140,11 @@ def crlb(
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     if initial_state not in ("unknown", "zero"):
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
+    if len(rec.outputs) > 1 and (rec.mask is not None or rec.sigma is not None):
+        raise SpecError(
+            f"crlb: the record has {len(rec.outputs)} outputs whose samples count differently; choose one, "
+            f"rec.select(outputs=[{rec.outputs[0]!r}])"
+        )
     if rec.dt is None:
         raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
     if sys.shape[0] != 1:
@@ -160,6 +167,9 @@ def crlb(
     t = np.linspace(-1.0, 1.0, y.size)
     extra = {None: [], "constant": [np.ones_like(t)], "linear": [np.ones_like(t), t]}[trend]
     s = np.vstack([columns, *extra]).T
+    weight = sample_weights(rec, 0)
+    if weight is not None:
+        s = s[weight > 0] * weight[weight > 0, None]
     size = np.linalg.norm(s, axis=0)
     if not np.all(np.isfinite(size)) or np.any(size == 0):
         raise DataError("crlb: a parameter does not move the output, or moves it without bound; shorten the "

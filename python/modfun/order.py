@@ -14,6 +14,7 @@ from . import _core, html
 from .derived import cancelling
 from .errors import FitError, SpecError
 from .estimation import _fit, _options, _records
+from .masking import refuse_own_noise
 from .options import Choices, Options
 from .prepared import plain_words
 from .records import Record
@@ -117,7 +118,9 @@ def select_order(
     Raises
     ------
     SpecError
-        No candidate, or an option that does not serve.
+        No candidate, or an option that does not serve; several outputs, delays to be estimated.
+    DataError
+        Records with masked samples or a sigma.
     FitError
         No candidate could be fitted.
     """
@@ -128,7 +131,26 @@ def select_order(
             f"select_order: method={checked.method!r} with noise={checked.noise!r} has residuals that do not "
             'compare; use "ml" or "awls" with noise="output"'
         )
+    if len(records[0].outputs) > 1:
+        outputs = records[0].outputs
+        raise SpecError(
+            f"select_order: the records have {len(outputs)} outputs ({', '.join(outputs)}), and orders are "
+            f"compared for one at a time: rec.select(outputs=[{outputs[0]!r}])"
+        )
+    if checked.output_weights is not None:
+        raise SpecError(
+            "select_order: output_weights= weigh several outputs, and it takes one; leave them out"
+        )
+    for rec in records:
+        refuse_own_noise(
+            rec,
+            "select_order",
+            "take a piece without them, rec.window(start, stop), or compare the .bic of an mf.fit of each "
+            "candidate over one band",
+        )
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
+    for structure in structures:
+        structure.plain_layout(records[0].inputs, "select_order")
     fits = tuple(_fit(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
+from .masking import refuse_own_noise
 from .observer import observe
 from .records import Record
 from .validation import free_response, regress, trend_columns
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from .lti import LTI
     from .results import Fit
 
-__all__ = ["InitialState", "observe_fit", "simulate_fit"]
+__all__ = ["InitialState", "observe_fit", "sample_weights", "simulate_fit"]
 
 F64 = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def simulate_fit(
         forced = _forced(fit, rec, i)
         free = free_response(den, rec.t)
         left = rec.y[i] - forced
-        weight = _weight(rec, i)
+        weight = sample_weights(rec, i)
         if given is None:
             found = regress(left, np.vstack([free, trend]), weight)
             states.append(found.coefficients[:n])
@@ -109,7 +110,7 @@ def simulate_fit(
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
 
 
-def _weight(rec: Record, output: int) -> F64 | None:
+def sample_weights(rec: Record, output: int) -> F64 | None:
     """1/standard deviation of each sample of an output, 0 where masked; None where all count alike."""
     if rec.mask is None and rec.sigma is None:
         return None
@@ -124,6 +125,7 @@ def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> Initial
             "initial_state: an observer needs even sampling, and this record's steps are uneven; "
             'use method="lstsq"'
         )
+    refuse_own_noise(rec, "initial_state", 'use method="lstsq", which weighs them')
     orders = fit.layout.orders
     terms = len(trend_columns(rec.t, fit.trend))
     cov = np.zeros((sum(orders), sum(orders)))

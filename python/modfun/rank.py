@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from . import _core
 from .errors import DataError, SpecError
 from .estimation import _records
+from .masking import refuse_own_noise
 from .options import _band, _integer
 from .records import Record
 from .simulation import _spectrum
@@ -52,7 +53,7 @@ def rank_test(
     Raises
     ------
     DataError
-        Uneven samples, or fewer lines than the columns need.
+        Uneven or masked samples, or fewer lines than the columns need.
     """
     q = _integer("rank_test", "poles", poles, 1)
     edges = None if band is None else _band("rank_test", band)
@@ -82,6 +83,7 @@ def rank_test(
 
 def _lines(rec: Record, edges: tuple[float, float] | None) -> tuple[F64, C128, C128]:
     """Frequencies and coefficients of outputs and inputs; line 0, which an offset touches, is left out."""
+    refuse_own_noise(rec, "rank_test", "take a piece without them, rec.window(start, stop)")
     if rec.dt is None:
         raise DataError("rank_test: the record's steps are uneven; resample it first")
     n, omega0 = rec.intervals, 2 * np.pi / rec.duration

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, FitError, SpecError
+from .masking import refuse_own_noise
 from .propagate import Inputs
 from .records import Record
 from .sensitivities import Sensitivities, time_unit
@@ -505,6 +506,7 @@ def _check_record(rec: Record, model: TransferFunction, what: str) -> None:
         raise SpecError(f"{what}: the record has no input")
     if rec.dt is None:
         raise DataError(f"{what}: the record is sampled unevenly; resample it")
+    refuse_own_noise(rec, what, "take a piece without them, rec.window(start, stop), or use mf.fit")
     layout = model.plain_layout(rec.inputs, what)
     unknowns = layout.orders[0] + len(layout.param_names)
     if rec.intervals < 2 * unknowns:

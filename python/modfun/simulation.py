@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .errors import DataError, SpecError
 from .lti import LTI
+from .masking import refuse_own_noise
 from .propagate import intersample_kinds, respond
 from .records import Record
 from .signals import evaluate, sources
@@ -380,6 +381,7 @@ def regressors(
         raise SpecError(
             f"regressors: the record has {len(rec.outputs)} outputs; take one, rec.select(outputs=[...])"
         )
+    refuse_own_noise(rec, "regressors", "take a piece without them, rec.window(start, stop)")
     _check_rule(rule)
     layout = model.plain_layout(rec.inputs, "regressors")
     n, degrees, delays = layout.orders[0], layout.numerators[0], layout.delays(np.zeros(0))
