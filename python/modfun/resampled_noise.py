@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
+from .masking import refuse_own_noise
+from .noise import Noise as GivenNoise
 from .records import Record
 from .results import Fit
 from .simulation import _spectrum
@@ -18,35 +20,47 @@ __all__ = ["Noise", "white", "wild"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
-# Noise of a replicate, by its number: an array a record.
+# Noise of a replicate, by its number: an array (output, time) a record.
 Noise = Callable[[int], list[F64]]
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
 def white(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> Noise:
-    """Independent normal samples of the noise level that the fit found."""
-    if fit.options.noise != "output":
+    """Independent normal samples of the noise covariance that the fit found, times the records' sigma."""
+    noise = fit.options.noise
+    _refuse_noisy_inputs(fit)
+    if noise in ("equation", "coloured") or (isinstance(noise, GivenNoise) and _coloured(noise.y)):
+        said = repr(noise) if isinstance(noise, str) else "noise given as spectra"
         raise SpecError(
-            f"bootstrap: kind='parametric' draws noise on the output and the fit has noise="
-            f"{fit.options.noise!r}; use kind='wild', which assumes no colour"
+            f"bootstrap: kind='parametric' draws white noise on the outputs and the fit has noise={said}; "
+            "use kind='wild', which assumes no colour"
         )
-    sigma = fit.sigma
+    root = _root(fit.noise_cov)
     if fit.options.method not in ("awls", "ml"):
-        errors = [rec.y[0] - y for rec, y in zip(records, clean, strict=True)]
+        errors = [rec.y[0] - y[0] for rec, y in zip(records, clean, strict=True)]
         nuisance = fit.order + len(trend_columns(records[0].t, fit.trend))
         freedom = sum(e.size for e in errors) - fit.params.size - nuisance * len(records)
-        sigma = float(np.sqrt(sum(e @ e for e in errors) / freedom))
+        root = np.sqrt([[sum(e @ e for e in errors) / freedom]])
+    sizes = [1.0 if rec.sigma is None else rec.sigma for rec in records]
 
     def draw(replicate: int) -> list[F64]:
         return [
-            sigma * _core.normals(seed, "bootstrap", 0, replicate, k, y.size) for k, y in enumerate(clean)
+            root @ _core.normals(seed, "bootstrap", 0, replicate, k, y.size).reshape(y.shape) * size
+            for k, (y, size) in enumerate(zip(clean, sizes, strict=True))
         ]
 
     return draw
 
 
 def wild(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> Noise:
-    """The residuals with each line of their spectrum turned by a random angle."""
+    """The residuals with each line of their spectrum turned by a random angle, the same for all outputs."""
+    _refuse_noisy_inputs(fit)
+    for rec in records:
+        refuse_own_noise(
+            rec,
+            "bootstrap: kind='wild'",
+            "use kind='parametric', or pieces without them, rec.window(start, stop)",
+        )
     if any(rec.dt is None for rec in records):
         raise DataError(
             "bootstrap: kind='wild' needs the spectrum of the residuals and a record is sampled unevenly; "
@@ -55,25 +69,47 @@ def wild(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> 
     leads = [rec.intervals - used for rec, used in zip(records, fit.intervals, strict=True)]
     lines: list[C128] = []
     for rec, y, lead in zip(records, clean, leads, strict=True):
-        e = (rec.y[0] - y)[lead:]
-        ends = 0.5 * (e[0] + e[-1])  # one period on the record's own lines, its ends counted half each
-        lines.append(np.fft.rfft(np.concatenate([[ends], e[1:-1]])))
+        e = (rec.y - y)[:, lead:]
+        ends = 0.5 * (
+            e[:, :1] + e[:, -1:]
+        )  # one period on the record's own lines, its ends counted half each
+        lines.append(np.fft.rfft(np.hstack([ends, e[:, 1:-1]])))
     _unshrink(fit, records, clean, leads, lines)
-    sizes = [np.abs(own) for own in lines]
 
     def draw(replicate: int) -> list[F64]:
         found = []
-        for k, (size, period, lead) in enumerate(zip(sizes, fit.intervals, leads, strict=True)):
-            z = _core.normals(seed, "bootstrap", 0, replicate, k, 2 * size.size)
+        for k, (line, period, lead) in enumerate(zip(lines, fit.intervals, leads, strict=True)):
+            z = _core.normals(seed, "bootstrap", 0, replicate, k, 2 * line.shape[1])
             turn = z[::2] + 1j * z[1::2]
             turn[0] = turn[0].real  # real lines keep or change their sign
             if period % 2 == 0:
                 turn[-1] = turn[-1].real
-            e = np.fft.irfft(size * turn / np.abs(turn), period)
-            found.append(np.concatenate([np.zeros(lead), e, e[:1]]))
+            e = np.fft.irfft(line * turn / np.abs(turn), period)
+            found.append(np.hstack([np.zeros((len(e), lead)), e, e[:, :1]]))
         return found
 
     return draw
+
+
+def _refuse_noisy_inputs(fit: Fit) -> None:
+    noise = fit.options.noise
+    if noise == "errors-in-variables" or (isinstance(noise, GivenNoise) and noise.u is not None):
+        raise SpecError(
+            "bootstrap: the fit has noisy inputs, and a replicate would need them without their noise, which "
+            "nobody knows; use fit.bse, or an mf.MonteCarlo of fit.model with inputs of your choice"
+        )
+
+
+def _coloured(given: object) -> bool:
+    return callable(given) or (isinstance(given, tuple) and any(callable(one) for one in given))
+
+
+def _root(cov: F64) -> F64:
+    """The symmetric root of a covariance, kept from being singular."""
+    if cov.size == 1:
+        return np.asarray(np.sqrt(cov))
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 1e-12 * values[-1]))) @ vectors.T)
 
 
 def _unshrink(
@@ -81,38 +117,32 @@ def _unshrink(
 ) -> None:
     """Give the lines of the fit's band, in place, the size of noise: e/(1 − h) as HC3 has it.
 
-    The model's response is Y = (BU + T)/A, so the columns of its Jacobian are −sⁿ⁻ⁱY/A, s^k U/A, and a
-    record s^j/A and the trend's. e is what the lines hold beside these, h the columns' leverage. Rows are
-    weighted as the method weights; for "ls", whose rows are differences of lines, that is an approximation.
+    e is what the lines hold beside the columns of the responses' Jacobian, of the end conditions and of the
+    trend, h these columns' leverage. Rows are weighted as the method weights for white noise; for "ls",
+    whose rows are differences of lines, and for coloured noise that is an approximation.
     """
-    den, _ = fit.polynomials()
-    n, p = fit.order, fit.params.size
-    flat = fit.options.method in ("awls", "ml") and fit.options.noise == "output"
+    p, outputs = fit.params.size, len(fit.outputs)
+    flat = fit.options.method in ("awls", "ml") and fit.options.noise != "equation"
+    whiten = np.eye(1) if outputs == 1 else np.linalg.inv(_root(fit.noise_cov))
     blocks, sizes, errors, weights = [], [], [], []
     for k, (rec, y) in enumerate(zip(records, clean, strict=True)):
         low, high = fit.lines[k]
-        ys, us = _spectrum(
-            rec._like(y=y[None]), high, fit.options.rule, fit.layout.delays(fit.params), leads[k]
-        )
-        m = np.arange(high + 1)
-        s = 1j * fit.omega0[k] * m
-        a = np.polyval(den, s)
-        a = np.where(np.abs(a) > LEAST * np.abs(a).max(), a, LEAST * np.abs(a).max())
-        columns = [-(s ** (n - i)) * ys[0] / a for i in range(1, n + 1)]
-        for u, degree in zip(us, fit.layout.numerators[0], strict=True):
-            columns += [s**j * u / a for j in range(-1 if degree is None else degree, -1, -1)]
-        trend = [m == 0, 1j / (2 * np.pi * np.maximum(m, 1))]  # spectra of 1 and of t/T − ½ (but for line 0)
-        own = [*(s**j / a for j in range(n)), *trend[: len(trend_columns(rec.t, fit.trend))]]
-        block = np.zeros((high + 1, p + len(own) * len(records)), complex)
-        block[:, :p] = np.array(columns).T
-        block[:, p + k * len(own) : p + (k + 1) * len(own)] = np.array(own).T
-        weight = a / np.abs(a) if flat else a.copy()  # Re and Im of the equation's rows, as in HC3
-        weight[0] *= np.sqrt(0.5)  # a real line has all of its variance in Re
-        block *= weight[:, None]
-        sizes.append(np.sum(np.abs(block) ** 2, axis=0))  # of all lines, left out or not
-        blocks.append(block[low:])
-        errors.append((lines[k][: high + 1] * weight)[low:])
-        weights.append(weight[low:])
+        shared, own, a = _columns(fit, rec._like(y=y), high, leads[k], fit.omega0[k])
+        terms = own.shape[0] * outputs
+        block = np.zeros((outputs, high + 1, p + terms * len(records)), complex)
+        block[:, :, :p] = shared.transpose(1, 2, 0)
+        for i in range(outputs):
+            first = p + k * terms + i * own.shape[0]
+            block[i, :, first : first + own.shape[0]] = own[:, i].T
+        # Re and Im of the equation's rows, as in HC3; a real line has all of its variance in Re.
+        before, after = (np.ones(a.shape), a / np.abs(a)) if flat else (a, np.ones(a.shape))
+        after = after * np.where(np.arange(high + 1) == 0, np.sqrt(0.5), 1.0)
+        weight = after[:, None] * whiten[:, :, None] * before  # (row, output, line)
+        block = np.einsum("rom,omc->rmc", weight, block)
+        sizes.append(np.sum(np.abs(block) ** 2, axis=(0, 1)))  # of all lines, left out or not
+        blocks.append(block[:, low:].reshape(-1, block.shape[2]))
+        errors.append(np.einsum("rom,om->rm", weight, lines[k][:, : high + 1])[:, low:].ravel())
+        weights.append(weight[:, :, low:])
     whole = np.vstack(blocks) / np.sqrt(sum(sizes))
     q, singular, _ = np.linalg.svd(np.vstack([whole.real, whole.imag]), full_matrices=False)
     q = q[:, singular > 1e-10 * singular[0]]  # an offset lives on the line 0, which may be left out
@@ -120,7 +150,51 @@ def _unshrink(
     e = np.concatenate([both.real, both.imag])
     h = np.sum(q**2, axis=1)
     e = np.where(h < 1 - 1e-6, (e - q @ (q.T @ e)) / (1 - h), 0.0)  # a line taken whole has no say
-    grown = (e[: both.size] + 1j * e[both.size :]) / np.concatenate(weights)
+    grown = e[: both.size] + 1j * e[both.size :]
     ends = np.cumsum([len(block) for block in blocks])
-    for line, part, (low, high) in zip(lines, np.split(grown, ends[:-1]), fit.lines, strict=True):
-        line[low : high + 1] = part
+    for line, part, weight, (low, high) in zip(
+        lines, np.split(grown, ends[:-1]), weights, fit.lines, strict=True
+    ):
+        back = np.linalg.inv(weight.transpose(2, 0, 1))  # (line, output, row)
+        line[:, low : high + 1] = np.einsum("mor,rm->om", back, part.reshape(outputs, -1))
+
+
+def _columns(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -> tuple[C128, C128, C128]:
+    """Columns on the lines 0 to `high`: of the parameters (p, output, line), each output's own, and A.
+
+    An output's response is Y = (BU + T)/A, so they are −sⁿ⁻ʲY/A, s^k U/A and, of a delay, −sBU/A; its own
+    are s^j/A and the trend's.
+    """
+    layout = fit.layout
+    m = np.arange(high + 1)
+    s = 1j * omega0 * m
+    trend = [m == 0, 1j / (2 * np.pi * np.maximum(m, 1))]  # spectra of 1 and of t/T − ½ (but for line 0)
+    trend = trend[: len(trend_columns(rec.t, fit.trend))]
+    late = {path: len(layout.free) + at for at, path in enumerate(layout.free_delays)}
+    shared = np.zeros((fit.params.size, len(fit.outputs), m.size), complex)
+    own = np.zeros((max(layout.orders) + len(trend), len(fit.outputs), m.size), complex)
+    divisors = np.zeros((len(fit.outputs), m.size), complex)
+    for i, n in enumerate(layout.orders):
+        den, nums = fit.polynomials(i)
+        ys, us = _spectrum(rec, high, fit.options.rule, layout.delays(fit.params, i), lead)
+        a = np.polyval(den, s)
+        a = np.where(np.abs(a) > LEAST * np.abs(a).max(), a, LEAST * np.abs(a).max())
+        divisors[i] = a
+
+        def add(coefficient: int, column: C128, i: int = i) -> None:
+            at = layout.positions[coefficient]
+            if at is not None:  # not held
+                shared[at, i] = column
+
+        for j in range(1, n + 1):
+            add(layout.places[0][i] + j - 1, -(s ** (n - j)) * ys[i] / a)
+        for k, (degree, num, u) in enumerate(zip(layout.numerators[i], nums, us, strict=True)):
+            if degree is None:
+                continue
+            for j in range(degree + 1):
+                add(layout.places[1][i][k] + j, s ** (degree - j) * u / a)
+            if layout.routes[i][k] in late:
+                shared[late[layout.routes[i][k]], i] = -s * np.polyval(num, s) * u / a
+        own[: len(trend), i] = trend
+        own[len(trend) : len(trend) + n, i] = [s**j / a for j in range(n)]
+    return shared, own, divisors

@@ -174,17 +174,18 @@ def bootstrap(
     held at the fit's. The kinds differ in the noise and in what they take for granted:
 
     "parametric"
-        Independent normal samples of standard deviation `fit.sigma`, the level seen in the fit's band
-        ("ls" and "wls", which do not weight by output noise: that of the residuals in time). Right where
-        the noise of the output is white, like `cov_type="nonrobust"`; takes more than normal theory for
-        granted in nothing else, so it shows the bias and the skewness of an estimate.
+        Independent normal samples of covariance `fit.noise_cov`, the level seen in the fit's band ("ls"
+        and "wls", which do not weight by output noise: that of the residuals in time), times the sigma of
+        a record that has one. Right where the noise of the outputs is white, like `cov_type="nonrobust"`;
+        takes more than normal theory for granted in nothing else, so it shows the bias and the skewness
+        of an estimate.
     "wild"
         The fit's residuals y − ŷ in time with each line of their spectrum turned by an angle of its own,
-        all angles equally likely: independent lines of the power seen at each frequency, whatever the
-        colour of the noise, as HC3 takes it. A fit leaves residuals smaller than the noise, so the real
-        and imaginary part of each line in the fit's band are first divided by 1 − h, as in HC3, h being
-        the leverage of the parameters, end conditions and trend on it. Takes for granted that the noise
-        is stationary and that the structure can describe the system.
+        all angles equally likely and the same for all outputs: independent lines of the power seen at
+        each frequency, whatever the colour of the noise, as HC3 takes it. A fit leaves residuals smaller
+        than the noise, so the real and imaginary part of each line in the fit's band are first divided by
+        1 − h, as in HC3, h being the leverage of the parameters, end conditions and trend on it. Takes for
+        granted that the noise is stationary and that the structure can describe the system.
 
     Parameters
     ----------
@@ -209,9 +210,11 @@ def bootstrap(
     FitError
         A fit that did not succeed, or one without its records (as loaded from a file).
     SpecError
-        An unknown word, or noise that the kind cannot draw.
+        An unknown word, or noise that the kind cannot draw: that of inputs, and coloured noise with
+        "parametric".
     DataError
-        A model too unstable to be simulated; uneven sampling with "wild", which needs a spectrum.
+        A model too unstable to be simulated; uneven sampling, masked samples or a sigma
+        with "wild", which needs a spectrum.
 
     Examples
     --------
@@ -228,7 +231,7 @@ def bootstrap(
     address = _whole("seed", seed, 0, 2**64 - 1)
     workers = _threads(threads)
     held = _held(fit)
-    clean = [simulate_fit(fit, rec, None)[0][0] for rec in records]
+    clean = [simulate_fit(fit, rec, None)[0] for rec in records]
     noise = (white if kind == "parametric" else wild)(fit, records, clean, address)
 
     parts: list[FitMany] = []
@@ -276,9 +279,10 @@ def _refit(
     fit: Fit, records: tuple[Record, ...], ys: list[list[F64]], held: Options, threads: int
 ) -> FitMany:
     first = records[0]
-    if len(records) == 1 and first.dt is not None:
+    alike = first.mask is None and first.sigma is None
+    if len(records) == 1 and first.dt is not None and alike:
         batch = Batch(
-            y=np.array(ys),
+            y=np.array([own[0] for own in ys]),
             u=first.u if first.inputs else None,
             dt=first.dt,
             outputs=first.outputs,
@@ -288,7 +292,7 @@ def _refit(
         return fit_many(batch, fit.structure, threads=threads, progress=False, **held.given())
     fits = [
         _fit(
-            tuple(rec._like(y=y[None]) for rec, y in zip(records, own, strict=True)),
+            tuple(rec._like(y=y) for rec, y in zip(records, own, strict=True)),
             fit.structure,
             held,
         )
