@@ -120,17 +120,28 @@ def test_coloured_fits_take_the_wild_bootstrap():
         mf.bootstrap(fit)
 
 
-def test_masked_and_unlike_samples_are_refitted_so():
-    ok = np.ones((2, N + 1), bool)
-    ok[0, 100:110] = False
-    sigma = np.where(T > 12, 3.0, 1.0)
-    rec = record(6).weigh(mask=ok, sigma=sigma)
-    fit = mf.fit(rec, structure(), cov_type="nonrobust", band=6.0)
+def test_samples_of_unlike_sigma_are_drawn_and_refitted_so():
+    fit = mf.fit(record(6, sigma=np.where(T > 12, 3.0, 1.0)), structure(), cov_type="nonrobust", band=6.0)
     found = mf.bootstrap(fit, replicates=60, seed=2)
     assert found.success.all()
     # A deviation of 60 has a standard error of 9 %: limits at 4 of them, 8 numbers, one seed in 2,000.
     assert np.all(np.abs(found.sd / fit.bse - 1) < 0.37), found.sd / fit.bse
-    with pytest.raises(mf.DataError, match=r"10 masked samples; use kind='parametric'"):
+    with pytest.raises(mf.DataError, match="unlike sigma; use kind='parametric'"):
+        mf.bootstrap(fit, kind="wild")
+
+
+def test_masked_samples_stay_masked_in_every_replicate():
+    ok = (T < 5.0) | (T >= 5.5)
+    one = record(6).select(outputs=["al"])
+    tf = mf.TransferFunction(poles=2, zeros=[1, 0], delay=[0.0, 0.2])
+    fit, whole = (mf.fit(rec, tf, cov_type="nonrobust", band=6.0) for rec in (one.weigh(mask=ok), one))
+    found, other = (mf.bootstrap(own, replicates=60, seed=2) for own in (fit, whole))
+    assert found.success.all()
+    assert (found.params != other.params).all()
+    # The noise is nearly the same sample by sample: what the gap takes away shows, and no more.
+    ratio = found.sd / other.sd
+    assert np.all((ratio > 0.9) & (ratio < 1.5)), ratio
+    with pytest.raises(mf.DataError, match="10 masked samples; use kind='parametric'"):
         mf.bootstrap(fit, kind="wild")
 
 
