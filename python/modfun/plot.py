@@ -307,7 +307,8 @@ def bode(
     lower.set_xlabel(label)
     _clip_to_lines(upper)
     _clip_to_lines(lower)
-    upper.legend(frameon=False)
+    above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "fontsize": "small"}
+    upper.legend(frameon=False, **(above if color > 4 else {}))  # many names would hide the lines
     return _returned(ax, [upper, lower])
 
 
