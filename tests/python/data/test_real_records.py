@@ -6,6 +6,7 @@ the repository.
 
 import json
 import os
+import warnings
 from pathlib import Path
 
 import modfun as mf
@@ -198,3 +199,37 @@ def test_hair_dryer_has_a_delay_and_two_minima(command):
     assert fit.score(smooth)["signal_to_error"][0] == pytest.approx(18.6, abs=0.3)
     assert "Two minima" in fit.check()
     assert json.loads(json.dumps(fit.to_dict()))["band_rule"]["cost_wide"] == rule["cost_wide"]
+
+
+def test_twinotter_lateral_outputs_share_their_poles():
+    """Sideslip, roll and yaw rate from aileron and rudder with one denominator of four poles.
+
+    Right because a lightly damped Dutch roll of about 2 rad/s, a roll mode of
+    some tenths of a second and a slow spiral come out, and every channel is simulated to over 30 dB.
+    """
+    path = file("twinotter_lat_f1_017/twinotter_lat_f1_017.csv")
+    outputs = ["beta_deg", "p_dps", "r_dps"]
+    rec = mf.read(path, time="t_s", outputs=outputs, inputs=["ail_deg", "rdr_deg"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)  # real noise: classical errors differ from HC3
+        fit = mf.fit(rec, mf.TransferFunction(poles=4, denominator="common"))
+    assert fit.success
+    assert (fit.score()["signal_to_error"] > 30).all()
+    spiral, dutch, roll = fit.damp().rows
+    assert dutch["omega"] == pytest.approx(2.04, abs=0.1)
+    assert dutch["zeta"] == pytest.approx(0.30, abs=0.05)
+    assert 0.1 < roll["time_constant"] < 0.3
+    assert spiral["time_constant"] > 2
+
+
+def test_tu144_delay_is_estimated():
+    """The delay of the low-order equivalent system, .28 s by hand, estimated with its error."""
+    path = file("tu144_lon_4d/tu144_f20_4d.csv")
+    rec = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["lonstk_in"])
+    late = mf.TransferFunction(poles=2, zeros=1, delay=mf.Free(max=0.6))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)
+        fit = mf.fit(rec, late)
+    assert abs(fit["delay"] - 0.28) < 2 * fit.bse[-1]
+    assert fit.bse[-1] < 0.03
+    assert fit.score()["r2"][0] > 0.99
