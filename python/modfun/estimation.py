@@ -56,7 +56,7 @@ def fit(
     Parameters
     ----------
     data : Record or sequence of Record
-        One output; lengths, rates and trims may differ between records, channels may not.
+        Lengths, rates and trims may differ between records, channels may not.
     model : TransferFunction
         What is to be fitted.
     method : {"ml", "awls", "wls", "ls"}

@@ -37,8 +37,9 @@ def message(fit: Fit) -> str:
         )
     if fit.status == "maxiter":
         return (
-            f"Not settled after {fit.nit} iterations: raise maxiter, take fewer poles or zeros, "
-            "or a narrower band "
+            f"Not settled after {fit.nit} iterations"
+            f"{', of which maxiter limits those with one weighting' if fit.nit > fit.options.maxiter else ''}"
+            ": raise maxiter, take fewer poles or zeros, or a narrower band "
             f"than {fit.band[1]:.4g} rad/s."
         )
     if fit.status == "rank":
@@ -306,7 +307,7 @@ def _band(fit: Fit) -> str:
 
 def _noise(fit: Fit) -> str:
     if fit.options.noise == "equation":
-        return f"white equation error; level {fit.sigma:.4g}"
+        return f"white equation error; level {_numbers(fit.sigma)}"
     if fit.options.method in ("ls", "wls"):
         return f"not used by {fit.options.method}; level of the equation error {fit.sigma:.4g}"
     kind = {

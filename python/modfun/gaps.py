@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .errors import DataError
 from .records import Record
 
 __all__ = ["bridged", "variances"]
 
 F64 = NDArray[np.float64]
+LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -19,12 +21,26 @@ def bridged(rec: Record) -> tuple[F64, F64]:
 
     A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
     `NEAR` nearest ones is taken as its error. Across long gaps it grows beyond all measure.
+
+    Raises
+    ------
+    DataError
+        A gap of more than `LONGEST` of the record.
     """
     y, off = rec.y.copy(), np.zeros_like(rec.y)
     if rec.mask is None:
         return y, off
     for i, good in enumerate(rec.mask):
         known = np.flatnonzero(good)
+        edges = np.concatenate([[-1], known, [good.size]])
+        longest = int(np.argmax(np.diff(edges)))
+        hidden = int(edges[longest + 1] - edges[longest] - 1)
+        if hidden > LONGEST * good.size:
+            raise DataError(
+                f"fit: a gap hides {hidden} of {good.size} samples of {rec.outputs[i]!r} in a row, from "
+                f"{rec.t[edges[longest] + 1]:.6g} s on; what lies around it are records of their own: fit them "
+                "together, mf.fit([rec.window(...), rec.window(...)], model)"
+            )
         for k in np.flatnonzero(~good):
             at = int(np.searchsorted(known, k))
             near, far = (_around(known, at, count) for count in (NEAR, FAR))

@@ -83,11 +83,14 @@ def _given(name: str, given: Any) -> Any:
             raise SpecError(
                 f"Noise: {name} of shape {values.shape} is no covariance matrix: it must be symmetric"
             )
-        if np.min(np.linalg.eigvalsh(values)) < -1e-12 * np.max(np.diag(values)):
-            raise SpecError(f"Noise: {name} is no covariance matrix: it has a negative eigenvalue")
+        least = 1e-12 if name == "y" else -1e-12
+        if np.min(np.linalg.eigvalsh(values)) < least * np.max(np.diag(values)):
+            raise SpecError(
+                f"Noise: {name} is no covariance matrix: it has a negative eigenvalue, or is singular"
+            )
         return tuple(map(tuple, values.tolist()))
-    if np.any(values < 0):
-        raise SpecError(f"Noise: {name}={given!r} holds a negative standard deviation")
+    if np.any(values < 0) or (name == "y" and np.any(values == 0)):
+        raise SpecError(f"Noise: {name}={given!r} holds a standard deviation that is not above 0")
     return float(values) if values.ndim == 0 else tuple(values.tolist())
 
 
@@ -181,7 +184,14 @@ def _spectra(layout: Layout, shapes: Sequence[Any], rec: Record, intervals: int)
         strict=True,
     ):
         for k in index:
-            values = np.ones(omega.size) if shape is None else np.asarray(shape[k](omega), dtype=float)
+            try:
+                with np.errstate(all="ignore"):
+                    values = np.ones(omega.size) if shape is None else np.array(shape[k](omega), dtype=float)
+            except Exception as error:
+                raise SpecError(
+                    f"fit: noise spectrum number {k} raised {type(error).__name__}: {error}; it gets an "
+                    "array of omega in rad/s and returns as many numbers above 0"
+                ) from error
             if values.shape != omega.shape or not np.all(np.isfinite(values)) or np.any(values <= 0):
                 raise SpecError(
                     "fit: a noise spectrum must return one finite number above 0 for each omega (rad/s, from "

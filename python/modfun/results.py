@@ -328,8 +328,12 @@ class Fit:
             at += n
         return ss(a, np.zeros((size, 0)), c)
 
-    def path_model(self, output: int = 0) -> LTI:
-        """The transfer functions to one output, with the delays of their own."""
+    def path_model(self, output: int | str = 0) -> LTI:
+        """The transfer functions to one output, by name or position, with the delays of their own."""
+        if isinstance(output, str):
+            if output not in self.outputs:
+                raise SpecError(f"path_model: no output {output!r}; {nearest(output, self.outputs)}")
+            output = self.outputs.index(output)
         den, nums = self.polynomials(output)
         return tf([nums], den, delay=self.layout.delays(self.params, output))
 

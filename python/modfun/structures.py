@@ -512,8 +512,8 @@ def _delay(value: Any) -> float | Free:
                 f"TransferFunction: delay={value!r} needs a max, in s: the window starts so much later; as "
                 "mf.Free(0.1, min=0, max=0.5)"
             )
-        if value.start is not None and value.start < 0:
-            raise SpecError(f"TransferFunction: delay={value!r} starts below 0 s")
+        if isfinite(value.min) and value.min < 0:
+            raise SpecError(f"TransferFunction: delay={value!r} must not be below 0 s: raise its min")
         return value
     try:
         late = float(value)

@@ -51,7 +51,7 @@ class MonteCarlo:
     Parameters
     ----------
     system : LTI or dict of name to LTI
-        One output. A dict is an axis of the study with names, here and below.
+        A dict is an axis of the study with names, here and below.
     input : str, array_like, callable, list of these, or dict of name to any of these
         One signal an input of the system: text such as ``"sin(t**2/5)"``, intervals + 1 samples, or a
         function of t.

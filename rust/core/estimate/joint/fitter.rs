@@ -222,7 +222,21 @@ impl JointFitter {
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
-        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        let mut start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        if rule.is_some() && theta.is_some() {
+            // The way from the wide band may end in another minimum than that from `wls`.
+            let brief = Options { wanted: Wanted::Cost, ..options };
+            let mut cost = |start| -> Result<f64, Error> {
+                let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &brief, &mut refresh)?;
+                let usable = outcome.status[0] == Status::Ok;
+                Ok(if usable { criterion(&d, &w, 0) } else { f64::INFINITY })
+            };
+            let from_wide = cost(start)?;
+            // Delays stand where that ended.
+            if cost(Start::Wls)? < from_wide - SAME * from_wide.abs() {
+                start = Start::Wls;
+            }
+        }
         let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options, &mut refresh)?;
         Ok(self.finished(&d, &mut w, outcome.status[0], outcome.nit[0], rule))
     }
@@ -248,10 +262,12 @@ impl JointFitter {
         }
         let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
-        let first = match self.o.structure.free_delays().is_empty() {
-            true => None,
-            false => self.search(loaded, records, &narrow, &white)?,
+        // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
+        let search = |ranges: &[Range]| match self.o.structure.free_delays().is_empty() {
+            true => Ok(None),
+            false => self.search(loaded, records, ranges, &white),
         };
+        let first = search(&given)?;
         let d = self.design(&given, &loaded.units, &white)?;
         let mut w = self.space(&d, loaded);
         let (first_cost, theta) = self.trial(&d, &mut w, records, first.as_deref())?;
@@ -268,7 +284,8 @@ impl JointFitter {
             false => match self.design(&narrow, &loaded.units, &white) {
                 Ok(few) => {
                     let mut space = self.space(&few, loaded);
-                    self.trial(&few, &mut space, records, first.as_deref())?.1
+                    let start = search(&narrow)?;
+                    self.trial(&few, &mut space, records, start.as_deref())?.1
                 }
                 Err(_) => None,
             },
@@ -349,7 +366,7 @@ impl JointFitter {
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
         let delayed = self.delayed(records);
         let options = Options { wanted: Wanted::Cost, ..self.o.options };
-        let few = Options { maxiter: self.o.options.maxiter.min(8), ..options };
+        let few = Options { maxiter: self.o.options.maxiter.min(TRIAL), ..options };
         let (mut best, mut lowest) = (None, f64::INFINITY);
         for first in (0..trials).step_by(LANES) {
             let count = (trials - first).min(LANES);
