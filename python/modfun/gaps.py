@@ -38,8 +38,8 @@ def bridged(rec: Record) -> tuple[F64, F64]:
         if hidden > LONGEST * good.size:
             raise DataError(
                 f"fit: a gap hides {hidden} of {good.size} samples of {rec.outputs[i]!r} in a row, from "
-                f"{rec.t[edges[longest] + 1]:.6g} s on; what lies around it are records of their own: fit them "
-                "together, mf.fit([rec.window(...), rec.window(...)], model)"
+                f"{rec.t[edges[longest] + 1]:.6g} s on; what lies around it are records of their own: fit "
+                "them together, mf.fit([rec.window(...), rec.window(...)], model)"
             )
         for k in np.flatnonzero(~good):
             at = int(np.searchsorted(known, k))

@@ -355,7 +355,7 @@ def test_mistakes_are_told(words, said):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"y": -1.0}, "negative"),
+        ({"y": -1.0}, "not above 0"),
         ({"y": [[1, 2], [2, 1]]}, "negative eigenvalue"),
         ({"y": "a lot"}, "standard"),
     ],
@@ -435,3 +435,27 @@ def test_studies_with_noise_as_it_is():
     seen = mf.MonteCarlo(system=mf.tf([5], [1, 3, 8]), estimators=noisy, **words).run(progress=False)
     assert np.isfinite(seen.bias).all()
     assert seen.failures.sum() == 0
+
+
+def test_long_gaps_silent_noise_and_negative_delays_are_refused():
+    rec = record(12).select(outputs=["al"])
+    ok = np.ones(N + 1, bool)
+    ok[100:200] = False
+    tf = mf.TransferFunction(poles=2, zeros=[1, 0])
+    with pytest.raises(mf.DataError, match=r"hides 100 of 401 .* from 5 s on.*rec\.window"):
+        mf.fit(rec.weigh(mask=ok), tf)
+    for y in (0.0, [[1, 1], [1, 1]]):
+        with pytest.raises(mf.SpecError, match=r"not above 0|singular"):
+            mf.Noise(y=y)
+    with pytest.raises(mf.SpecError, match="not be below 0"):
+        mf.TransferFunction(poles=2, delay=mf.Free(min=-1, max=0.2))
+
+    def broken(omega):
+        raise RuntimeError("no idea")
+
+    with pytest.raises(mf.SpecError, match=r"spectrum number 0 raised RuntimeError: no idea"):
+        mf.fit(rec, tf, noise=mf.Noise(y=broken))
+    summary = str(mf.fit(record(13), structure(), noise="equation", method="wls").summary())
+    assert "white equation error" in summary
+    fit = mf.fit(record(13), structure())
+    assert fit.path_model("q").shape == (1, 2)

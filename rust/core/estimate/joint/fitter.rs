@@ -353,8 +353,8 @@ impl JointFitter {
             .iter()
             .map(|s| match d.structure.paths[*s].delay {
                 Delay::Free { start, min, max } => {
-                    // A quarter of the shortest period: from there the way leads down.
-                    let step = 0.25 * std::f64::consts::TAU / d.band_edge;
+                    // An eighth of the shortest period: from there the way leads down.
+                    let step = 0.125 * std::f64::consts::TAU / d.band_edge;
                     let count = (((max - min) / step).ceil() as usize + 1).clamp(2, each);
                     let grid =
                         (0..count).map(|k| min + (max - min) * k as f64 / (count - 1) as f64);
@@ -366,7 +366,7 @@ impl JointFitter {
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
         let delayed = self.delayed(records);
         let options = Options { wanted: Wanted::Cost, ..self.o.options };
-        let few = Options { maxiter: self.o.options.maxiter.min(TRIAL), ..options };
+        let few = Options { maxiter: self.o.options.maxiter.min(2 * TRIAL), ..options };
         let (mut best, mut lowest) = (None, f64::INFINITY);
         for first in (0..trials).step_by(LANES) {
             let count = (trials - first).min(LANES);
@@ -381,7 +381,9 @@ impl JointFitter {
             let live = std::array::from_fn(|lane| lane < count);
             let mut refresh =
                 |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
-            let outcome = estimate(self.isa, &d, &mut w, live, Start::Held, &few, &mut refresh)?;
+            // First with the delays where they are, then on from there.
+            estimate(self.isa, &d, &mut w, live, Start::Held, &few, &mut refresh)?;
+            let outcome = estimate(self.isa, &d, &mut w, live, Start::Here, &few, &mut refresh)?;
             for lane in 0..count {
                 let cost = criterion(&d, &w, lane);
                 let usable = matches!(outcome.status[lane], Status::Ok | Status::MaxIter);

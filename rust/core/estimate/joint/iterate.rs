@@ -33,6 +33,8 @@ pub(crate) enum Start<'a> {
     Wls,
     /// From `wls` with delays held all the way: for a first look from many of them.
     Held,
+    /// From where the workspace stands.
+    Here,
     /// From given parameters in the user's units, the same in all lanes.
     Theta(&'a [f64]),
 }
@@ -60,6 +62,7 @@ pub(crate) fn estimate(
             refresh(w)?;
             isa.run(uncertainty::Transients { design: d, space: w });
         }
+        Start::Here => {}
         Start::Wls | Start::Held => {
             w.theta[..d.free.len()].fill(Wide::ZERO);
             w.spread_theta(d);
