@@ -13,7 +13,8 @@ BASE = "modfun ml, trend=None"  # who is told as much as the rivals: that there 
 SAME = 0.03  # of an error: less is not told apart
 HEAD = """# modfun beside its rivals
 
-Written by `make rivals` from one run; do not edit. Every estimator gets the same records. How fast modfun is
+Written by `make rivals`; do not edit. Cells may be kept from earlier runs of it (`--keep`).
+Every estimator gets the same records. How fast modfun is
 in Monte Carlo studies is in [benchmarks.md](benchmarks.md). None of the rivals is a dependency of modfun.
 
 {machine} Load average at the end {load:.1f}.
