@@ -64,24 +64,12 @@ impl Fitter {
         theta
     }
 
-    /// The fewest lines whose standard errors at equal σ stay within the tolerance; standard errors
-    /// fall as lines join, so halving finds them.
+    /// The fewest lines whose standard errors at equal σ stay within the tolerance.
     fn narrowest(&self, problem: &mut Problem, wide: &[Range]) -> Vec<Range> {
         let (d, w) = (&problem.design, &mut problem.space);
-        let omega0 = || self.records.iter().map(|r| r.window.omega0);
-        let longest = omega0().fold(f64::INFINITY, f64::min);
-        let edge =
-            wide.iter().zip(omega0()).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
-        let up_to = |steps: usize| -> Vec<Range> {
-            let highest = steps as f64 * longest;
-            wide.iter()
-                .zip(omega0())
-                .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
-                .collect()
-        };
-        let top = (edge / longest + 0.5) as usize;
+        let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
         let p = d.parameters();
-        let mut errors = |ranges: &[Range]| -> Option<Vec<f64>> {
+        fewest_lines(&omega0, wide, |ranges| {
             let mut equations = 0;
             for ((r, range), lines) in w.records.iter_mut().zip(ranges).zip(d.lines()) {
                 r.limit = (range.1 + 1).saturating_sub(lines.first).min(r.lines);
@@ -93,18 +81,39 @@ impl Fitter {
             self.isa.run(Information { design: d, space: w, covariance: true });
             mend_inverse(d, w, 0);
             Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
-        };
-        let Some(reference) = errors(wide) else { return wide.to_vec() };
-        let mut good = |steps: usize| {
-            let limit = TOLERANCE * TOLERANCE;
-            errors(&up_to(steps))
-                .is_some_and(|v| v.iter().zip(&reference).all(|(v, r)| *v > 0.0 && *v <= limit * r))
-        };
-        let (mut low, mut high) = (0, top);
-        while high - low > 1 {
-            let middle = low + (high - low) / 2;
-            if good(middle) { high = middle } else { low = middle }
-        }
-        if high == top { wide.to_vec() } else { up_to(high) }
+        })
     }
+}
+
+/// The fewest lines that keep all `variances` (at equal σ; none where lines are too few) within the tolerance
+/// of those of the wide band; a variance of zero is that of a parameter on its bound. Variances fall as lines
+/// join, so halving finds them. `omega0`: line spacing of each record.
+pub(crate) fn fewest_lines(
+    omega0: &[f64],
+    wide: &[Range],
+    mut variances: impl FnMut(&[Range]) -> Option<Vec<f64>>,
+) -> Vec<Range> {
+    let longest = omega0.iter().copied().fold(f64::INFINITY, f64::min);
+    let edge = wide.iter().zip(omega0).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
+    let up_to = |steps: usize| -> Vec<Range> {
+        let highest = steps as f64 * longest;
+        wide.iter()
+            .zip(omega0)
+            .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
+            .collect()
+    };
+    let top = (edge / longest + 0.5) as usize;
+    let Some(reference) = variances(wide) else { return wide.to_vec() };
+    let mut good = |steps: usize| {
+        let limit = TOLERANCE * TOLERANCE;
+        variances(&up_to(steps)).is_some_and(|v| {
+            v.iter().zip(&reference).all(|(v, r)| *r == 0.0 || (*v > 0.0 && *v <= limit * r))
+        })
+    };
+    let (mut low, mut high) = (0, top);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if good(middle) { high = middle } else { low = middle }
+    }
+    if high == top { wide.to_vec() } else { up_to(high) }
 }

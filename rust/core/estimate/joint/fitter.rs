@@ -8,6 +8,7 @@ use super::structure::{Delay, JointStructure};
 use super::uncertainty::{Information, Residuals};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::default_band::fewest_lines;
 use crate::estimate::fit::{Band, BandRule, Time};
 use crate::estimate::fitter::Range;
 use crate::estimate::window::{Window, coefficient_plans};
@@ -19,8 +20,6 @@ use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
 
-/// Standard errors may grow by this factor when the default band is narrowed.
-const TOLERANCE: f64 = 1.01;
 /// Costs that differ by less, in parts of themselves, are those of one minimum.
 const SAME: f64 = 1e-9;
 /// Most steps, and alternations with Σ, of a fit that chooses the band.
@@ -397,20 +396,9 @@ impl JointFitter {
 
     /// The fewest lines whose standard errors at equal σ stay within the tolerance.
     fn narrowest(&self, d: &JointDesign, w: &mut JointSpace, wide: &[Range]) -> Vec<Range> {
-        let omega0 = || self.records.iter().map(|r| r.window.omega0);
-        let longest = omega0().fold(f64::INFINITY, f64::min);
-        let edge =
-            wide.iter().zip(omega0()).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
-        let up_to = |steps: usize| -> Vec<Range> {
-            let highest = steps as f64 * longest;
-            wide.iter()
-                .zip(omega0())
-                .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
-                .collect()
-        };
-        let top = (edge / longest + 0.5) as usize;
+        let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
         let p = d.parameters();
-        let mut errors = |ranges: &[Range]| -> Option<Vec<f64>> {
+        fewest_lines(&omega0, wide, |ranges| {
             for ((r, range), rd) in w.records.iter_mut().zip(ranges).zip(&d.records) {
                 r.limit = (range.1 + 1).saturating_sub(rd.lines.first).min(rd.used);
             }
@@ -422,20 +410,7 @@ impl JointFitter {
                 super::qr_step::inverse(self.isa, d, w, 0);
             }
             Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
-        };
-        let Some(reference) = errors(wide) else { return wide.to_vec() };
-        let mut good = |steps: usize| {
-            let limit = TOLERANCE * TOLERANCE;
-            errors(&up_to(steps)).is_some_and(|v| {
-                v.iter().zip(&reference).all(|(v, r)| *r == 0.0 || (*v > 0.0 && *v <= limit * r))
-            })
-        };
-        let (mut low, mut high) = (0, top);
-        while high - low > 1 {
-            let middle = low + (high - low) / 2;
-            if good(middle) { high = middle } else { low = middle }
-        }
-        if high == top { wide.to_vec() } else { up_to(high) }
+        })
     }
 
     /// Coefficients of all channels of all records.
