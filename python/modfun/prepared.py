@@ -152,10 +152,11 @@ def _joint(
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     intervals = _intervals(layout, sampling)
-    # Of a batch some records say how much noise there is.
-    records = [data[k] for k in range(min(len(data), LOOKED_AT))]
-    used = intervals * len(records) if isinstance(data, Batch) else intervals[: len(records)]
-    if not isinstance(data, Batch):
+    if isinstance(data, Batch):
+        # Some of its records say how much noise there is; where that is told, one stands for all.
+        looked_at = min(len(data), LOOKED_AT if options.noise == "errors-in-variables" else 1)
+        records, used = [data[k] for k in range(looked_at)], intervals * looked_at
+    else:
         records, used = list(data), intervals
     order = max(layout.orders)
     # A batch has no masks.

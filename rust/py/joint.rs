@@ -194,12 +194,6 @@ fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_,
         residuals.append(own)?;
     }
     out.set_item("residuals", residuals)?;
-    let colour = PyList::empty(py);
-    for record in f.colour {
-        let lines = record.first().map_or(0, Vec::len);
-        colour.append(matrix(py, record.concat(), if lines == 0 { 0 } else { outputs })?)?;
-    }
-    out.set_item("colour", colour)?;
     out.set_item("band_rule", account(py, f.band_rule)?)?;
     Ok(out)
 }

@@ -155,17 +155,27 @@ impl FitOptions {
     }
 
     /// Highest lines of the default rule for a window of `intervals`: wide, narrow.
-    ///
-    /// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
     pub(crate) fn default_lines(&self, intervals: usize) -> (usize, usize) {
-        let narrow = 3 * self.unknowns() + self.structure.order;
-        let wide = (intervals / 8).max((intervals / 4).min(16));
-        match self.method {
-            Method::Ls | Method::Wls => {
-                let only = narrow.min(intervals / 2);
-                (only, only)
-            }
-            _ => (wide, narrow.min(wide)),
+        default_lines(self.method, self.unknowns(), self.structure.order, intervals)
+    }
+}
+
+/// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
+///
+/// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
+pub(crate) fn default_lines(
+    method: Method,
+    unknowns: usize,
+    order: usize,
+    intervals: usize,
+) -> (usize, usize) {
+    let narrow = 3 * unknowns + order;
+    let wide = (intervals / 8).max((intervals / 4).min(16));
+    match method {
+        Method::Ls | Method::Wls => {
+            let only = narrow.min(intervals / 2);
+            (only, only)
         }
+        _ => (wide, narrow.min(wide)),
     }
 }

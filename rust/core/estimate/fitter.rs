@@ -75,11 +75,17 @@ pub(crate) struct Problem {
 }
 
 /// A single fit is lane 0 of eight.
-const LIVE: [bool; LANES] = {
+pub(crate) const LIVE: [bool; LANES] = {
     let mut live = [false; LANES];
     live[0] = true;
     live
 };
+
+/// The power of two at the size of a channel, so that dividing by it changes no digit; one for nothing.
+pub(crate) fn binary_unit(size: f64) -> f64 {
+    let power = f64::from_bits(size.to_bits() & (0x7ff << 52));
+    if power.is_normal() { power } else { 1.0 }
+}
 
 impl Fitter {
     /// Makes ready for records of these lengths (in samples) and instants.
@@ -237,9 +243,7 @@ impl Fitter {
             let parts = desk.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
             parts.fold(0.0, |most: f64, v| most.max(v.abs()))
         };
-        let power = |x: f64| f64::from_bits(x.to_bits() & (0x7ff << 52));
-        let unit = |k| Some(power(size(k))).filter(|p| p.is_normal()).unwrap_or(1.0);
-        desk.units = (0..=inputs).map(unit).collect();
+        desk.units = (0..=inputs).map(|k| binary_unit(size(k))).collect();
         Ok(())
     }
 

@@ -28,7 +28,7 @@ pub use workspace::Workspace;
 use crate::error::Status;
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
-use iterate::{Rule, iterate};
+use iterate::{Progress, Rule, iterate};
 use pass::{Factors, Prepare, Weights};
 
 /// When an iteration stops.
@@ -111,13 +111,24 @@ pub fn estimate(
 }
 
 fn status(w: &Workspace, k: usize) -> Status {
-    let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.progress.cost.0[k].is_finite();
+    let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    outcome_of(k, &w.theta, data, &w.progress, w.dependent[k])
+}
+
+/// How lane `k` ended: with finite numbers, else by whether its data were.
+fn outcome_of<'a>(
+    k: usize,
+    theta: &[Wide],
+    data: impl Iterator<Item = &'a Wide>,
+    progress: &Progress,
+    dependent: bool,
+) -> Status {
+    let finite = theta.iter().all(|t| t.0[k].is_finite()) && progress.cost.0[k].is_finite();
     if !finite {
-        let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
         let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
         return if sound { Status::Rank } else { Status::NonFinite };
     }
-    match (w.dependent[k], w.progress.active.0[k] == 0.0) {
+    match (dependent, progress.active.0[k] == 0.0) {
         (true, _) => Status::Rank,
         (false, true) => Status::Ok,
         (false, false) => Status::MaxIter,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::delays::{self, Delayed};
 use super::design::JointDesign;
-use super::fitter::{JointFitter, JointRecord};
+use super::fitter::{JointFitter, JointRecord, RecordPlan};
 use super::iterate::{Start, estimate};
 use super::workspace::JointSpace;
 use crate::error::Error;
@@ -60,7 +60,8 @@ impl JointBatch<'_> {
 impl JointFitter {
     /// What the records of a batch share: lines as given, or as found on one record.
     pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<Shared, Error> {
-        let one = self.records.len() == 1 && self.records[0].dt.is_finite() && self.even;
+        let alike = |r: &RecordPlan| r.dt.is_finite() && r.uneven.is_empty();
+        let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
             return Err(Error::Spec(
                 "fitting a batch: its records need one even step and samples of equal noise; fit them one \

@@ -9,8 +9,8 @@ use super::uncertainty::{Information, Residuals};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::default_band::fewest_lines;
-use crate::estimate::fit::{Band, BandRule, Time};
-use crate::estimate::fitter::Range;
+use crate::estimate::fit::{Band, BandRule, Time, default_lines};
+use crate::estimate::fitter::{LIVE, Range, binary_unit};
 use crate::estimate::window::{Window, coefficient_plans};
 use crate::estimate::{Options, Wanted};
 use crate::linalg::condition::condition_bound;
@@ -90,8 +90,6 @@ pub struct JointFit {
     pub lines: Vec<Lines>,
     /// Residuals of each record and output over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
-    /// Power spectrum of the coloured noise of each record and output on its lines, mean one; empty if white.
-    pub colour: Vec<Vec<Vec<f64>>>,
     /// The default rule's account.
     pub band_rule: Option<BandRule>,
 }
@@ -107,7 +105,7 @@ pub(crate) struct RecordPlan {
     pub range: Range,
     narrow: usize,
     /// Variance of each sample of each output, its phase and its quadrature weight over the length.
-    uneven: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
+    pub uneven: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
 }
 
 /// Everything about joint fits of one kind that their samples do not change.
@@ -116,8 +114,6 @@ pub struct JointFitter {
     pub(crate) isa: Isa,
     pub(crate) records: Vec<RecordPlan>,
     pub(crate) kinds: Vec<Kind>,
-    /// Whether each record's variances are uneven.
-    pub(crate) even: bool,
 }
 
 /// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
@@ -125,12 +121,6 @@ pub(crate) struct Loaded {
     spectra: Vec<Vec<(Vec<f64>, Vec<f64>)>>,
     pub units: Vec<f64>,
 }
-
-const LIVE: [bool; LANES] = {
-    let mut live = [false; LANES];
-    live[0] = true;
-    live
-};
 
 impl JointFitter {
     /// Makes ready for records of these lengths (in samples) and instants; `variances` of the samples of
@@ -182,15 +172,9 @@ impl JointFitter {
                 * (usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear));
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, s.longest_delay())?;
-            let top = window.intervals / 2;
-            let wide = (window.intervals / 8).max((window.intervals / 4).min(16));
-            let narrow = (3 * unknowns.div_ceil(outputs) + order).min(wide);
-            let only = (3 * unknowns.div_ceil(outputs) + order).min(top);
-            let range = match (window.given(o.band, order)?, o.method) {
-                (Some(range), _) => range,
-                (None, Method::Wls) => (0, only),
-                (None, _) => (0, wide),
-            };
+            let each = unknowns.div_ceil(outputs);
+            let (wide, narrow) = default_lines(o.method, each, order, window.intervals);
+            let range = window.given(o.band, order)?.unwrap_or((0, wide));
             // The colour of the noise is read from a wide band even where the fit's is narrow.
             let highest = match o.noise.colour {
                 Colour::Fitted => range.1.max(wide),
@@ -204,9 +188,8 @@ impl JointFitter {
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
         };
-        let records = sampling.iter().enumerate().map(plan).collect::<Result<Vec<_>, Error>>()?;
-        let even = records.iter().all(|r| r.uneven.is_empty());
-        Ok(JointFitter { o, isa, records, kinds, even })
+        let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
+        Ok(JointFitter { o, isa, records, kinds })
     }
 
     /// Fits one structure to one record, or to several as one problem.
@@ -448,10 +431,7 @@ impl JointFitter {
             let parts = spectra.iter().flat_map(|s| s[k].0.iter().chain(&s[k].1));
             parts.fold(0.0, |most: f64, v| most.max(v.abs()))
         };
-        // Powers of two, so that no digit changes.
-        let power = |x: f64| f64::from_bits(x.to_bits() & (0x7ff << 52));
-        let unit = |k| Some(power(size(k))).filter(|p| p.is_normal()).unwrap_or(1.0);
-        let units = (0..outputs + paths.len()).map(unit).collect();
+        let units = (0..outputs + paths.len()).map(|k| binary_unit(size(k))).collect();
         Ok(Loaded { spectra, units })
     }
 
@@ -546,12 +526,6 @@ impl JointFitter {
         let unit = |i: usize| d.residual_unit(i);
         let noise =
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
-        let coloured = d.noise.colour == Colour::Fitted;
-        let spectrum = |root: f64| 1.0 / (root * root);
-        let colour = |r: &super::workspace::RecordSpace| -> Vec<Vec<f64>> {
-            let of = |i: usize| (0..r.lines).map(|m| spectrum(r.colour[m * q + i].0[0])).collect();
-            (0..q).map(of).collect()
-        };
         JointFit {
             theta: w.theta(d, 0).collect(),
             cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
@@ -570,10 +544,6 @@ impl JointFitter {
                 .iter()
                 .map(|r| r.iter().map(|o| o.iter().map(over).collect()).collect())
                 .collect(),
-            colour: match coloured {
-                true => w.records.iter().map(colour).collect(),
-                false => Vec::new(),
-            },
             band_rule,
         }
     }

@@ -9,7 +9,7 @@ use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::iterate::{Rule, unsound};
 use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::estimate::{Options, Outcome, Wanted};
+use crate::estimate::{Options, Outcome, Wanted, outcome_of};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
@@ -73,7 +73,7 @@ pub(crate) fn estimate(
     let rule = match d.method {
         Method::Ml => Rule::Ml,
         Method::Awls => Rule::Awls,
-        // `wls` takes its one step; with a delay the change is found by `awls`' rule.
+        // `wls` has taken its one step.
         Method::Ls | Method::Wls => Rule::Wls,
     };
     if rule != Rule::Wls {
@@ -103,17 +103,8 @@ pub(crate) fn estimate(
 }
 
 fn status(w: &JointSpace, k: usize) -> Status {
-    let finite = w.theta.iter().all(|t| t.0[k].is_finite()) && w.progress.cost.0[k].is_finite();
-    if !finite {
-        let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-        let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
-        return if sound { Status::Rank } else { Status::NonFinite };
-    }
-    match (w.dependent[k], w.progress.active.0[k] == 0.0) {
-        (true, _) => Status::Rank,
-        (false, true) => Status::Ok,
-        (false, false) => Status::MaxIter,
-    }
+    let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    outcome_of(k, &w.theta, data, &w.progress, w.dependent[k])
 }
 
 /// How far a call of the vector code came.
