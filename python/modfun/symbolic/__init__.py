@@ -1,0 +1,1 @@
+"""Equations as text: what SymPy is needed for (extra ``symbolic``)."""
