@@ -15,6 +15,7 @@ from .free import Free
 from .io import columns, read
 from .lti import LTI, ss, tf
 from .noise import Noise
+from .nonlinear import NonlinearModel
 from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records import Batch, Record
@@ -45,6 +46,7 @@ __all__ = [
     "ModfunWarning",
     "MonteCarlo",
     "Noise",
+    "NonlinearModel",
     "OrderSelection",
     "Record",
     "Results",

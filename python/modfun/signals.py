@@ -125,6 +125,14 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
     return np.ascontiguousarray(array)
 
 
+def function(source: Source) -> Callable[[F64], F64]:
+    """`evaluate` of text or a function of t for many calls: text is read once."""
+    if not isinstance(source, str):
+        return lambda t: evaluate(source, t)
+    parsed = _Text(source)
+    return lambda t: np.asarray(parsed.at({"t": t}) + np.zeros(t.shape), dtype=np.float64)
+
+
 def expression(text: str, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
     """A text in given names as a function of their values; the language is that of `evaluate`.
 

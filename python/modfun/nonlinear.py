@@ -1,0 +1,303 @@
+"""Systems with numbers that need not be linear: equations solved for their highest derivatives, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import DataError, SpecError
+from .integration import History, integrate, signal
+from .propagate import intersample_kinds
+from .signals import Source, is_samples, sources
+
+if TYPE_CHECKING:
+    from .symbolic.compiled import Compiled
+    from .symbolic.ode import FirstOrder
+
+__all__ = ["NonlinearModel", "model_of"]
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearModel:
+    """Equations with numbers; made by ``Equation.model(params)`` or ``fit.model``.
+
+    Attributes
+    ----------
+    outputs, inputs : tuple of str
+        Channels.
+    params : dict of str to float
+        Values of the parameters.
+    compiled : Compiled
+        The equations.
+    structure : Equation or StateSpace, optional
+        What it is an instance of.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> duffing = mf.Equation("y'' + d*y' + a*y + b*y**3 = u").model({"d": 0.3, "a": 1.0, "b": 0.5})
+    >>> y = duffing.simulate(u="sin(t)", dt=0.1, intervals=100, x0=[0.5, 0.0])
+    """
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    params: Mapping[str, float]
+    compiled: Compiled
+    structure: Any = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of outputs and of inputs."""
+        return len(self.outputs), len(self.inputs)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states: "y", "y'", … of the outputs, then of signals that are not measured.
+
+        Where derivatives of an input stand in the equation, they are less what the input feeds through to
+        them at once, so that a state is that of the free response, as for `LTI`.
+        """
+        return self.form.states
+
+    @cached_property
+    def form(self) -> FirstOrder:
+        """The equations as x' = f(t, x, u)."""
+        from .symbolic.ode import first_order
+
+        c = self.compiled
+        return first_order(c.source, c.outputs, c.hidden, c.inputs, c.parameters, tuple(c.known))
+
+    def simulate(
+        self,
+        *,
+        u: Any = None,
+        dt: float | None = None,
+        t: ArrayLike | None = None,
+        x0: ArrayLike | None = None,
+        intersample: str | Sequence[str] = "smooth",
+        intervals: int | None = None,
+        rtol: float = 1e-9,
+    ) -> F64:
+        """Response to a sampled or given input.
+
+        Parameters
+        ----------
+        u : array_like, str, callable, or a list of these, optional
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input. Seen
+            through a delay before the start, samples hold their first value, text and functions are
+            evaluated there. None for a system without inputs.
+        dt : float
+            Sampling interval, s; the first sample is at t = 0.
+        t : array_like, shape (time,)
+            Instead of `dt`: the instants of the samples, s, uneven if need be.
+        x0 : array_like, shape (states,), optional
+            State at the first sample in the order of `states`; default: zero. Where the equations look back
+            (y(t − h)), the state was the same before.
+        intersample : {"smooth", "zoh", "foh"} or a sequence of them
+            What the input does between samples: a cubic spline, held, or straight. Text and functions taken
+            as smooth are exact.
+        intervals : int, optional
+            Number of sampling intervals, needed with `dt` where no input is an array.
+        rtol : float, default 1e-9
+            Relative error of a step of the integration (order 8, adaptive; a stiff system goes to LSODA).
+
+        Returns
+        -------
+        ndarray, shape (time,) or (output, time)
+            Outputs; one-dimensional for one output.
+
+        Raises
+        ------
+        SpecError
+            Arguments that do not fit each other, or equations that cannot be solved.
+        DataError
+            The response leaves all bounds; the text says when.
+        """
+        given = [] if u is None and not self.inputs else sources([] if u is None else u, len(self.inputs))
+        y = self.respond(given, _grid(dt, t, given, intervals), x0, intersample, rtol)
+        return y[0] if len(self.outputs) == 1 else y
+
+    def respond(
+        self,
+        inputs: Sequence[Source],
+        grid: F64,
+        x0: ArrayLike | None,
+        intersample: str | Sequence[str],
+        rtol: float = 1e-9,
+    ) -> F64:
+        """`simulate` with the inputs as a list and the output always (output, time)."""
+        n = len(self.states)
+        start = np.zeros(n) if x0 is None else np.asarray(x0, dtype=np.float64)
+        if start.shape != (n,) or not np.all(np.isfinite(start)):
+            raise SpecError(
+                f"simulating: x0 has shape {start.shape}, the equation has the states "
+                f"{', '.join(self.states) or '(none)'}; give {n} finite numbers"
+            )
+        return self.family(inputs, grid, start[:, None], intersample, rtol)[0][:, 0]
+
+    def family(
+        self,
+        inputs: Sequence[Source],
+        grid: F64,
+        starts: F64,
+        intersample: str | Sequence[str],
+        rtol: float = 1e-9,
+    ) -> tuple[F64, F64]:
+        """Responses from several initial states, (state, start), on the same steps.
+
+        Returns
+        -------
+        y : ndarray, shape (output, start, time)
+        x : ndarray, shape (state, start, time)
+            Common steps make differences of them smooth in the starts.
+        """
+        form, theta = self.form, list(self.params.values())
+        kinds = intersample_kinds(intersample, len(inputs))
+        late = [float(d) for d in form.delays(theta)]
+        if any(not (np.isfinite(d) and d >= 0) for d in late):
+            raise SpecError(f"simulating: delays are {late} s; a delay is at least 0")
+        drives = [
+            signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input])
+            for d, delay in zip(form.drives, late, strict=False)
+        ]
+        known = [_known(f, grid) for f in self.compiled.known.values()]
+        pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
+        n, count = starts.shape
+
+        def external(t: float, inside: float, x: F64, history: History | None) -> tuple[list[Any], list[Any]]:
+            v: list[Any] = [one(t, inside) for one in drives]
+            for state, delay in pasts:
+                past = x if history is None or delay == 0 else history(t - delay)
+                row = past.reshape(n, count)[state]
+                v.append(row if count > 1 else float(row[0]))
+            return v, [one(t) for one in known]
+
+        def rate(t: float, x: F64, inside: float, history: History | None) -> F64:
+            v, k = external(t, inside, x, history)
+            try:
+                found = form.rates(t, x.tolist() if count == 1 else x.reshape(n, count), v, k, theta)
+                if count == 1:
+                    return np.array(found, dtype=np.float64)
+                out = np.empty((n, count))
+                for row, value in zip(out, found, strict=True):
+                    row[:] = value
+                return out.ravel()
+            except (ArithmeticError, ValueError, TypeError):  # overflow, a root of a negative number
+                return np.full(x.size, np.nan)
+
+        x = integrate(
+            rate, starts.ravel(), grid, breaks=[b for one in drives for b in one.breaks],
+            delays=[d for _, d in pasts if d > 0], rtol=rtol,
+        ).reshape(n, count, grid.size)  # fmt: skip
+        return self._measured(grid, x, drives, known, theta), x
+
+    def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], theta: list[float]) -> F64:
+        times = grid.tolist()
+        v: list[Any] = [0.0] * (len(drives) + len(self.form.pasts))
+        if self.form.feeds:
+            v[: len(drives)] = [np.array([one(t, t) for t in times]) for one in drives]
+        k = [np.array([one(t) for t in times]) for one in known]
+        found = self.form.outputs(grid, x, v, k, theta)
+        y = np.empty((len(self.outputs), *x.shape[1:]))
+        for row, value in zip(y, found, strict=True):
+            row[:] = value
+        if not np.all(np.isfinite(y)):
+            bad = int(np.argmin(np.isfinite(y).all(axis=(0, 1))))
+            raise DataError(
+                f"simulating: the output is not finite at t = {grid[bad]:.6g} s; simulate a shorter time, or "
+                "check the parameters and the initial state"
+            )
+        return y
+
+    def __repr__(self) -> str:
+        import sympy
+
+        numbers = {sympy.Symbol(name, real=True): value for name, value in self.params.items()}
+        lines = []
+        for e in self.compiled.source:
+            own = {
+                s: numbers[sympy.Symbol(s.name, real=True)] for s in e.free_symbols if s.name in self.params
+            }
+            lines.append(f"{sympy.sstr(e.subs(own).evalf(6), full_prec=False)} = 0")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>"
+
+
+def model_of(compiled: Compiled, values: Any, structure: Any = None) -> NonlinearModel:
+    """A system with numbers from compiled equations.
+
+    Parameters
+    ----------
+    compiled : Compiled
+    values : mapping of str to float, or sequence of float
+        Parameters by name, or in the order of `compiled.parameters`.
+    structure : Equation or StateSpace, optional
+        Where they come from.
+
+    Raises
+    ------
+    SpecError
+        A parameter that is missing, unknown or not finite.
+    """
+    names = compiled.parameters
+    if not isinstance(values, Mapping):
+        values = dict(zip(names, np.asarray(values, dtype=np.float64).tolist(), strict=True))
+    wrong = [n for n in names if n not in values] or [str(n) for n in values if n not in names]
+    if wrong:
+        raise SpecError(
+            f"model: values are given for {', '.join(map(str, values)) or 'nothing'}; the parameters are "
+            f"{', '.join(names)}: look at {', '.join(wrong)}"
+        )
+    numbers = {name: float(values[name]) for name in names}
+    bad = [name for name, value in numbers.items() if not np.isfinite(value)]
+    if bad:
+        raise SpecError(f"model: {', '.join(bad)} must be finite numbers")
+    return NonlinearModel(compiled.outputs, compiled.inputs, numbers, compiled, structure)
+
+
+def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], intervals: int | None) -> F64:
+    if (dt is None) == (t is None):
+        raise SpecError(
+            "simulating: give dt=, the sampling interval in s, or t=, the instants of the samples"
+        )
+    if t is not None:
+        grid = np.ascontiguousarray(t, dtype=np.float64)
+        if grid.ndim != 1 or grid.size < 2 or not np.all(np.diff(grid) > 0):
+            raise DataError("simulating: t must be one list of at least two rising instants, in s")
+        return grid
+    if not (isinstance(dt, int | float | np.number) and np.isfinite(dt) and dt > 0):
+        raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
+    if intervals is None:
+        lengths = [np.size(s) for s in given if is_samples(s) and np.ndim(s)]  # type: ignore[arg-type]
+        if not lengths:
+            raise SpecError(
+                "simulating without samples of an input: say how long, intervals=N for N + 1 samples"
+            )
+        intervals = max(lengths) - 1
+    if intervals < 1:
+        raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
+    return np.arange(intervals + 1.0) * float(dt)
+
+
+def _known(given: Any, grid: F64) -> Any:
+    """A known function of time as a function of one instant."""
+    if callable(given):
+        return lambda t: float(np.asarray(given(np.array([t]))).reshape(-1)[0])
+    values = np.asarray(given, dtype=np.float64)
+    if values.shape != grid.shape:
+        raise DataError(
+            f"simulating: a varying coefficient has {values.size} samples where the record has {grid.size}; "
+            "give one a sample, or a function of t"
+        )
+    found = signal(values, grid, "smooth", 0, 0.0, "a varying coefficient")
+    return lambda t: found(t, t)
