@@ -9,6 +9,7 @@ from .bounds import crlb
 from .collinear import Collinearity, collinearity
 from .common import CommonPoles, common_poles
 from .comparison import Comparison, CrossValidation, compare, cross_validate
+from .equations import Equation
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .free import Free
@@ -36,6 +37,7 @@ __all__ = [
     "Comparison",
     "CrossValidation",
     "DataError",
+    "Equation",
     "Estimator",
     "Fit",
     "FitError",

@@ -77,6 +77,11 @@ class Compiled:
         Signals of the source that are not measured.
     steps : tuple of str
         What was done and why, a sentence each.
+    varying : dict of str to tuple of (str, sympy.Expr)
+        Of each coefficient c(t) = Σ c_j f_j(t) the names of c_j and the functions f_j, of `time` or
+        symbols of `known`. A c_j that is held is no parameter: its number stands in `fixed`.
+    fixed : dict of str to float
+        Parameters that are held.
     """
 
     outputs: tuple[str, ...]
@@ -88,6 +93,8 @@ class Compiled:
     source: tuple[sympy.Expr, ...] = ()
     hidden: tuple[str, ...] = ()
     steps: tuple[str, ...] = ()
+    varying: Mapping[str, tuple[tuple[str, sympy.Expr], ...]] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def orders(self) -> tuple[int, ...]:

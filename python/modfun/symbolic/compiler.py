@@ -1,0 +1,133 @@
+"""Equations in jets to terms g(θ)·F·p^k E: what estimation takes."""
+
+from __future__ import annotations
+
+import sympy
+
+from ..errors import SpecError
+from .compiled import Compiled, Term
+from .exact import NotExact, Piece
+from .jets import Moving
+from .multipliers import arrange
+from .system import System
+from .words import said
+
+__all__ = ["compile_system"]
+
+MOST_TERMS = 3000  # of an equation once it is multiplied out
+
+
+def compile_system(system: System, what: str) -> Compiled:
+    """Terms of a system.
+
+    Parameters
+    ----------
+    system : System
+    what : str
+        Whose equations they are, for messages.
+
+    Raises
+    ------
+    SpecError
+        An equation outside the class: the term at fault, and what would help.
+    """
+    moving, steps = system.moving, []
+    equations = system.equations
+    for expr in equations:
+        if _size(expr) > MOST_TERMS:
+            raise SpecError(
+                f"{what}: multiplied out, the equation {said(expr)[:60]}... has more than {MOST_TERMS} "
+                "terms; call a part of it a signal of its own, or lower its powers"
+            )
+    if system.hidden:
+        raise SpecError(f"{what}: {', '.join(system.hidden)} cannot be eliminated yet; measure it")
+    terms: list[Term] = []
+    for e, expr in enumerate(equations):
+        try:
+            found, words = arrange(expr, moving, system.outputs)
+        except NotExact as fault:
+            raise SpecError(_outside(fault.term, moving, what)) from None
+        own, more = _normal(_terms(e, found, moving))
+        if not own:
+            raise SpecError(f"{what}: equation {e + 1} says 0 = 0; there is nothing to fit")
+        terms += own
+        number = f"Equation {e + 1}: " if len(equations) > 1 else ""
+        steps += [number + text for text in (*words, *more)]
+    source = tuple(moving.public(expr) for expr in system.equations)
+    parts = [x for t in terms for x in (t.coefficient, t.signal, t.factor) if x is not None]
+    used = {s for x in parts for s in x.free_symbols}
+    names = {s.name for s in used}
+    return Compiled(
+        outputs=system.outputs,
+        inputs=system.inputs,
+        parameters=tuple(name for name in system.parameters if name in names),
+        free={name: given for name, given in system.free.items() if name in names},
+        terms=tuple(terms),
+        known=system.functions(used | {s for x in source for s in x.free_symbols}),
+        source=source,
+        hidden=system.hidden,
+        steps=tuple(steps),
+        varying=dict(system.varying),
+        fixed=dict(system.fixed),
+    )
+
+
+def _terms(e: int, found: list[Piece], moving: Moving) -> list[Term]:
+    """Pieces as terms, equal ones added; highest derivative first."""
+    sums: dict[tuple[int, sympy.Expr, sympy.Expr | None], sympy.Expr] = {}
+    for piece in found:
+        still, factor = moving.split(sympy.S.One if piece.factor is None else piece.factor)
+        for part in sympy.Add.make_args(sympy.expand(piece.signal)):
+            coefficient, signal = moving.split(part)
+            if signal == 1 and piece.order:
+                continue
+            key = (piece.order, signal, None if factor == 1 else factor)
+            sums[key] = sums.get(key, sympy.S.Zero) + still * coefficient
+    terms = []
+    for (order, signal, factor), total in sums.items():
+        coefficient = sympy.factor(total)
+        if coefficient != 0:
+            public = None if factor is None else moving.public(factor)
+            terms.append(Term(e, coefficient, order, moving.public(signal), public))
+    return sorted(terms, key=lambda t: (-t.order, t.factor is not None, said(t.signal)))
+
+
+def _normal(terms: list[Term]) -> tuple[list[Term], tuple[str, ...]]:
+    """Terms of which at least one has a number for its coefficient."""
+    if not terms or any(term.coefficient.is_number for term in terms):
+        return terms, ()
+    first = terms[0].coefficient
+    divided = [
+        Term(t.equation, sympy.factor(sympy.cancel(t.coefficient / first)), t.order, t.signal, t.factor)
+        for t in terms
+    ]
+    return divided, (
+        f"Every term has parameters, so only ratios can be found: the equation was divided by {said(first)}.",
+    )
+
+
+def _size(expr: sympy.Expr) -> int:
+    """Bound on the number of terms once a sum is multiplied out."""
+    if expr.is_Add:
+        return sum(map(_size, expr.args))
+    if expr.is_Mul:
+        size = 1
+        for part in expr.args:
+            size = min(size * _size(part), 10 * MOST_TERMS)
+        return size
+    if expr.is_Pow and expr.exp.is_Integer and expr.exp > 1:
+        return int(min(sympy.binomial(_size(expr.base) + int(expr.exp) - 1, int(expr.exp)), 10 * MOST_TERMS))
+    return 1
+
+
+def _outside(term: sympy.Expr, moving: Moving, what: str) -> str:
+    derivatives = sorted(
+        {s.name for s in moving.symbols(term) if "'" in s.name}, key=lambda name: (len(name), name)
+    )
+    lower = derivatives[0].replace("'", "", 1) if derivatives else "y"
+    shown = derivatives[0] if derivatives else "y'"
+    return (
+        f"{what}: the term {said(moving.public(term))} is neither the derivative of a signal nor the product "
+        f"of a signal and one; measure {shown} and call it an output of its own: a signal v, the equation "
+        f"{lower}' = v, and v in place of {shown}"
+    )

@@ -1,0 +1,138 @@
+"""One equation as pieces: as it stands, times a multiplier that makes it exact, or with products."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import sympy
+
+from .compiled import jet
+from .exact import Form, NotExact, Piece, form, pieces
+from .integrals import antiderivative
+from .jets import Moving
+from .words import said
+
+__all__ = ["arrange", "clear"]
+
+_POWERS = (0, -1, -2, 1, -3, 2)
+
+
+def arrange(
+    expr: sympy.Expr, moving: Moving, outputs: tuple[str, ...]
+) -> tuple[list[Piece], tuple[str, ...]]:
+    """Pieces of an equation, and what was done to it in words.
+
+    Parameters
+    ----------
+    expr : Expr
+        Vanishes; in jets, time, parameters and known functions.
+    moving : Moving
+    outputs : tuple of str
+        Signals whose powers are tried as multipliers.
+
+    Raises
+    ------
+    NotExact
+        No way was found; holds the term at fault of the equation as it stands.
+
+    Notes
+    -----
+    In this order: as it stands; times its denominators, if that takes parameters out of signals; times powers
+    of the outputs; with products (Property 2).
+    """
+    cleared = clear(expr, moving)
+    plain, tidied = _exact(expr, moving), None
+    if plain is None or _has_parameters(plain, moving):
+        tidied = None if cleared is None else _exact(cleared, moving)
+    words = (
+        ()
+        if cleared is None
+        else ("The equation was multiplied by its denominators, to free signals of parameters.",)
+    )
+    if tidied is not None and not _has_parameters(tidied, moving):
+        return tidied, words
+    if plain is not None:
+        return plain, ()
+    if tidied is not None:
+        return tidied, words
+    start = expr if cleared is None else cleared
+    for multiplier in _multipliers(start, moving, outputs):
+        found = _exact(multiplier * start, moving)
+        if found is not None and not _has_parameters(found, moving):
+            return found, (*words, _multiplied(multiplier))
+    found = pieces(form(expr, moving), moving, products=True)
+    return found, (
+        "No multiplier was found that makes every term the derivative of a signal: products of a signal and "
+        "a derivative are left, which are convolutions in the harmonic index (Property 2) and amplify noise.",
+    )
+
+
+def clear(expr: sympy.Expr, moving: Moving) -> sympy.Expr | None:
+    """An equation times the denominators that mix parameters and signals; None: there are none."""
+    terms = sympy.Add.make_args(sympy.expand(expr))
+    most: dict[sympy.Expr, sympy.Expr] = {}
+    for term in terms:
+        for b, n in (factor.as_base_exp() for factor in sympy.Mul.make_args(term)):
+            if b.is_Add and n.is_Integer and n.is_negative and moving.symbols(b) and moving.parameters(b):
+                most[b] = max(most.get(b, sympy.S.Zero), -n)
+    common = sympy.Mul(*(b**n for b, n in most.items()))
+    return sympy.Add(*(sympy.expand(term * common) for term in terms)) if most else None
+
+
+def _exact(expr: sympy.Expr, moving: Moving) -> list[Piece] | None:
+    try:
+        return pieces(form(expr, moving), moving, products=False)
+    except NotExact:
+        return None
+
+
+def _multiplied(multiplier: sympy.Expr) -> str:
+    step = f"Multiplied by {said(multiplier)}, every term is the derivative of a signal."
+    if any(n.is_negative for n in multiplier.as_powers_dict().values()):
+        zeros = " and ".join(sorted(s.name for s in multiplier.free_symbols))
+        step += f" That takes a record in which {zeros} stays away from 0."
+    return step
+
+
+def _multipliers(expr: sympy.Expr, moving: Moving, outputs: tuple[str, ...]) -> Iterator[sympy.Expr]:
+    """Those the derivatives of second order ask for, then products of powers of the signals."""
+    try:
+        terms = form(expr, moving)
+    except NotExact:
+        return
+    involved = [
+        name for name in outputs if jet(name) in {s for key, f in terms.items() for s in f.free_symbols}
+    ]
+    if not involved or (
+        all(len(key) <= 1 and all(n == 1 for _, n in key) for key in terms) and len(involved) < 2
+    ):
+        return
+    for name in involved:
+        if (solved := _solved(terms, jet(name), moving)) is not None:
+            yield solved
+    for powers in product(_POWERS, repeat=min(len(involved), 2)):
+        if any(powers):
+            yield sympy.Mul(*(jet(name) ** n for name, n in zip(involved, powers, strict=False)))
+
+
+def _solved(terms: Form, y: sympy.Symbol, moving: Moving) -> sympy.Expr | None:
+    """μ(y) with (μ h)' = μ q for the terms h y'' + q y'²: what makes them one second derivative."""
+    h = terms.get(((jet(y.name, 2), 1),))
+    q = terms.get(((jet(y.name, 1), 2),), sympy.S.Zero)
+    if h is None:
+        return None
+    ratio = sympy.cancel((q - sympy.diff(h, y)) / h)
+    if ratio == 0 or ratio.free_symbols - {y}:
+        return None
+    integral = antiderivative(sympy.expand(ratio), y)
+    return None if integral is None else sympy.powsimp(sympy.exp(integral))
+
+
+def _has_parameters(found: list[Piece], moving: Moving) -> bool:
+    """Whether a signal cannot be evaluated before the parameters are known."""
+    return any(
+        moving.parameters(moving.split(term)[1])
+        for piece in found
+        for term in sympy.Add.make_args(sympy.expand(piece.signal))
+    )

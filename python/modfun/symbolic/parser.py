@@ -1,0 +1,284 @@
+"""Equation text to a tree, with a closed list of functions; nothing of a text is ever evaluated."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any, NoReturn
+
+from ..errors import SpecError
+
+__all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression"]
+
+# The functions of texts everywhere in modfun (see modfun.signals), with their numbers of arguments.
+FUNCTIONS = {
+    **dict.fromkeys(["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"], 1),
+    **dict.fromkeys(["exp", "log", "sqrt", "abs", "sign", "floor", "step"], 1),
+    **{"min": 2, "max": 2, "where": 3},
+}
+CONSTANTS = ("pi", "e")
+ALLOWED = (
+    "allowed are signals with primes, parameters, t, pi, e, numbers, + - * / ** % < <= > >=, parentheses, "
+    f"D(expression, order) and {', '.join(FUNCTIONS)}"
+)
+
+MOST_CHARACTERS = 2000
+MOST_DEPTH = 60
+MOST_PRIMES = 12
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
+    r"|(?P<op>\*\*|<=|>=|==|[-+*/%()<>=,'])|(?P<end>$)|(?P<other>.))",
+    re.ASCII | re.DOTALL,
+)
+_HINTS = {
+    "^": "is no operator: a power is written **",
+    "’": "is no prime: a derivative is written with the apostrophe, y'",
+    "′": "is no prime: a derivative is written with the apostrophe, y'",
+    '"': "is no prime: a second derivative is written with two apostrophes, y''",
+    "==": "is written =",
+}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A piece of a text: what it is, where it stands, and its parts.
+
+    Attributes
+    ----------
+    kind : str
+        "number", "name", "call", "prime", "sum", "product", "negative", "inverse", "power", "mod" or
+        "compare".
+    at, end : int
+        The piece is text[at:end].
+    value : object
+        The number as text, the name, the function, the count of primes, the comparison.
+    primes : int
+        Of a name: y' has one.
+    parts : tuple of Node
+        Operands and arguments; of a name what stands in its parentheses, as in y(t - h).
+    """
+
+    kind: str
+    at: int
+    end: int
+    value: Any = None
+    primes: int = 0
+    parts: tuple[Node, ...] = ()
+
+    def walk(self) -> Iterator[Node]:
+        """This node and all below, in the order of the text."""
+        yield self
+        for part in self.parts:
+            yield from part.walk()
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text with its tree, and the way errors about it are worded.
+
+    Attributes
+    ----------
+    text : str
+    what : str
+        "equation", or what else it is.
+    tree : Node
+        Of an equation its left side less its right side.
+    """
+
+    text: str
+    what: str
+    tree: Node = field(default=Node("number", 0, 0, "0"))
+
+    def refuse(self, at: int, end: int, reason: str) -> NoReturn:
+        """Raise the SpecError that names the piece of text at fault and its place."""
+        piece = self.text[at:end].strip() or "the end"
+        shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
+        raise SpecError(
+            f"reading the {self.what} {shown!r}: {piece[:40]!r} at character {at + 1} {reason}"
+        ) from None
+
+
+def equation(text: Any, what: str = "equation") -> Text:
+    """Parse "left = right".
+
+    Raises
+    ------
+    SpecError
+        Text outside the language: what is at fault, where it stands, and what to write instead.
+    """
+    reader = _Reader(text, what)
+    left = reader.sum(0)
+    if reader.kind == "end":
+        reader.refuse("has no right side; write = 0 behind it" if text.strip() else "is empty")
+    reader.expect("=", "an operator or = was expected")
+    right = reader.sum(0)
+    reader.finish()
+    minus = Node("negative", right.at, right.end, parts=(right,))
+    return Text(text, what, Node("sum", 0, len(text), parts=(left, minus)))
+
+
+def expression(text: Any, what: str = "expression") -> Text:
+    """Parse an expression, in the language of `equation`."""
+    reader = _Reader(text, what)
+    tree = reader.comparison(0)
+    reader.finish()
+    return Text(text, what, tree)
+
+
+class _Reader:
+    """Recursive descent over the tokens; chains of + and * are flat, so that depth is that of parentheses."""
+
+    def __init__(self, text: Any, what: str) -> None:
+        if not isinstance(text, str):
+            raise SpecError(f"reading the {what}: expected text, got {type(text).__name__}")
+        self.source = Text(text, what)
+        if len(text) > MOST_CHARACTERS:
+            raise SpecError(
+                f"reading the {what}: it has {len(text)} characters, at most {MOST_CHARACTERS} are read; "
+                "write it as several equations"
+            )
+        self.text = text
+        self.next = 0
+        self.last = 0  # end of the token before this one
+        self.advance()
+
+    def advance(self) -> None:
+        self.last = self.next
+        found = _TOKEN.match(self.text, self.next)
+        assert found is not None  # "other" takes what nothing else does
+        self.kind = str(found.lastgroup)
+        self.token = found[self.kind]
+        self.at, self.next = found.start(self.kind), found.end()
+        if self.token in _HINTS:
+            self.refuse(_HINTS[self.token])
+        if self.kind == "other":
+            self.refuse(f"is not part of the language (names are of letters a-z, digits and _); {ALLOWED}")
+
+    def refuse(self, reason: str) -> NoReturn:
+        self.source.refuse(self.at, self.next, reason)
+
+    def take(self, *tokens: str) -> str | None:
+        if self.kind == "op" and self.token in tokens:
+            taken = self.token
+            self.advance()
+            return taken
+        return None
+
+    def expect(self, token: str, reason: str) -> None:
+        if not self.take(token):
+            if self.kind in ("name", "number") or self.token == "(":
+                reason += " (a product is written with *)"
+            self.refuse(f"stands where {reason}")
+
+    def finish(self) -> None:
+        if self.token == "=":
+            self.refuse("is one = too many; give several equations as a list of texts")
+        if self.kind != "end":
+            self.expect("end", "an operator or the end was expected")
+
+    def deeper(self, depth: int) -> int:
+        if depth >= MOST_DEPTH:
+            self.refuse(f"is nested more than {MOST_DEPTH} deep; name a part of it by an equation of its own")
+        return depth + 1
+
+    def comparison(self, depth: int) -> Node:
+        left = self.sum(depth)
+        if sign := self.take("<", "<=", ">", ">="):
+            right = self.sum(depth)
+            return Node("compare", left.at, self.last, sign, parts=(left, right))
+        return left
+
+    def sum(self, depth: int) -> Node:
+        at, parts = self.at, [self.product(self.deeper(depth))]
+        while sign := self.take("+", "-"):
+            part = self.product(depth + 1)
+            parts.append(part if sign == "+" else Node("negative", part.at, part.end, parts=(part,)))
+        return parts[0] if len(parts) == 1 else Node("sum", at, self.last, parts=tuple(parts))
+
+    def product(self, depth: int) -> Node:
+        at, parts = self.at, [self.signed(self.deeper(depth))]
+        while sign := self.take("*", "/", "%"):
+            part = self.signed(depth + 1)
+            if sign == "%":
+                whole = parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
+                parts = [Node("mod", at, self.last, parts=(whole, part))]
+                depth = self.deeper(depth)
+            else:
+                parts.append(part if sign == "*" else Node("inverse", part.at, part.end, parts=(part,)))
+        return parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
+
+    def signed(self, depth: int) -> Node:
+        at = self.at
+        if sign := self.take("+", "-"):
+            part = self.signed(self.deeper(depth))
+            return part if sign == "+" else Node("negative", at, self.last, parts=(part,))
+        base = self.primed(depth)
+        if self.take("**"):
+            exponent = self.signed(self.deeper(depth))
+            return Node("power", at, self.last, parts=(base, exponent))
+        return base
+
+    def primed(self, depth: int) -> Node:
+        at, inner = self.at, self.atom(depth)
+        primes = self.primes()
+        return Node("prime", at, self.last, primes, parts=(inner,)) if primes else inner
+
+    def primes(self) -> int:
+        count = 0
+        while self.token == "'":
+            count += 1
+            if count > MOST_PRIMES:
+                self.refuse(f"is one prime too many; at most {MOST_PRIMES} are read")
+            self.advance()
+        return count
+
+    def atom(self, depth: int) -> Node:
+        at, token = self.at, self.token
+        if self.kind == "number":
+            if not isfinite(float(token)) or (
+                float(token) == 0 and token.lower().partition("e")[0].strip("0.")
+            ):
+                self.refuse("is outside the range of floating point")
+            self.advance()
+            return Node("number", at, self.last, token)
+        if self.kind == "name":
+            return self.name(depth)
+        if self.take("("):
+            inner = self.comparison(self.deeper(depth))
+            self.expect(")", "an operator or ) was expected")
+            return inner
+        if self.kind == "end":
+            self.refuse(f"stands where something was expected; {ALLOWED}")
+        self.refuse("stands where a name, a number or ( was expected")
+
+    def name(self, depth: int) -> Node:
+        at, name = self.at, self.token
+        if keyword.iskeyword(name):
+            self.refuse("is a word of Python, which no signal or parameter may be called; take another")
+        self.advance()
+        called = name in FUNCTIONS or name == "D"
+        primes = self.primes()
+        if self.token != "(":
+            if called:
+                self.source.refuse(at, self.last, f"is a function: write {name}(...)")
+            return Node("name", at, self.last, name, primes)
+        if called and primes:
+            self.source.refuse(at, self.last, f"is a function with a prime: write ({name}(...))'")
+        self.advance()
+        parts = [self.comparison(self.deeper(depth))]
+        while self.take(","):
+            parts.append(self.comparison(depth + 1))
+        self.expect(")", "an operator, a comma or ) was expected")
+        if not called:
+            if len(parts) != 1 or name in (*CONSTANTS, "t"):
+                self.source.refuse(at, self.last, f"is not a known function; {ALLOWED}")
+            return Node("name", at, self.last, name, primes, parts=tuple(parts))
+        wanted = (1, 2) if name == "D" else (FUNCTIONS[name],)
+        if len(parts) not in wanted:
+            takes = "D(expression) or D(expression, order)" if name == "D" else f"{name} takes {wanted[0]}"
+            self.source.refuse(at, self.last, f"has {len(parts)} argument(s): {takes}")
+        return Node("call", at, self.last, name, parts=tuple(parts))

@@ -1,0 +1,70 @@
+"""Expressions as the user writes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy.printing.str import StrPrinter
+
+from .compiled import Compiled, Term
+
+__all__ = ["operator", "said", "told"]
+
+MOST_DENOMINATOR = 100
+
+
+class _Printer(StrPrinter):  # type: ignore[misc]  # SymPy ships no types
+    """Delays as y(t - h), |y| as abs(y), decimal fractions as decimals."""
+
+    def _print_Delayed(self, expr: Any) -> str:
+        return f"{self._print(expr.args[0])}(t - {self._print(expr.args[1])})"
+
+    def _print_Abs(self, expr: Any) -> str:
+        return f"abs({self._print(expr.args[0])})"
+
+    def _print_Heaviside(self, expr: Any) -> str:
+        return f"step({self._print(expr.args[0])})"
+
+    def _print_Rational(self, expr: Any) -> str:
+        if expr.q > MOST_DENOMINATOR or (expr.q not in (2, 3, 4, 6, 8, 9, 12) and abs(expr.p) < 10**6):
+            return f"{float(expr):.6g}"
+        return str(super()._print_Rational(expr))
+
+    def _print_Exp1(self, expr: Any) -> str:
+        return "e"
+
+
+def said(expr: sympy.Expr) -> str:
+    """Text of an expression, one line."""
+    return str(_Printer({"order": "none"}).doprint(expr))
+
+
+def operator(order: int) -> str:
+    """Text of p^order."""
+    return "1" if order == 0 else "p" if order == 1 else f"p^{order}"
+
+
+def told(compiled: Compiled) -> list[str]:
+    """What is measured and estimated, what was done, and the equations that are fitted."""
+    found = [
+        f"Measured: {', '.join((*compiled.outputs, *compiled.inputs))}"
+        + (f"; not measured: {', '.join(compiled.hidden)}." if compiled.hidden else ".")
+    ]
+    found.append(f"Parameters: {', '.join(compiled.parameters) or 'none'}.")
+    found += compiled.steps
+    if not compiled.steps:
+        found.append("Every term is the derivative of a signal.")
+    for e in range(len(compiled.orders)):
+        terms = [_term(t) for t in compiled.terms if t.equation == e]
+        found.append(f"Fitted: {' + '.join(terms)} = 0".replace("+ -", "- ") + ", p = d/dt.")
+    return found
+
+
+def _term(term: Term) -> str:
+    coefficient = said(term.coefficient)
+    if term.coefficient.is_Add:
+        coefficient = f"({coefficient})"
+    factor = "" if term.factor is None else f"({said(term.factor)}) "
+    shown = f"{factor}{operator(term.order) + ' ' if term.order else ''}[{said(term.signal)}]"
+    return shown if coefficient == "1" else f"-{shown}" if coefficient == "-1" else f"{coefficient} {shown}"
