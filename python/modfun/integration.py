@@ -16,7 +16,7 @@ __all__ = ["History", "Signal", "integrate", "signal"]
 
 F64 = NDArray[np.float64]
 STEPS = (5000, 20)  # the explicit method may take so many and so many a sample; then the system is stiff
-AHEAD = 8  # samples that a step may go at most, so that none passes over a pulse
+AHEAD = 64  # parts of the time, or 8 samples, that a step may go at most: none shall pass over a pulse
 RESTARTS = 8  # multiples of a delay at which a derivative of the response, of rising order, may jump
 
 
@@ -152,6 +152,7 @@ def integrate(
     *,
     breaks: Sequence[float] = (),
     delays: Sequence[float] = (),
+    driven: bool = True,
     rtol: float = 1e-9,
 ) -> F64:
     """States at the samples.
@@ -168,6 +169,8 @@ def integrate(
         Where inputs jump or bend.
     delays : sequence of float
         Of states; the history before grid[0] is x0.
+    driven : bool
+        Whether anything comes from outside that a long step could pass over.
     rtol : float
         Relative error of a step.
 
@@ -182,7 +185,9 @@ def integrate(
     """
     shift = [k * d for d in delays for k in range(1, RESTARTS + 1)]
     ends = _ends(grid, [*breaks, *(grid[0] + s for s in shift)])
-    longest = min([AHEAD * float(np.max(np.diff(grid))), *delays])
+    span = float(grid[-1] - grid[0])
+    longest = max(span / AHEAD, 8 * float(np.max(np.diff(grid)))) if driven else np.inf
+    longest = min([longest, *delays])
     absolute = np.full(x0.size, rtol * 1e-3)
     with np.errstate(all="ignore"):
         for _ in range(3):

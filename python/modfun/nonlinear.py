@@ -150,8 +150,11 @@ class NonlinearModel:
         starts: F64,
         intersample: str | Sequence[str],
         rtol: float = 1e-9,
+        length: int | None = None,
     ) -> tuple[F64, F64]:
         """Responses from several initial states, (state, start), on the same steps.
+
+        `length` ends them after so many samples of the inputs.
 
         Returns
         -------
@@ -193,9 +196,10 @@ class NonlinearModel:
             except (ArithmeticError, ValueError, TypeError):  # overflow, a root of a negative number
                 return np.full(x.size, np.nan)
 
+        grid = grid[:length]
         x = integrate(
             rate, starts.ravel(), grid, breaks=[b for one in drives for b in one.breaks],
-            delays=[d for _, d in pasts if d > 0], rtol=rtol,
+            delays=[d for _, d in pasts if d > 0], driven=bool(drives or known), rtol=rtol,
         ).reshape(n, count, grid.size)  # fmt: skip
         return self._measured(grid, x, drives, known, theta), x
 

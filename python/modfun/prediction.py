@@ -12,13 +12,14 @@ from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .observer import observe
 from .records import Record
+from .structures import TransferFunction
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
     from .lti import LTI
     from .results import Fit
 
-__all__ = ["InitialState", "observe_fit", "sample_weights", "simulate_fit"]
+__all__ = ["InitialState", "given_state", "observe_fit", "sample_weights", "simulate_fit"]
 
 F64 = NDArray[np.float64]
 
@@ -76,8 +77,12 @@ def simulate_fit(
     simulated : (output, time) array
     initial : InitialState
     """
+    if not isinstance(fit.structure, TransferFunction):
+        from . import initial_state as search  # equations need SymPy
+
+        return search.simulate_fit(fit, rec, initial_state)
     orders = fit.layout.orders
-    given = None if initial_state is None else _given(initial_state, sum(orders))
+    given = None if initial_state is None else given_state(initial_state, sum(orders))
     trend = trend_columns(rec.t, fit.trend)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
@@ -143,7 +148,8 @@ def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> Initial
     return InitialState(np.concatenate(states), cov, np.concatenate(trends))
 
 
-def _given(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
+def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
+    """An initial state of n numbers as the user gave it to `predict`."""
     if isinstance(initial_state, str):
         if initial_state != "zero":
             raise SpecError(f'predict: initial_state={initial_state!r} must be "zero", an array, or left out')

@@ -208,8 +208,8 @@ def _linear(equations: list[Any], left: list[Any]) -> dict[Any, Any]:
             ) from None
     if not solutions or any(set(left) & value.free_symbols for value in solutions[0].values()):
         raise SpecError(
-            f"simulating: the equations do not determine the highest derivatives {names}; each signal needs an "
-            "equation with its highest derivative, and measured signals are functions of these (y = v + w)"
+            f"simulating: the equations do not determine the highest derivatives {names}; each signal needs "
+            "an equation with its highest derivative, and measured ones are functions of these (y = v + w)"
         )
     return dict(solutions[0])
 

@@ -1,0 +1,189 @@
+"""Initial state of a record under equations with numbers: nonlinear least squares on its outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import DataError
+from .nonlinear import NonlinearModel, model_of
+from .prediction import InitialState, given_state, sample_weights
+from .records import Record
+
+if TYPE_CHECKING:
+    from .results import Fit
+
+__all__ = ["find_state", "simulate_fit"]
+
+F64 = NDArray[np.float64]
+HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
+MULTIPLES = (
+    0.0,
+    1.0,
+    -1.0,
+    0.1,
+    -0.1,
+    10.0,
+    -10.0,
+)  # of the outputs' size: first guesses of what is not measured
+STEP = 1e-6  # of a state's size: the difference that stands for its derivative
+ROUNDS = 30
+TOL = 1e-10
+
+
+def simulate_fit(
+    fit: Fit, rec: Record, initial_state: str | ArrayLike | InitialState | None
+) -> tuple[F64, InitialState]:
+    """Outputs of fitted equations for a record; as `prediction.simulate_fit`.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of an Equation or a StateSpace.
+    rec : Record
+    initial_state : None, "zero" or array
+        None: estimated by least squares, states that are not measured included.
+
+    Returns
+    -------
+    simulated : (output, time) array
+    initial : InitialState
+
+    Raises
+    ------
+    DataError
+        The response leaves all bounds from every initial state tried, or from the one given.
+    """
+    structure: Any = fit.structure
+    model = model_of(structure.compiled(fit.outputs, fit.inputs), fit.params, structure)
+    n = len(model.states)
+    if initial_state is None:
+        return find_state(model, rec)
+    state = given_state(initial_state, n)
+    simulated = model.respond(list(rec.u), rec.t, state, rec.intersample)
+    return simulated, InitialState(state, np.zeros((n, n)), np.zeros(0))
+
+
+def find_state(model: NonlinearModel, rec: Record) -> tuple[F64, InitialState]:
+    """The initial state from which a model follows a record best, and its response.
+
+    Levenberg–Marquardt on the outputs over growing pieces of the record; derivatives of the response by
+    differences of integrations on common steps. Outputs are weighted by their residuals.
+    """
+    search = _Search(model, rec)
+    n = len(model.states)
+    if n == 0:
+        y = model.respond(list(rec.u), rec.t, None, rec.intersample)
+        return y, InitialState(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
+    count = rec.t.size
+    lengths = [max(int(h * count), min(count, 8 + 8 * n)) for h in HORIZONS]
+    tried = [search.refine(x, lengths[0], rounds=8) for x in search.starts(lengths[0])]
+    x, cost = min(tried, key=lambda one: one[1])
+    if not np.isfinite(cost):
+        raise DataError(
+            "simulating the fit: the response leaves all bounds within the first "
+            f"{rec.t[lengths[0] - 1] - rec.t[0]:.4g} s from every initial state tried; give initial_state=, or "
+            "look at the fit's parameters"
+        )
+    for length in lengths[1:]:
+        x, _ = search.refine(x, length, rounds=ROUNDS)
+    for rtol in (ROUGH, 1e-9) if len(rec.outputs) > 1 else (1e-9,):
+        search.weigh(x)
+        search.rtol = rtol
+        x, cost = search.refine(x, count, rounds=ROUNDS)
+    if not np.isfinite(cost):
+        model.respond(list(rec.u), rec.t, x, rec.intersample)  # says when it leaves
+    y, jacobian, residual = search.at(x, count)
+    freedom = max(int(np.count_nonzero(search.weights)) - n, 1)
+    cov = np.linalg.pinv(jacobian.T @ jacobian) * (residual @ residual / freedom)
+    return y, InitialState(x, cov, np.zeros(0))
+
+
+class _Search:
+    """Residuals of a record over its first samples, and steps that make them smaller."""
+
+    def __init__(self, model: NonlinearModel, rec: Record) -> None:
+        self.model, self.rec, self.rtol = model, rec, ROUGH
+        rows = [sample_weights(rec, i) for i in range(len(rec.outputs))]
+        self.own = np.array([np.ones(rec.t.size) if row is None else row for row in rows])
+        spread = np.std(rec.y, axis=1)
+        self.weights = self.own / np.where(spread > 0, spread, 1.0)[:, None]
+        # A state's size in time: derivatives of an output by the time in which it turns.
+        span = float(rec.t[-1] - rec.t[0])
+        rough = {
+            name: max(float(np.abs(y).max()), 1e-300) for name, y in zip(rec.outputs, rec.y, strict=True)
+        }
+        typical = float(np.mean(list(rough.values())))
+        self.sizes = np.array(
+            [
+                rough.get(s.rstrip("'"), typical) * (10.0 / span) ** (len(s) - len(s.rstrip("'")))
+                for s in model.states
+            ]
+        )
+
+    def starts(self, length: int) -> Iterator[F64]:
+        """First guesses: what a polynomial through the first samples says, and multiples for the rest."""
+        x = np.full(self.sizes.size, np.nan)
+        t = self.rec.t[:length] - self.rec.t[0]
+        for name, y, weight in zip(self.rec.outputs, self.rec.y, self.own, strict=True):
+            order = sum(s.rstrip("'") == name for s in self.model.states)
+            degree = min(order + 2, max(length // 3, 1))
+            found = np.polynomial.Polynomial.fit(t, y[:length], degree, w=weight[:length])
+            for k in range(order):
+                slope = found.deriv(k) if k else found
+                x[self.model.states.index(name + "'" * k)] = slope(0.0)
+        unseen = np.isnan(x)
+        for multiple in MULTIPLES if unseen.any() else (0.0,):
+            derivative = np.array(["'" in s for s in self.model.states])
+            yield np.where(unseen, np.where(derivative, 0.0, multiple * self.sizes), x)
+
+    def weigh(self, x: F64) -> None:
+        """Weigh outputs by the residuals that x leaves."""
+        try:
+            e = self.own * (self.rec.y - self.at(x, self.rec.t.size)[0])
+        except DataError:
+            return
+        level = np.sqrt(np.sum(e**2, axis=1) / np.maximum(np.count_nonzero(self.own, axis=1), 1))
+        level = np.maximum(level, 1e-9 * np.max(np.abs(self.rec.y)))
+        self.weights = self.own / level[:, None]
+
+    def at(self, x: F64, length: int) -> tuple[F64, F64, F64]:
+        """Response, Jacobian and residuals, weighted, over the first samples."""
+        rec, steps = self.rec, STEP * np.maximum(np.abs(x), self.sizes)
+        starts = x[:, None] + np.hstack([np.zeros((x.size, 1)), np.diag(steps)])
+        y, _ = self.model.family(list(rec.u), rec.t, starts, rec.intersample, self.rtol, length)
+        w = self.weights[:, None, :length]
+        moved = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1).reshape(-1, x.size)
+        return y[:, 0], moved, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+
+    def refine(self, x: F64, length: int, rounds: int) -> tuple[F64, float]:
+        """Levenberg–Marquardt steps; cost inf where there is no response from x."""
+        try:
+            _, jacobian, residual = self.at(x, length)
+        except DataError:
+            return x, np.inf
+        cost, damping = float(residual @ residual), 1e-6
+        for _ in range(rounds):
+            size = np.linalg.norm(jacobian, axis=0)
+            size = np.where(size > 0, size, 1.0)
+            rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(x.size)])
+            step = np.linalg.lstsq(rows, np.append(residual, np.zeros(x.size)), rcond=None)[0] / size
+            try:
+                _, new, left = self.at(x + step, length)
+                less = float(left @ left)
+            except DataError:
+                less = np.inf
+            if less < cost:
+                done = cost - less <= TOL * cost
+                x, jacobian, residual, cost = x + step, new, left, less
+                damping = max(damping / 10, 1e-12)
+                if done:
+                    break
+            elif damping > 1e8 or np.all(np.abs(step) <= TOL * np.maximum(np.abs(x), self.sizes)):
+                break
+            else:
+                damping = max(10 * damping, 1e-4)
+        return x, cost
