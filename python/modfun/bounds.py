@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
 from .lti import LTI
+from .nonlinear import NonlinearModel
 from .prediction import sample_weights
 from .propagate import Inputs
 from .records import Record
@@ -19,6 +20,7 @@ from .tables import Table
 __all__ = ["Bound", "crlb"]
 
 F64 = NDArray[np.float64]
+STEP = 1e-4  # of a parameter's size: differences on common steps, exact to its square
 TRENDS = (None, "constant", "linear")
 
 
@@ -77,7 +79,7 @@ class Bound:
 
 
 def crlb(
-    sys: LTI,
+    sys: LTI | NonlinearModel,
     rec: Record,
     *,
     nsr: float | None = None,
@@ -85,15 +87,17 @@ def crlb(
     trend: str | None = None,
     initial_state: str = "unknown",
     model: TransferFunction | None = None,
+    start: ArrayLike | None = None,
 ) -> Bound:
     """Cramér–Rao bound of the parameters under white noise on the sampled output.
 
     The bound is σ²(SᵀS)⁻¹ with S the derivatives of the response from rest to the record's input, exact
-    between the samples; those to the initial state (and to the trend) are nuisance.
+    between the samples; those to the initial state (and to the trend) are nuisance. Of equations, S is
+    made of differences of responses from `start`.
 
     Parameters
     ----------
-    sys : LTI
+    sys : LTI or NonlinearModel
         The system, one output.
     rec : Record
         Inputs, sampling and length of the experiment; of its output only which samples are masked, and
@@ -108,7 +112,9 @@ def crlb(
     initial_state : {"unknown", "zero"}
         Whether the initial state is unknown or known to be zero.
     model : TransferFunction, optional
-        Structure whose parameters are unknown; default: the system's own.
+        Structure whose parameters are unknown; default: the system's own (of equations always).
+    start : array_like, shape (states,), optional
+        Initial state of equations; default: zero.
 
     Returns
     -------
@@ -129,7 +135,7 @@ def crlb(
     >>> round(mf.crlb(sys, rec, nsr=0.2).relative, 1)
     3.3
     """
-    if not isinstance(sys, LTI):
+    if not isinstance(sys, LTI | NonlinearModel):
         raise SpecError(f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den) or fit.model")
     if (nsr is None) == (sigma is None):
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
@@ -149,16 +155,21 @@ def crlb(
         raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
     if sys.shape[0] != 1:
         raise SpecError(f"crlb: the system has {sys.shape[0]} outputs; take them one by one")
-    structure = TransferFunction.from_system(sys) if model is None else model
     inputs = len(rec.inputs)
     if inputs != sys.shape[1]:
         raise SpecError(f"crlb: the record has {inputs} input(s), the system {sys.shape[1]}")
-    layout = structure.plain_layout(rec.inputs, "crlb")
-    theta = structure.theta(sys)
-    prepared = Inputs(list(rec.u), rec.dt, rec.intervals, rec.intersample, sys.delays)
-    omega = time_unit(np.concatenate([[1.0], theta[: layout.orders[0]]]))
-    engine = Sensitivities(layout.orders[0], layout.numerators[0], prepared, omega)
-    y, columns = engine.run(theta * engine.scale)
+    if isinstance(sys, NonlinearModel):
+        names, theta, scale = tuple(sys.params), np.array(list(sys.params.values())), np.ones(len(sys.params))
+        y, columns = _differences(sys, rec, start)
+    else:
+        structure = TransferFunction.from_system(sys) if model is None else model
+        layout = structure.plain_layout(rec.inputs, "crlb")
+        names, theta = layout.param_names, structure.theta(sys)
+        prepared = Inputs(list(rec.u), rec.dt, rec.intervals, rec.intersample, sys.delays)
+        omega = time_unit(np.concatenate([[1.0], theta[: layout.orders[0]]]))
+        engine = Sensitivities(layout.orders[0], layout.numerators[0], prepared, omega)
+        scale = engine.scale
+        y, columns = engine.run(theta * scale)
     rms = float(np.sqrt(np.mean(y**2)))
     if nsr is not None and rms == 0:
         raise DataError("crlb: the response from rest is zero, so nsr says nothing; give sigma=")
@@ -183,10 +194,30 @@ def crlb(
         )
     half = np.linalg.inv(r) / size[:, None]
     noise = float(level) * (rms if nsr is not None else 1.0)
-    factor = half[: theta.size] / engine.scale[:, None]
+    factor = half[: theta.size] / scale[:, None]
     return Bound(
-        param_names=layout.param_names,
+        param_names=names,
         values=theta,
         cov=noise**2 * (factor @ factor.T),
         sigma=noise,
     )
+
+
+def _differences(sys: NonlinearModel, rec: Record, start: ArrayLike | None) -> tuple[F64, F64]:
+    """Response of equations, and its derivatives to parameters and initial state, by central differences."""
+    x0 = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
+    theta = np.array(list(sys.params.values()))
+    if any(d.delay.free_symbols for d in (*sys.form.drives, *sys.form.pasts)):
+        raise SpecError("crlb: a delay among the parameters of an equation has no bound here; hold it")
+    sizes = np.concatenate([np.where(theta != 0, np.abs(theta), 1.0), np.maximum(np.abs(x0), 1e-2)])
+    steps = np.diag(STEP * sizes)
+    both = np.hstack([np.zeros((sizes.size, 1)), steps, -steps]) + np.concatenate([theta, x0])[:, None]
+    y, _ = sys.family(
+        list(rec.u),
+        rec.t,
+        both[theta.size :],
+        rec.intersample,
+        params=np.ascontiguousarray(both[: theta.size]),
+    )
+    up, down = np.split(y[0, 1:], 2)
+    return y[0, 0], (up - down) / (2 * STEP * sizes)[:, None]

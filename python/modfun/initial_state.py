@@ -20,15 +20,9 @@ __all__ = ["find_state", "simulate_fit"]
 
 F64 = NDArray[np.float64]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
-MULTIPLES = (
-    0.0,
-    1.0,
-    -1.0,
-    0.1,
-    -0.1,
-    10.0,
-    -10.0,
-)  # of the outputs' size: first guesses of what is not measured
+# First guesses of what is not measured, in units of the outputs' size.
+MULTIPLES = (0.0, 1.0, -1.0, 0.1, -0.1, 10.0, -10.0)
+ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 ROUNDS = 30
 TOL = 1e-10
@@ -85,8 +79,8 @@ def find_state(model: NonlinearModel, rec: Record) -> tuple[F64, InitialState]:
     if not np.isfinite(cost):
         raise DataError(
             "simulating the fit: the response leaves all bounds within the first "
-            f"{rec.t[lengths[0] - 1] - rec.t[0]:.4g} s from every initial state tried; give initial_state=, or "
-            "look at the fit's parameters"
+            f"{rec.t[lengths[0] - 1] - rec.t[0]:.4g} s from every initial state tried; give "
+            "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
         x, _ = search.refine(x, length, rounds=ROUNDS)

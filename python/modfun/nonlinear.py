@@ -134,6 +134,17 @@ class NonlinearModel:
         rtol: float = 1e-9,
     ) -> F64:
         """`simulate` with the inputs as a list and the output always (output, time)."""
+        return self.trajectory(inputs, grid, x0, intersample, rtol)[0]
+
+    def trajectory(
+        self,
+        inputs: Sequence[Source],
+        grid: F64,
+        x0: ArrayLike | None,
+        intersample: str | Sequence[str],
+        rtol: float = 1e-9,
+    ) -> tuple[F64, F64]:
+        """As `respond`, with the states (state, time)."""
         n = len(self.states)
         start = np.zeros(n) if x0 is None else np.asarray(x0, dtype=np.float64)
         if start.shape != (n,) or not np.all(np.isfinite(start)):
@@ -141,7 +152,8 @@ class NonlinearModel:
                 f"simulating: x0 has shape {start.shape}, the equation has the states "
                 f"{', '.join(self.states) or '(none)'}; give {n} finite numbers"
             )
-        return self.family(inputs, grid, start[:, None], intersample, rtol)[0][:, 0]
+        y, x = self.family(inputs, grid, start[:, None], intersample, rtol)
+        return y[:, 0], x[:, 0]
 
     def family(
         self,
@@ -151,10 +163,12 @@ class NonlinearModel:
         intersample: str | Sequence[str],
         rtol: float = 1e-9,
         length: int | None = None,
+        params: F64 | None = None,
     ) -> tuple[F64, F64]:
         """Responses from several initial states, (state, start), on the same steps.
 
-        `length` ends them after so many samples of the inputs.
+        `length` ends them after so many samples of the inputs; `params`, (parameter, start), gives each
+        parameters of its own (delays aside).
 
         Returns
         -------
@@ -164,6 +178,7 @@ class NonlinearModel:
         """
         form, theta = self.form, list(self.params.values())
         kinds = intersample_kinds(intersample, len(inputs))
+        values: list[Any] = theta if params is None else list(params)
         late = [float(d) for d in form.delays(theta)]
         if any(not (np.isfinite(d) and d >= 0) for d in late):
             raise SpecError(f"simulating: delays are {late} s; a delay is at least 0")
@@ -186,7 +201,7 @@ class NonlinearModel:
         def rate(t: float, x: F64, inside: float, history: History | None) -> F64:
             v, k = external(t, inside, x, history)
             try:
-                found = form.rates(t, x.tolist() if count == 1 else x.reshape(n, count), v, k, theta)
+                found = form.rates(t, x.tolist() if count == 1 else x.reshape(n, count), v, k, values)
                 if count == 1:
                     return np.array(found, dtype=np.float64)
                 out = np.empty((n, count))
@@ -201,15 +216,16 @@ class NonlinearModel:
             rate, starts.ravel(), grid, breaks=[b for one in drives for b in one.breaks],
             delays=[d for _, d in pasts if d > 0], driven=bool(drives or known), rtol=rtol,
         ).reshape(n, count, grid.size)  # fmt: skip
-        return self._measured(grid, x, drives, known, theta), x
+        return self._measured(grid, x, drives, known, params), x
 
-    def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], theta: list[float]) -> F64:
+    def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], params: F64 | None) -> F64:
         times = grid.tolist()
         v: list[Any] = [0.0] * (len(drives) + len(self.form.pasts))
         if self.form.feeds:
             v[: len(drives)] = [np.array([one(t, t) for t in times]) for one in drives]
         k = [np.array([one(t) for t in times]) for one in known]
-        found = self.form.outputs(grid, x, v, k, theta)
+        values = list(self.params.values()) if params is None else list(params[:, :, None])
+        found = self.form.outputs(grid, x, v, k, values)
         y = np.empty((len(self.outputs), *x.shape[1:]))
         for row, value in zip(y, found, strict=True):
             row[:] = value

@@ -14,6 +14,7 @@ from . import _core
 from .errors import DataError, SpecError
 from .lti import LTI
 from .masking import refuse_own_noise
+from .nonlinear import NonlinearModel
 from .propagate import intersample_kinds, respond
 from .records import Record
 from .signals import evaluate, sources
@@ -35,54 +36,83 @@ class Experiment:
 
     Attributes
     ----------
-    system : LTI
+    system : LTI or NonlinearModel
     dt : float
         Sampling interval, s.
     u : ndarray, shape (input, time)
         Input samples.
     y : ndarray, shape (output, time)
-        Response from rest.
+        Response from rest; of equations, which need not rest at zero, from a given state.
     rms : ndarray, shape (output,)
         Root mean square of `y`.
     state_rms : ndarray, shape (states,)
         Root mean square of the states of the response from rest: of a transfer function y, y', …
         (less what the input feeds through to them at once), of a state space its own states.
     free : ndarray, shape (states, output, time)
-        Response to each state at 1 at t = 0, without input.
+        Response to each state at 1 at t = 0, without input; of equations none, (0, output, time).
+    inputs : tuple of Source
+        Inputs as given.
+    kinds : tuple of str
+        What they do between samples.
+    start : ndarray, shape (states,)
+        State at t = 0 of `y`.
     """
 
-    system: LTI
+    system: LTI | NonlinearModel
     dt: float
     u: F64
     y: F64
     rms: F64
     state_rms: F64
     free: F64
+    inputs: tuple[Any, ...]
+    kinds: tuple[str, ...]
+    start: F64
+
+    def response(self, state: F64) -> F64:
+        """Noise-free outputs from another state at t = 0."""
+        if isinstance(self.system, LTI):
+            return np.asarray(self.y + np.tensordot(state, self.free, axes=1))
+        grid: F64 = np.arange(float(self.y.shape[1])) * self.dt
+        return self.system.respond(self.inputs, grid, state, self.kinds)
 
 
 def experiment(
-    sys: LTI,
+    sys: LTI | NonlinearModel,
     *,
-    input: Any,
+    input: Any = None,
     duration: float,
     intervals: int,
     intersample: str | Sequence[str] = "smooth",
+    start: ArrayLike | None = None,
 ) -> Experiment:
-    """Noise-free response from rest to an input, exact; arguments as in `simulate`."""
-    if not isinstance(sys, LTI):
+    """Noise-free response from rest to an input; arguments as in `simulate`.
+
+    `start` is the state from which the response of equations is taken.
+    """
+    if not isinstance(sys, LTI | NonlinearModel):
         raise SpecError(
-            f"simulate: the system is a {type(sys).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D) "
-            "or fit.model"
+            f"simulate: the system is a {type(sys).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
+            "mf.Equation(...).model({name: value}) or fit.model"
         )
     if not (_is_number(duration) and duration > 0):
         raise SpecError(f"simulate: duration={duration!r} must be a time in seconds above 0")
     if not isinstance(intervals, int | np.integer) or intervals < 1:
         raise SpecError(f"simulate: intervals={intervals!r} must be a whole number of at least 1 (N)")
     dt, count = float(duration) / int(intervals), int(intervals)
-    given = sources(input, sys.shape[1])
+    given = sources([] if input is None else input, 0 if input is None else sys.shape[1])
+    if len(given) != sys.shape[1]:
+        raise SpecError(f"simulate: the system has {sys.shape[1]} input(s); give input=, one signal an input")
     kinds = intersample_kinds(intersample, len(given))
-    t = np.arange(count + 1) * dt
-    u = np.ascontiguousarray([evaluate(source, t) for source in given])
+    t: F64 = np.arange(count + 1.0) * dt
+    u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
+    held = (tuple(given), kinds)
+    if isinstance(sys, NonlinearModel):
+        state = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
+        y, x = sys.trajectory(given, t, state, kinds)
+        size = np.sqrt(np.mean(x**2, axis=1))
+        none = np.zeros((0, *y.shape))
+        return Experiment(sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, *held, state)
     y = sys.respond(given, dt, count, None, kinds)
     a, b, _, _, scale = sys.scaled()
     n = scale.size
@@ -102,13 +132,16 @@ def experiment(
         rms=np.sqrt(np.mean(y**2, axis=1)),
         state_rms=np.sqrt(np.mean(states**2, axis=1)),
         free=np.array(free).reshape(n, *y.shape),
+        inputs=held[0],
+        kinds=kinds,
+        start=np.zeros(n),
     )
 
 
 def simulate(
-    sys: LTI,
+    sys: LTI | NonlinearModel,
     *,
-    input: Any,
+    input: Any = None,
     duration: float,
     intervals: int,
     nsr: float = 0.0,
@@ -119,26 +152,27 @@ def simulate(
     outputs: Sequence[str] | None = None,
     inputs: Sequence[str] | None = None,
 ) -> Record:
-    """A simulated record: the exact response, with white noise on the output if asked for.
+    """A simulated record: the response, exact of linear systems, with white noise on the output if asked for.
 
     Parameters
     ----------
-    sys : LTI
+    sys : LTI or NonlinearModel
         The system.
-    input : str, array_like, callable, or a list of these
+    input : str, array_like, callable, or a list of these, optional
         Input, one an input of the system: text such as ``"sin(t**2/5)"``, a function of t, or intervals
         + 1 samples. Seen through a delay before t = 0, text and functions are evaluated at negative
-        times, samples hold their first value.
+        times, samples hold their first value. None for a system without inputs.
     duration : float
         Length T of the record, s.
     intervals : int
         Number of sampling intervals N; the record has N + 1 samples.
     nsr : float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
-        output by output.
+        output by output; of equations, which need not rest at zero, the response from `initial_state`.
     initial_state : "zero", "random" or array_like, default "zero"
         State at t = 0. "random": normal, each state with the root mean square that it has in the
-        response from rest. An array: the states, of a transfer function y, y', … of the free response.
+        response from rest. An array: the states, of a transfer function y, y', … of the free response, of
+        equations in the order of `NonlinearModel.states`.
     intersample : {"smooth", "zoh", "foh"} or a sequence of them
         What the input does between its samples; text and functions taken as smooth are exact.
     seed, replicate : int
@@ -170,9 +204,13 @@ def simulate(
     for name, value in (("seed", seed), ("replicate", replicate)):
         if not isinstance(value, int | np.integer) or value < 0:
             raise SpecError(f"simulate: {name}={value!r} must be a whole number of at least 0")
-    found = experiment(sys, input=input, duration=duration, intervals=intervals, intersample=intersample)
+    fixed = None if isinstance(initial_state, str) else initial_state
+    found = experiment(
+        sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
+    )
     state = _initial_state(initial_state, found, seed, replicate)
-    y = found.y + np.tensordot(state, found.free, axes=1)
+    still = isinstance(sys, NonlinearModel) and initial_state != "random"
+    y = found.y if still else found.response(state)
     if nsr > 0:
         if not np.all(found.rms > 0):
             raise DataError(
@@ -184,11 +222,11 @@ def simulate(
         )
     return Record(
         y=y,
-        u=found.u,
+        u=found.u if len(found.u) else None,
         dt=found.dt,
-        outputs=outputs,
-        inputs=inputs,
-        intersample=list(intersample_kinds(intersample, found.u.shape[0])),
+        outputs=getattr(sys, "outputs", None) if outputs is None else outputs,
+        inputs=getattr(sys, "inputs", None) if inputs is None else inputs,
+        intersample=list(found.kinds),
     )
 
 

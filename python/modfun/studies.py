@@ -50,7 +50,7 @@ class MonteCarlo:
 
     Parameters
     ----------
-    system : LTI or dict of name to LTI
+    system : LTI or NonlinearModel, or dict of name to these
         A dict is an axis of the study with names, here and below.
     input : str, array_like, callable, list of these, or dict of name to any of these
         One signal an input of the system: text such as ``"sin(t**2/5)"``, intervals + 1 samples, or a
@@ -60,14 +60,16 @@ class MonteCarlo:
     intervals : int
         Number of sampling intervals N; a record has N + 1 samples.
     nsr : float or list of float, default 0
-        Standard deviation of the noise over the root mean square of the noise-free response from rest.
+        Standard deviation of the noise over the root mean square of the noise-free response from rest; of
+        equations, which need not rest at zero, the response from an `initial_state` given in numbers.
     noise : "white" or callable
         What the noise is. ``noise(rng, y, dt)`` returns noise of unit standard deviation for each sample of
         the noise-free output y, shape (time,); it is multiplied by nsr and the root mean square of the
         response from rest, not scaled otherwise, and serves all noise levels.
     initial_state : {"zero", "random"}, array_like, callable, or dict of name to these
         "random": normal in each replicate, each state with the root mean square it has in the response
-        from rest. An array: the states, of a transfer function y, y', … of the free response. A function:
+        from rest. An array: the states, of a transfer function y, y', … of the free response, of equations
+        in the order of `NonlinearModel.states`. A function:
         ``initial_state(rng)`` returns such an array.
     generate : callable
         Instead of all the above: ``generate(cell, rng)`` returns the Record of a replicate in a cell of
@@ -85,7 +87,7 @@ class MonteCarlo:
     metrics : dict of str to callable, optional
         ``metric(fit, record)`` returns a number that is summed up in `Results.metrics`; fit is a Fit, or
         what a function of yours returned. Every fit is then made in Python, at tens of microseconds.
-    model : TransferFunction, optional
+    model : TransferFunction, Equation or StateSpace, optional
         Structure fitted by method names and expected of functions; default: the system's own.
     replicates : int, default 200
         Records a cell.
@@ -293,6 +295,8 @@ def _simulated(
 ) -> tuple[tuple[Axis, ...], tuple[Group, ...]]:  # fmt: skip
     """Axes and groups of a study of systems."""
     needed = {"system": system, "input": input, "duration": duration, "intervals": intervals}
+    if not _driven(system):
+        del needed["input"]
     missing = [f"{name}=" for name, value in needed.items() if value is None]
     if missing:
         raise SpecError(
@@ -315,6 +319,12 @@ def _simulated(
         intersample="smooth" if intersample is None else intersample,
     )  # fmt: skip
     return (systems, inputs, states, nsrs), found
+
+
+def _driven(system: Any) -> bool:
+    """Whether a system has inputs (True for what is no system)."""
+    each = list(system.values()) if isinstance(system, Mapping) else [system]
+    return any(getattr(one, "shape", (1, 1))[-1] for one in each)
 
 
 def _known_names(truth: Any, made: Sequence[Contender]) -> None:

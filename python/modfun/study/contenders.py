@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..callables import source
-from ..errors import SpecError
+from ..errors import ModfunWarning, SpecError
 from ..estimation import Estimator
 from ..layout import Layout
+from ..lti import LTI
 from ..noise import weighting
 from ..options import WORDS, Options
 from ..prepared import joint_words, plain_words, prepare, spans
@@ -39,7 +41,7 @@ class Contender:
         A user's estimator; None for one that runs in the compiled core.
     estimators : tuple of Estimator
         One a group, with the band settled; empty for a user's estimator.
-    structures : tuple of TransferFunction or None
+    structures : tuple of TransferFunction, Equation, StateSpace or None
         What is fitted, one a group; None: a function without a structure.
     params : tuple of tuple of str
         Names of the parameters, one a group.
@@ -50,7 +52,7 @@ class Contender:
     name: str
     call: Rule | None
     estimators: tuple[Estimator, ...]
-    structures: tuple[TransferFunction | None, ...]
+    structures: tuple[Any, ...]
     params: tuple[tuple[str, ...], ...]
     truth: tuple[F64, ...]
 
@@ -90,7 +92,7 @@ class Contender:
 def contenders(
     given: Any,
     options: Mapping[str, Any],
-    model: TransferFunction | None,
+    model: Any,
     found: Sequence[Group | Generated],
     firsts: Sequence[Record],
 ) -> tuple[Contender, ...]:
@@ -122,10 +124,10 @@ def contenders(
             f"MonteCarlo: {', '.join(options)} would apply to method names, and there are none; write the "
             "options into mf.Estimator(structure, …)"
         )
-    if model is not None and not isinstance(model, TransferFunction):
+    if model is not None and not hasattr(model, "param_names"):
         raise SpecError(
             f"MonteCarlo: model is a {type(model).__name__}; give a structure, "
-            "TransferFunction(poles=, zeros=)"
+            "TransferFunction(poles=, zeros=) or mf.Equation(...)"
         )
     structures = tuple(_structure(g, model) for g in found)
     made = []
@@ -136,8 +138,8 @@ def contenders(
             checked = Options.checked("MonteCarlo", **{**options, "method": value})
             if None in structures:
                 raise SpecError(
-                    f"MonteCarlo: the method {value!r} needs a structure, and generate= has no system to "
-                    "take it from; give model=mf.TransferFunction(poles=, zeros=)"
+                    f"MonteCarlo: the method {value!r} needs a structure, and there is no system to take it "
+                    "from; give model=mf.TransferFunction(poles=, zeros=) or mf.Equation(...)"
                 )
             own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
         elif isinstance(value, Estimator):
@@ -155,20 +157,23 @@ def contenders(
     return tuple(made)
 
 
-def _structure(group: Group | Generated, model: TransferFunction | None) -> TransferFunction | None:
-    return TransferFunction.from_system(group.system) if model is None and isinstance(group, Group) else model
+def _structure(group: Group | Generated, model: Any) -> Any:
+    if model is not None or not isinstance(group, Group):
+        return model
+    system = group.system
+    return TransferFunction.from_system(system) if isinstance(system, LTI) else system.structure
 
 
 def _contender(
     name: str,
     call: Rule | None,
     estimators: tuple[Estimator, ...],
-    structures: tuple[TransferFunction | None, ...],
+    structures: tuple[Any, ...],
     found: Sequence[Group | Generated],
 ) -> Contender:
     params = []
     for structure, g in zip(structures, found, strict=True):
-        if isinstance(g, Generated) and structure is None and not g.known:
+        if structure is None and not (isinstance(g, Generated) and g.known):
             raise SpecError(
                 f"MonteCarlo: nothing says which parameters the estimator {name!r} returns; give "
                 "truth={'name': value}, nan where it is not known, or model="
@@ -181,6 +186,8 @@ def _contender(
 def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
     """The estimator with its band chosen on a record of the group, if none was given."""
     options = own.options
+    if not isinstance(own.model, TransferFunction):
+        return _settled_equation(own, group, rec)
     layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
     if options.band is not None or options.harmonics is not None:
         return own
@@ -191,3 +198,16 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
         return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
+
+
+def _settled_equation(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
+    """As `_settled`, for equations: by a fit of the record."""
+    model: Any = own.model
+    model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
+    if own.options.band is not None or own.options.harmonics is not None:
+        return own
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModfunWarning)
+        fit = own(rec)
+    chosen = {"harmonics": fit.harmonics} if isinstance(group, Group) else {"band": fit.band}
+    return Estimator(own.model, **own.options.replace(**chosen).given())

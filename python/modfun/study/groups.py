@@ -13,6 +13,7 @@ from .. import _core
 from ..callables import source
 from ..errors import DataError, SpecError
 from ..lti import LTI
+from ..nonlinear import NonlinearModel
 from ..records import Record
 from ..simulation import Experiment, experiment
 from ..structures import TransferFunction
@@ -32,7 +33,7 @@ class Group:
     ----------
     index : int
         Address of the noise.
-    system : LTI
+    system : LTI or NonlinearModel
     rest : Experiment
         Response from rest and what noise and random states are scaled by.
     y : ndarray, shape (output, time)
@@ -42,33 +43,40 @@ class Group:
     intersample : tuple of str
     state, noise : callable or None
         Functions of the user that draw the initial state and the noise.
+    drawn : bool
+        Whether equations are integrated from a random state in each replicate.
     """
 
     index: int
-    system: LTI
+    system: LTI | NonlinearModel
     rest: Experiment
     y: F64
     free: F64
     intersample: tuple[str, ...]
     state: Callable[..., Any] | None = None
     noise: Callable[..., Any] | None = None
+    drawn: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
+        if isinstance(self.system, NonlinearModel):
+            return self.system.inputs
         count = self.system.shape[1]
         return ("u",) if count == 1 else tuple(f"u{k}" for k in range(1, count + 1))
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
+        if isinstance(self.system, NonlinearModel):
+            return self.system.outputs
         count = self.system.shape[0]
         return ("y",) if count == 1 else tuple(f"y{k}" for k in range(1, count + 1))
 
     @property
     def made(self) -> bool:
-        """Whether functions of the user make its records, so that the core cannot."""
-        return self.state is not None or self.noise is not None
+        """Whether Python makes its records, functions of the user or the integration of equations."""
+        return self.state is not None or self.noise is not None or self.drawn
 
     @property
     def scale(self) -> float:
@@ -80,14 +88,19 @@ class Group:
         """Unit of the noise of each output: nsr refers to the root mean square of the response from rest."""
         return np.ones(1) if len(self.y) == 1 else self.rest.rms
 
-    def names(self, structure: TransferFunction | None) -> tuple[str, ...]:
+    def names(self, structure: Any) -> tuple[str, ...]:
         """Names of a structure's parameters."""
-        assert structure is not None
-        return structure.param_names(self.inputs, self.outputs)
+        return tuple(structure.param_names(self.inputs, self.outputs))
 
-    def truth(self, structure: TransferFunction | None) -> F64:
-        """True parameters of a structure; nan where it does not hold the system."""
-        assert structure is not None
+    def truth(self, structure: Any) -> F64:
+        """True parameters of a structure; nan where it does not hold the system.
+
+        Those of equations go by their names.
+        """
+        if isinstance(self.system, NonlinearModel) or not isinstance(structure, TransferFunction):
+            alike = isinstance(self.system, NonlinearModel) and not isinstance(structure, TransferFunction)
+            values = self.system.params if alike else {}  # type: ignore[union-attr]
+            return np.array([values.get(name, np.nan) for name in self.names(structure)])
         try:
             return structure.theta(self.system)
         except SpecError:
@@ -97,7 +110,12 @@ class Group:
     def record(self, y: F64) -> Record:
         """A record with this group's input."""
         return Record(
-            y=y, u=self.rest.u, dt=self.rest.dt, outputs=self.outputs, intersample=list(self.intersample)
+            y=y,
+            u=self.rest.u if len(self.rest.u) else None,
+            dt=self.rest.dt,
+            outputs=self.outputs,
+            inputs=self.inputs,
+            intersample=list(self.intersample),
         )
 
     def records(self, seed: int, replicate: int, sigma: Sequence[float]) -> list[Record]:
@@ -114,7 +132,10 @@ class Group:
             drawn = attempt("initial_state", self.state, rng)
             shape = self.rest.state_rms.shape
             start = series(drawn, "initial_state", shape, "the states at t = 0")
-            y = y + np.tensordot(start, self.rest.free, 1)
+            y = attempt("response", self.rest.response, start)
+        elif self.drawn:
+            z = _core.normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
+            y = attempt("response", self.rest.response, z * self.rest.state_rms)
         elif len(self.free):
             z = _core.normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
             y = y + np.tensordot(z, self.free, 1)
@@ -139,7 +160,8 @@ class Group:
         """All that its records depend on, noise levels aside."""
         calls = {name: source(call) for name, call in self.functions.items()}
         arrays = [self.y, self.rest.u, self.free] + ([self.rest.free] if self.state is not None else [])
-        return [[self.index, self.rest.dt, self.intersample, calls], *arrays]
+        own = [] if isinstance(self.system, LTI) else [repr(self.system)]
+        return [[self.index, self.rest.dt, self.intersample, calls, *own], *arrays]
 
 
 def groups(
@@ -156,34 +178,42 @@ def groups(
     """Simulate every combination of system, input and initial state, each once."""
     found: list[Group] = []
     for system in systems:
-        if not isinstance(system, LTI):
+        if not isinstance(system, LTI | NonlinearModel):
             raise SpecError(
                 f"MonteCarlo: system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
-                "fit.model, or a dict of them (an axis with names)"
+                "mf.Equation(...).model({name: value}), fit.model, or a dict of them (an axis with names)"
             )
+        linear = isinstance(system, LTI)
         for given in inputs:
-            rest = experiment(
-                system, input=given, duration=duration, intervals=intervals, intersample=intersample
-            )
-            if not np.all(rest.rms > 0) and any(nsr.labels):
-                raise DataError(
-                    "MonteCarlo: the response from rest of an output is zero, so that nsr, noise "
-                    "relative to it, says nothing; give an input that moves the output"
-                )
-            kinds = (intersample,) * len(rest.u) if isinstance(intersample, str) else tuple(intersample)
+            rest: Experiment | None = None
             for state in states:
-                drawn = state if callable(state) else None
+                if rest is None or not linear:
+                    start = None if linear or callable(state) or isinstance(state, str) else state
+                    rest = experiment(
+                        system,
+                        input=given,
+                        duration=duration,
+                        intervals=intervals,
+                        intersample=intersample,
+                        start=start,
+                    )
+                if not np.all(rest.rms > 0) and any(nsr.labels):
+                    raise DataError(
+                        "MonteCarlo: the response from rest of an output is zero, so that nsr, noise "
+                        "relative to it, says nothing; give an input that moves the output"
+                    )
                 fixed, free = _state("zero" if callable(state) else state, rest)
                 found.append(
                     Group(
                         index=len(found),
                         system=system,
                         rest=rest,
-                        intersample=kinds,
+                        intersample=rest.kinds,
                         free=free,
-                        y=np.ascontiguousarray(rest.y + np.tensordot(fixed, rest.free, 1)),
-                        state=drawn,
+                        y=np.ascontiguousarray(rest.response(fixed) if linear else rest.y),
+                        state=state if callable(state) else None,
                         noise=noise,
+                        drawn=not linear and isinstance(state, str) and state == "random",
                     )
                 )
     return tuple(found)
@@ -197,7 +227,8 @@ def _state(given: Any, rest: Experiment) -> tuple[F64, F64]:
         if given == "zero":
             return np.zeros(n), none
         if given == "random":
-            return np.zeros(n), np.ascontiguousarray(rest.state_rms[:, None, None] * rest.free)
+            free = np.ascontiguousarray(rest.state_rms[: len(rest.free), None, None] * rest.free)
+            return np.zeros(n), free
         raise SpecError(
             f"MonteCarlo: initial_state={given!r} is unknown; give 'zero', 'random', {n} numbers or a "
             "function of rng"

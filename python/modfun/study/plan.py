@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Record
+from ..structures import TransferFunction
 from .axes import Axis
 from .contenders import Contender
 from .generated import Generated
@@ -48,10 +49,13 @@ class Plan:
     def made(self) -> bool:
         """Whether records or fits are needed in Python, so that no estimator can run in the core's study.
 
-        Noise levels for errors in variables are told by the records themselves.
+        Noise levels for errors in variables are told by the records themselves; equations are fitted in
+        batches.
         """
         seen = any(
-            own.options.noise == "errors-in-variables" for c in self.contenders for own in c.estimators
+            own.options.noise == "errors-in-variables" or not isinstance(own.model, TransferFunction)
+            for c in self.contenders
+            for own in c.estimators
         )
         return bool(self.metrics) or seen or any(g.made for g in self.groups)
 

@@ -15,9 +15,11 @@ from .. import plot
 from ..bounds import crlb
 from ..errors import DataError, SpecError
 from ..extras import optional
+from ..lti import LTI
 from ..records import Record
 from ..tables import Table
 from .axes import Axis
+from .contenders import Contender
 from .groups import Group
 from .metrics import Metric, Metrics
 from .plan import Plan
@@ -146,7 +148,8 @@ class Results:
         """Cramér–Rao bound as standard deviations, (cell…, estimator, parameter).
 
         With the initial state (and the estimator's trend) unknown, from all samples; nan where the
-        structure does not hold the system, or the records are the user's. No estimator need reach it in a
+        structure does not hold the system, the initial state of equations is drawn, or the records are the
+        user's. No estimator need reach it in a
         narrow band, and a biased one may pass it.
         """
         plan = self._plan
@@ -160,9 +163,7 @@ class Results:
                 key = (g.index, c.structures[g.index], c.trend)
                 if key not in known:
                     try:
-                        known[key] = crlb(
-                            g.system, rec, sigma=1.0, trend=c.trend, model=c.structures[g.index]
-                        ).sd
+                        known[key] = _bound(g, c, rec)
                     except (SpecError, DataError):
                         known[key] = np.full(len(c.names(g)), np.nan)
                 array[g.index, :, k, plan.columns(c, g)] = known[key][:, None] * plan.sigma(g)
@@ -329,6 +330,16 @@ class Results:
 
     def _shown(self) -> Table:
         return self.relative() if np.any(np.isfinite(self.truth)) else self.table()
+
+
+def _bound(group: Group, contender: Contender, rec: Record) -> F64:
+    """Cramér–Rao bound for noise of unit standard deviation."""
+    structure, system = contender.structures[group.index], group.system
+    if isinstance(system, LTI):
+        return crlb(system, rec, sigma=1.0, trend=contender.trend, model=structure).sd
+    if structure != system.structure or group.drawn or group.state is not None:
+        raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
+    return crlb(system, rec, sigma=1.0, trend=contender.trend, start=group.rest.start).sd
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:
