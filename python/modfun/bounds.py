@@ -207,7 +207,8 @@ def _differences(sys: NonlinearModel, rec: Record, start: ArrayLike | None) -> t
     """Response of equations, and its derivatives to parameters and initial state, by central differences."""
     x0 = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
     theta = np.array(list(sys.params.values()))
-    if any(d.delay.free_symbols for d in (*sys.form.drives, *sys.form.pasts)):
+    delays = [d.delay for d in sys.form.drives] + [d.delay for d in sys.form.pasts]
+    if any(delay.free_symbols for delay in delays):
         raise SpecError("crlb: a delay among the parameters of an equation has no bound here; hold it")
     sizes = np.concatenate([np.where(theta != 0, np.abs(theta), 1.0), np.maximum(np.abs(x0), 1e-2)])
     steps = np.diag(STEP * sizes)

@@ -21,6 +21,7 @@ from .symbolic.parser import CONSTANTS, FUNCTIONS, Text, equation
 from .tables import Table, nearest
 
 if TYPE_CHECKING:
+    from .nonlinear import NonlinearModel
     from .symbolic.compiled import Compiled
 
 __all__ = ["Equation", "Explanation"]
@@ -210,6 +211,22 @@ class Equation:
             Names of a record's channels, which change nothing here.
         """
         return self.compiled(outputs, inputs).parameters
+
+    def model(self, params: Mapping[str, float]) -> NonlinearModel:
+        """The equations with numbers: a system to simulate.
+
+        Parameters
+        ----------
+        params : mapping of str to float
+            A value for each of `param_names()`.
+
+        Returns
+        -------
+        NonlinearModel
+        """
+        from .nonlinear import model_of
+
+        return model_of(self.compiled(), params, self)
 
     def terms(self) -> Table:
         """The terms coefficient · operator [signal] that are fitted, p = d/dt; their sum vanishes."""

@@ -121,7 +121,7 @@ class NonlinearModel:
         DataError
             The response leaves all bounds; the text says when.
         """
-        given = [] if u is None and not self.inputs else sources([] if u is None else u, len(self.inputs))
+        given = sources(u, len(self.inputs))
         y = self.respond(given, _grid(dt, t, given, intervals), x0, intersample, rtol)
         return y[0] if len(self.outputs) == 1 else y
 

@@ -158,9 +158,12 @@ def expression(text: str, names: Sequence[str]) -> Callable[[Mapping[str, float]
 
 
 def sources(given: Any, inputs: int) -> list[Source]:
-    """One source an input, from what a user may give: one source, a sequence of them, a 2-D array."""
-    if isinstance(given, str) or callable(given):
-        found: list[Source] = [given]
+    """One source an input, from what a user may give: one source, a sequence, a 2-D array, None for none."""
+    found: list[Source]
+    if given is None:
+        found = []
+    elif isinstance(given, str) or callable(given):
+        found = [given]
     elif isinstance(given, list | tuple) and any(not is_samples(s) or np.ndim(s) for s in given):
         found = list(given)  # signals, not the samples of one
     else:

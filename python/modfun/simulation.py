@@ -100,9 +100,7 @@ def experiment(
     if not isinstance(intervals, int | np.integer) or intervals < 1:
         raise SpecError(f"simulate: intervals={intervals!r} must be a whole number of at least 1 (N)")
     dt, count = float(duration) / int(intervals), int(intervals)
-    given = sources([] if input is None else input, 0 if input is None else sys.shape[1])
-    if len(given) != sys.shape[1]:
-        raise SpecError(f"simulate: the system has {sys.shape[1]} input(s); give input=, one signal an input")
+    given = sources(input, sys.shape[1])
     kinds = intersample_kinds(intersample, len(given))
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
