@@ -24,6 +24,7 @@ from .resampling import bootstrap
 from .response import FrequencyResponse
 from .results import Fit
 from .simulation import coefficients, regressors, simulate
+from .statespace import StateSpace
 from .storage import load
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
@@ -53,6 +54,7 @@ __all__ = [
     "Record",
     "Results",
     "SpecError",
+    "StateSpace",
     "Table",
     "TransferFunction",
     "__version__",

@@ -4,34 +4,38 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import html
+from .callables import address, at
 from .errors import SpecError
-from .extras import optional
 from .free import Free
-from .symbolic.known import Samples
-from .symbolic.parser import CONSTANTS, FUNCTIONS, Text, equation
-from .tables import Table, nearest
+from .symbolic.parser import Text, equation
+from .tables import nearest
+from .written import (
+    RESERVED,
+    Written,
+    channel_names,
+    free_from_dict,
+    free_to_dict,
+    outputs_left,
+    parameters_given,
+)
 
 if TYPE_CHECKING:
     from .nonlinear import NonlinearModel
     from .symbolic.compiled import Compiled
 
-__all__ = ["Equation", "Explanation"]
+__all__ = ["Equation"]
 
 Basis = str | Callable[[Any], ArrayLike] | ArrayLike
-_RESERVED = ("t", "D", *CONSTANTS, *FUNCTIONS)
 _OUTPUT, _INPUT = re.compile(r"y\d*"), re.compile(r"u\d*")
 
 
-class Equation:
+class Equation(Written):
     """Differential equations as text, linear or not, one or several that share parameters.
 
     Parameters
@@ -67,16 +71,12 @@ class Equation:
     ('de',)
     """
 
-    __slots__ = ("__dict__",)
+    __slots__ = ()
 
     texts: tuple[str, ...]
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
     hidden: tuple[str, ...]
     varying: tuple[tuple[str, tuple[Any, ...]], ...]
-    params: tuple[tuple[str, float | Free], ...]
     parsed: tuple[Text, ...]
-    all_parameters: tuple[str, ...]
 
     def __init__(
         self,
@@ -96,9 +96,12 @@ class Equation:
             for k, one in enumerate(texts, 1)
         )
         nodes = [node for one in parsed for node in one.tree.walk() if node.kind == "name"]
-        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in _RESERVED))
+        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in RESERVED))
         coefficients = _varying(varying)
-        given = [_names("outputs", outputs), _names("inputs", inputs), _names("hidden", hidden)]
+        given = [
+            None if names is None else channel_names("Equation", what, names)
+            for what, names in (("outputs", outputs), ("inputs", inputs), ("hidden", hidden))
+        ]
         for k, (what, default) in enumerate((("outputs", _OUTPUT), ("inputs", _INPUT))):
             if given[k] is None:
                 taken = {name for other in given if other is not None for name in other}
@@ -112,7 +115,7 @@ class Equation:
         unmeasured = list(given[2] or ())
         for node in nodes:
             name = str(node.value)
-            if node.primes and name not in (*measured, *unmeasured, *coefficients, *_RESERVED):
+            if node.primes and name not in (*measured, *unmeasured, *coefficients, *RESERVED):
                 unmeasured.append(name)
         if not given[0]:
             guess = f"outputs=[{unmeasured[0]!r}]" if unmeasured else "outputs=[...]"
@@ -144,73 +147,33 @@ class Equation:
             inputs=given[1],
             hidden=tuple(unmeasured),
             varying=tuple(coefficients.items()),
-            params=_params(params, list(own)),
+            params=parameters_given(params, list(own), "Equation"),
             parsed=parsed,
             all_parameters=tuple(own),
         )
 
-    def compiled(self, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None) -> Compiled:
-        """Terms for the channels of a record.
+    def without(self, *names: str) -> Equation:
+        """The same equations with outputs that are not measured: they are eliminated.
 
         Parameters
         ----------
-        outputs, inputs : sequence of str, optional
-            Names of the record's channels; default: the equation's own. Inputs that the equation does not use
-            are ignored.
-
-        Returns
-        -------
-        Compiled
+        *names : str
+            Outputs to do without, because they are too noisy or were not recorded.
 
         Raises
         ------
         SpecError
-            An equation outside the class, signals that the record has not, outputs that the equation has not.
-        ImportError
-            Without SymPy (extra ``symbolic``).
+            Names that are no outputs, or no output left.
         """
-        optional("sympy", "symbolic", "Equation")
-        compiled = _compiled(self)
-        have = self.outputs if outputs is None else tuple(outputs)
-        known = self.inputs if inputs is None else tuple(inputs)
-        self._match(have, known)
-        return replace(compiled, outputs=have, inputs=known)
-
-    def _match(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
-        for what, own, have, other in (
-            ("outputs", self.outputs, outputs, inputs),
-            ("inputs", self.inputs, inputs, outputs),
-        ):
-            for name in own:
-                if name in have:
-                    continue
-                if name in other:
-                    raise SpecError(
-                        f"Equation: {name!r} is among the {what} of the equation and not of the record; the "
-                        f"record has outputs {list(outputs)} and inputs {list(inputs)}"
-                    )
-                cure = f"{what}={list(have)}" if have else f"a record with {what}"
-                raise SpecError(
-                    f"Equation: the equation has the {what[:-1]} {name!r}, the record has {what} "
-                    f"{list(have)}; write the equation in the record's names, with {cure}"
-                )
-        if extra := [name for name in outputs if name not in self.outputs]:
-            raise SpecError(
-                f"Equation: the record's output {extra[0]!r} stands in no equation; take "
-                f"rec.select(outputs={list(self.outputs)})"
-            )
-
-    def param_names(
-        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
-    ) -> tuple[str, ...]:
-        """Names of the parameters, in the order of their first appearance; what is held is none.
-
-        Parameters
-        ----------
-        inputs, outputs : sequence of str, optional
-            Names of a record's channels, which change nothing here.
-        """
-        return self.compiled(outputs, inputs).parameters
+        left = outputs_left(self, names)
+        return Equation(
+            self.texts,
+            outputs=left,
+            inputs=self.inputs,
+            hidden=(*self.hidden, *names),
+            varying=dict(self.varying),
+            params=dict(self.params),
+        )
 
     def model(self, params: Mapping[str, float]) -> NonlinearModel:
         """The equations with numbers: a system to simulate.
@@ -228,38 +191,51 @@ class Equation:
 
         return model_of(self.compiled(), params, self)
 
-    def terms(self) -> Table:
-        """The terms coefficient · operator [signal] that are fitted, p = d/dt; their sum vanishes."""
-        from .symbolic.words import operator, said
+    def to_dict(self) -> dict[str, Any]:
+        """The model as plain Python values, for `from_dict`.
 
-        terms = self.compiled().terms
-        columns: dict[str, list[Any]] = {
-            "equation": [t.equation + 1 for t in terms],
-            "coefficient": [said(t.coefficient) for t in terms],
-            "operator": [operator(t.order) for t in terms],
-            "signal": [said(t.signal) for t in terms],
+        Raises
+        ------
+        SpecError
+            A callable among the varying coefficients that cannot be imported by its name.
+        """
+        return {
+            "text": list(self.texts),
+            "outputs": list(self.outputs),
+            "inputs": list(self.inputs),
+            "hidden": list(self.hidden),
+            "varying": {name: [_basis_to_dict(name, one) for one in basis] for name, basis in self.varying},
+            "params": free_to_dict(self.params),
         }
-        if any(t.factor is not None for t in terms):
-            columns["times"] = ["" if t.factor is None else said(t.factor) for t in terms]
-        return Table(columns)
 
-    def explain(self) -> Explanation:
-        """What the compiler made of the equations, and why, in words."""
-        from .symbolic.words import told
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Equation:
+        """The model from what `to_dict` gave.
 
-        return Explanation(self.texts, told(self.compiled()))
+        Parameters
+        ----------
+        values : mapping
+        """
+        varying = {
+            name: [_basis_from_dict(one) for one in basis] for name, basis in values["varying"].items()
+        }
+        return cls(
+            values["text"],
+            outputs=values["outputs"],
+            inputs=values["inputs"],
+            hidden=values["hidden"],
+            varying=varying,
+            params=free_from_dict(values["params"]),
+        )
 
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError("an Equation cannot be changed")
+    def _compiled(self) -> Compiled:
+        return _compiled(self)
+
+    def _title(self) -> tuple[str, ...]:
+        return self.texts
 
     def _state(self) -> tuple[Any, ...]:
         return self.texts, self.outputs, self.inputs, self.hidden, self.varying, self.params
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Equation) and self._state() == other._state()
-
-    def __hash__(self) -> int:
-        return hash(self._state())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _made, self._state()
@@ -274,31 +250,6 @@ class Equation:
         if self.params:
             words.append(f"params={dict(self.params)}")
         return f"Equation({', '.join(words)})"
-
-
-class Explanation:
-    """Sentences about a model; prints as text, shows as HTML in a notebook.
-
-    Attributes
-    ----------
-    title : tuple of str
-        The equations.
-    sentences : tuple of str
-    """
-
-    __slots__ = ("sentences", "title")
-
-    def __init__(self, title: Iterable[str], sentences: Iterable[str]) -> None:
-        self.title, self.sentences = tuple(title), tuple(sentences)
-
-    def __str__(self) -> str:
-        return "\n".join([*(f"    {one}" for one in self.title), *(f"* {one}" for one in self.sentences)])
-
-    def __repr__(self) -> str:
-        return str(self)
-
-    def _repr_html_(self) -> str:
-        return html.listing(self.sentences, title="; ".join(self.title))
 
 
 @lru_cache(128)
@@ -322,22 +273,11 @@ def _made(
     )
 
 
-def _names(what: str, given: Any) -> tuple[str, ...] | None:
-    if given is None:
-        return None
-    names = (given,) if isinstance(given, str) else tuple(given)
-    for name in names:
-        if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in _RESERVED:
-            raise SpecError(
-                f"Equation: {what}= has {name!r}, which cannot be a signal's name: take letters, digits "
-                f"and _, and none of {', '.join(_RESERVED[:4])} and the functions"
-            )
-    return names
-
-
 def _varying(given: Any) -> dict[str, tuple[Any, ...]]:
     if given is None:
         return {}
+    from .symbolic.known import Samples
+
     if not isinstance(given, Mapping):
         raise SpecError(
             'Equation: varying= must map names to functions of time, as {"c": ["1", "t", "t**2"]}'
@@ -347,7 +287,7 @@ def _varying(given: Any) -> dict[str, tuple[Any, ...]]:
         what = f"Equation: varying[{name!r}]"
         if isinstance(basis, str) or callable(basis) or not isinstance(basis, Iterable) or not list(basis):
             raise SpecError(f'{what} must be a list of functions of time, as ["1", "t", "t**2"]')
-        _names("varying", [name])
+        channel_names("Equation", "varying", [name])
         found[str(name)] = tuple(
             one
             if isinstance(one, str) or callable(one)
@@ -359,21 +299,21 @@ def _varying(given: Any) -> dict[str, tuple[Any, ...]]:
     return found
 
 
-def _params(given: Any, names: Sequence[str]) -> tuple[tuple[str, float | Free], ...]:
-    if given is None:
-        return ()
-    if not isinstance(given, Mapping):
-        raise SpecError(f'Equation: params={given!r} must map names to values, as {{"a": 0.5}}')
-    found: list[tuple[str, float | Free]] = []
-    for name, value in given.items():
-        if name not in names:
-            raise SpecError(f"Equation: params names {name!r}; {nearest(name, names)}")
-        if isinstance(value, Free):
-            found.append((name, value))
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not isfinite(value):
-            raise SpecError(
-                f"Equation: params[{name!r}]={value!r} must be a finite number (held there) or mf.Free(...)"
-            )
-        found.append((name, float(value)))
-    return tuple(found)
+def _basis_to_dict(name: str, given: Any) -> Any:
+    if isinstance(given, str):
+        return given
+    if hasattr(given, "values"):
+        return {"samples": given.values.tolist()}
+    try:
+        return {"function": address(given)}
+    except SpecError:
+        raise SpecError(
+            f"saving an Equation: varying[{name!r}] holds a function that cannot be imported by its name; "
+            "define it with def at the top of a module, or write it as text"
+        ) from None
+
+
+def _basis_from_dict(given: Any) -> Any:
+    if isinstance(given, str):
+        return given
+    return given["samples"] if "samples" in given else at(given["function"])

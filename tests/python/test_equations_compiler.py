@@ -242,9 +242,9 @@ def test_a_multiplier_makes_predator_and_prey_exact():
         lambda f, p: f.y**-2,
     )
     table = m.terms()
-    assert list(table["signal"]) == ["log(y)", "log(y)", "y", "1", "y"]
+    assert list(table["signal"]) == ["log(y)", "log(y)", "y", "y", "1"]
     assert list(table["operator"]) == ["p^2", "p", "p", "1", "1"]
-    assert list(table["coefficient"]) == ["1", "c", "-d", "-a*c", "a*d"]
+    assert list(table["coefficient"]) == ["1", "c", "-d", "a*d", "-a*c"]
     assert "Multiplied by y**(-2)" in str(m.explain())
 
 
@@ -279,7 +279,7 @@ def test_callables_and_samples_as_coefficients():
 
 def test_a_scale_of_its_own_is_given_where_every_term_has_parameters():
     m = mf.Equation("a*y' + b*y + c*u = 0")
-    assert "divided by a" in str(m.explain())
+    assert "Divided by a," in str(m.explain())
     identity(m, lambda f, p: p.a * D(f.y, t) + p.b * f.y + p.c * f.u, lambda f, p: 1 / p.a)
 
 
@@ -307,7 +307,7 @@ def test_channels_of_a_record_are_matched_by_name():
         m.compiled(["y", "q"], ["u"])
     with pytest.raises(mf.SpecError, match="has the input 'u'"):
         m.compiled(["y"], [])
-    with pytest.raises(mf.SpecError, match="among the inputs of the equation"):
+    with pytest.raises(mf.SpecError, match="among the inputs of the model"):
         m.compiled(["y", "u"], ["v"])
 
 

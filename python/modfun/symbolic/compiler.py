@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import sympy
 
 from ..errors import SpecError
 from .compiled import Compiled, Term
+from .elimination import NotEliminated, eliminate
 from .exact import NotExact, Piece
 from .jets import Moving
 from .multipliers import arrange
@@ -31,8 +35,8 @@ def compile_system(system: System, what: str) -> Compiled:
     SpecError
         An equation outside the class: the term at fault, and what would help.
     """
-    moving, steps = system.moving, []
-    equations = system.equations
+    moving, equations = system.moving, system.equations
+    steps = list(system.steps)
     for expr in equations:
         if _size(expr) > MOST_TERMS:
             raise SpecError(
@@ -40,20 +44,29 @@ def compile_system(system: System, what: str) -> Compiled:
                 "terms; call a part of it a signal of its own, or lower its powers"
             )
     if system.hidden:
-        raise SpecError(f"{what}: {', '.join(system.hidden)} cannot be eliminated yet; measure it")
+        try:
+            equations, gone = eliminate(equations, system.hidden, moving)
+        except NotEliminated as fault:
+            raise SpecError(f"{what}: {fault}") from None
+        if not equations:
+            raise SpecError(
+                f"{what}: no equation is left without {', '.join(system.hidden)}; measure it, or write "
+                "more equations"
+            )
+        steps += gone
     terms: list[Term] = []
     for e, expr in enumerate(equations):
         try:
             found, words = arrange(expr, moving, system.outputs)
         except NotExact as fault:
             raise SpecError(_outside(fault.term, moving, what)) from None
-        own, more = _normal(_terms(e, found, moving))
+        own, more = _normal(_terms(e, found, moving, system.outputs), turn=bool(system.hidden))
         if not own:
             raise SpecError(f"{what}: equation {e + 1} says 0 = 0; there is nothing to fit")
         terms += own
         number = f"Equation {e + 1}: " if len(equations) > 1 else ""
         steps += [number + text for text in (*words, *more)]
-    source = tuple(moving.public(expr) for expr in system.equations)
+    source = tuple(moving.public(expr) for expr in system.source or system.equations)
     parts = [x for t in terms for x in (t.coefficient, t.signal, t.factor) if x is not None]
     used = {s for x in parts for s in x.free_symbols}
     names = {s.name for s in used}
@@ -65,14 +78,14 @@ def compile_system(system: System, what: str) -> Compiled:
         terms=tuple(terms),
         known=system.functions(used | {s for x in source for s in x.free_symbols}),
         source=source,
-        hidden=system.hidden,
+        hidden=system.unmeasured or system.hidden,
         steps=tuple(steps),
         varying=dict(system.varying),
         fixed=dict(system.fixed),
     )
 
 
-def _terms(e: int, found: list[Piece], moving: Moving) -> list[Term]:
+def _terms(e: int, found: list[Piece], moving: Moving, outputs: tuple[str, ...]) -> list[Term]:
     """Pieces as terms, equal ones added; highest derivative first."""
     sums: dict[tuple[int, sympy.Expr, sympy.Expr | None], sympy.Expr] = {}
     for piece in found:
@@ -89,21 +102,28 @@ def _terms(e: int, found: list[Piece], moving: Moving) -> list[Term]:
         if coefficient != 0:
             public = None if factor is None else moving.public(factor)
             terms.append(Term(e, coefficient, order, moving.public(signal), public))
-    return sorted(terms, key=lambda t: (-t.order, t.factor is not None, said(t.signal)))
+
+    def place(t: Term) -> tuple[Any, ...]:
+        noisy = any(s.name in outputs for s in t.signal.free_symbols)
+        return -t.order, t.factor is not None, not noisy, said(t.signal)
+
+    return sorted(terms, key=place)
 
 
-def _normal(terms: list[Term]) -> tuple[list[Term], tuple[str, ...]]:
-    """Terms of which at least one has a number for its coefficient."""
-    if not terms or any(term.coefficient.is_number for term in terms):
+def _normal(terms: list[Term], *, turn: bool) -> tuple[list[Term], tuple[str, ...]]:
+    """Terms of which at least one has a number for its coefficient; `turn`: the first without a minus."""
+    if not terms:
         return terms, ()
-    first = terms[0].coefficient
-    divided = [
-        Term(t.equation, sympy.factor(sympy.cancel(t.coefficient / first)), t.order, t.signal, t.factor)
-        for t in terms
-    ]
-    return divided, (
-        f"Every term has parameters, so only ratios can be found: the equation was divided by {said(first)}.",
-    )
+    if free := not any(term.coefficient.is_number for term in terms):
+        scale = terms[0].coefficient
+    else:
+        turned = turn and terms[0].coefficient.could_extract_minus_sign()
+        scale = sympy.S.NegativeOne if turned else sympy.S.One
+    if scale == 1:
+        return terms, ()
+    divided = [replace(t, coefficient=sympy.factor(sympy.cancel(t.coefficient / scale))) for t in terms]
+    words = f"Divided by {said(scale)}, so that one term has no parameter: only ratios can be found."
+    return divided, (words,) if free else ()
 
 
 def _size(expr: sympy.Expr) -> int:

@@ -100,6 +100,8 @@ def pieces(terms: Form, moving: Moving, *, products: bool) -> list[Piece]:
                 slopes[key[0][0]] = coefficient
             elif products and all(order(s) == 1 for s, _ in key) and sum(n for _, n in key) <= MOST_FIRST:
                 found += _firsts(key, coefficient, moving)
+            elif products and [(base(s), order(s), n) for s, n in key] == _first_and_second(key):
+                found += _sixth(coefficient, jet(base(key[0][0])))
             else:
                 raise NotExact(coefficient * _product(key))
         potential, rest = _potential(slopes, moving)
@@ -196,7 +198,7 @@ def _firsts(key: Key, coefficient: sympy.Expr, moving: Moving) -> list[Piece]:
         twice = None if once is None else antiderivative(sympy.expand(once), y)
         if twice is not None:
             return [Piece(2, twice), *(Piece(2, y, -f) for f in sympy.Add.make_args(sympy.expand(once)))]
-    found = []
+    found: list[Piece] = []
     for size in range(count):
         for taken in combinations(range(count), size):
             outside = sympy.Mul(*(symbols[k] for k in taken))
@@ -205,6 +207,19 @@ def _firsts(key: Key, coefficient: sympy.Expr, moving: Moving) -> list[Piece]:
             for f in sympy.Add.make_args(sympy.expand(scale * coefficient * outside)):
                 found.append(Piece(count, inside, f))
     return found
+
+
+def _first_and_second(key: Key) -> list[tuple[str, int, int]]:
+    """What the key of y' y'' holds."""
+    return [(base(key[0][0]), k, 1) for k in (1, 2)]
+
+
+def _sixth(f: sympy.Expr, y: sympy.Symbol) -> list[Piece]:
+    """f y' y'' = f p³(y²)/6 - f y p³ y/3."""
+    parts = ((f / 6, y**2), (-f * y / 3, y))
+    return [
+        Piece(3, signal, one) for whole, signal in parts for one in sympy.Add.make_args(sympy.expand(whole))
+    ]
 
 
 def _subtract(left: Form, potential: sympy.Expr, times: int, moving: Moving) -> None:

@@ -41,6 +41,10 @@ class System:
         Known functions of time by their names.
     varying : mapping of str to tuple of (str, Expr)
         Parameter and function of time of each summand of a varying coefficient.
+    source, unmeasured : tuple, optional
+        What is simulated and its signals that are not measured, where hidden ones are eliminated already.
+    steps : tuple of str, optional
+        What was done so far, in words.
     """
 
     equations: tuple[sympy.Expr, ...]
@@ -53,6 +57,9 @@ class System:
     fixed: Mapping[str, float] = field(default_factory=dict)
     known: Mapping[str, Any] = field(default_factory=dict)
     varying: Mapping[str, tuple[tuple[str, sympy.Expr], ...]] = field(default_factory=dict)
+    source: tuple[sympy.Expr, ...] = ()
+    unmeasured: tuple[str, ...] = ()
+    steps: tuple[str, ...] = ()
 
     def functions(self, used: set[sympy.Symbol]) -> dict[sympy.Symbol, Any]:
         """Known functions among symbols, derivatives included."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import sympy
@@ -9,7 +10,7 @@ from sympy.printing.str import StrPrinter
 
 from .compiled import Compiled, Term
 
-__all__ = ["operator", "said", "told"]
+__all__ = ["listed", "operator", "said", "told"]
 
 MOST_DENOMINATOR = 100
 
@@ -27,6 +28,8 @@ class _Printer(StrPrinter):  # type: ignore[misc]  # SymPy ships no types
         return f"step({self._print(expr.args[0])})"
 
     def _print_Rational(self, expr: Any) -> str:
+        if self._settings["full_prec"] is True:
+            return str(super()._print_Rational(expr))
         if expr.q > MOST_DENOMINATOR or (expr.q not in (2, 3, 4, 6, 8, 9, 12) and abs(expr.p) < 10**6):
             return f"{float(expr):.6g}"
         return str(super()._print_Rational(expr))
@@ -35,14 +38,19 @@ class _Printer(StrPrinter):  # type: ignore[misc]  # SymPy ships no types
         return "e"
 
 
-def said(expr: sympy.Expr) -> str:
-    """Text of an expression, one line."""
-    return str(_Printer({"order": "none"}).doprint(expr))
+def said(expr: sympy.Expr, *, exact: bool = False) -> str:
+    """Text of an expression, one line; numbers with six digits, or exactly."""
+    return str(_Printer({"order": "none", "full_prec": exact}).doprint(expr))
 
 
 def operator(order: int) -> str:
     """Text of p^order."""
     return "1" if order == 0 else "p" if order == 1 else f"p^{order}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def told(compiled: Compiled) -> list[str]:

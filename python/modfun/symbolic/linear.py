@@ -1,0 +1,169 @@
+"""State-space matrices to equations in outputs and inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from ..errors import SpecError
+from ..free import Free
+from .compiled import jet
+from .jets import Moving
+from .meaning import meaning, number, parameter
+from .parser import expression
+from .system import System
+
+if TYPE_CHECKING:
+    from ..statespace import Matrix, StateSpace
+
+__all__ = ["numbers", "polynomials", "system_of"]
+
+
+def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> NDArray[np.float64]:
+    """A matrix of a model with numbers for its parameters.
+
+    Parameters
+    ----------
+    matrix : tuple of tuple
+    model : StateSpace
+    given : mapping of str to float
+        What is not held.
+
+    Raises
+    ------
+    SpecError
+        An entry without a finite value at these numbers.
+    """
+    values = {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
+    made = _symbolic(matrix, model)
+    try:
+        entries = [float(entry.xreplace(values)) for entry in made]
+    except TypeError:
+        entries = [np.nan]
+    if not np.all(np.isfinite(entries)):
+        raise SpecError(f"StateSpace.model: an entry has no finite value at {dict(given)}")
+    return np.array(entries).reshape(made.shape)
+
+
+def polynomials(
+    a: sympy.Matrix, b: sympy.Matrix, c: sympy.Matrix, d: sympy.Matrix
+) -> tuple[list[sympy.Expr], list[list[sympy.Expr]]]:
+    """det(sI − A), and C adj(sI − A) B + D det(sI − A) of one output, by Faddeev and LeVerrier.
+
+    Returns
+    -------
+    den : list of Expr
+        Descending powers, the first is 1.
+    num : list of list of Expr
+        One an input, descending powers, as long as `den`.
+    """
+    n = a.shape[0]
+    den, adjugate = [sympy.S.One], sympy.eye(n)
+    num = [[entry] for entry in d]
+    for k in range(1, n + 1):
+        product = (a * adjugate).expand()
+        den.append(sympy.expand(-product.trace() / k))
+        for row, direct, through in zip(num, d, (c * adjugate * b).expand(), strict=True):
+            row.append(sympy.expand(through + direct * den[-1]))
+        adjugate = product + den[-1] * sympy.eye(n)
+    return den, num
+
+
+def system_of(model: StateSpace) -> System:
+    """The equations of a state-space model, without states where linear algebra eliminates them."""
+    a, b, c, d = (_symbolic(matrix, model) for matrix in (model.A, model.B, model.C, model.D))
+    x = sympy.Matrix([jet(name) for name in model.states])
+    u = sympy.Matrix(len(model.inputs), 1, [jet(name) for name in model.inputs])
+    y = sympy.Matrix([jet(name) for name in model.outputs])
+    moving = Moving({*model.states, *model.inputs, *model.outputs})
+    source = [left - right for left, right in zip(_prime(x), a * x + b * u, strict=True)]
+    source += [left - right for left, right in zip(y, c * x + d * u, strict=True) if left != right]
+    hidden = tuple(name for name in model.states if name not in model.outputs)
+    steps: tuple[str, ...] = ()
+    invertible = c.is_square and not c.free_symbols and c.det() != 0
+    equations, eliminated = tuple(source), hidden
+    if invertible:
+        back = c.inv()
+        free = y - d * u
+        right = c * a * back * free + c * b * u
+        equations = tuple(left - one for left, one in zip(_prime(y) - d * _prime(u), right, strict=True))
+        eliminated = ()
+        steps = (
+            "Every state is measured: the state equations are fitted as they stand, with shared parameters.",
+        )
+    elif len(model.outputs) == 1:
+        den, num = _coprime(*polynomials(a, b, c, d))
+        n = len(den) - 1
+        equations = (
+            sympy.Add(
+                *(g * jet(model.outputs[0], n - k) for k, g in enumerate(den)),
+                *(
+                    -g * jet(name, n - k)
+                    for name, row in zip(model.inputs, num, strict=True)
+                    for k, g in enumerate(row)
+                ),
+            ),
+        )
+        eliminated = ()
+        steps = ("The states were eliminated: det(pI - A) y = (C adj(pI - A) B + D det(pI - A)) u.",)
+        if n < len(model.states):
+            steps += (f"Factors that are common to both sides were cancelled; order {n} is left.",)
+    return System(
+        equations=equations,
+        moving=moving,
+        outputs=model.outputs,
+        inputs=model.inputs,
+        hidden=eliminated,
+        parameters=model.all_parameters,
+        free={name: given for name, given in model.params if isinstance(given, Free)},
+        fixed=_held(model),
+        source=tuple(source),
+        unmeasured=hidden,
+        steps=steps,
+    )
+
+
+def _held(model: StateSpace) -> dict[str, float]:
+    return {name: given for name, given in model.params if not isinstance(given, Free)}
+
+
+def _symbolic(matrix: Matrix, model: StateSpace) -> sympy.Matrix:
+    held, still = _held(model), Moving(set())
+    entries = [
+        meaning(expression(entry, "entry of a matrix"), still, fixed=held)
+        if isinstance(entry, str)
+        else number(entry)
+        for row in matrix
+        for entry in row
+    ]
+    return sympy.Matrix(len(matrix), len(matrix[0]), entries)
+
+
+def _prime(vector: sympy.Matrix) -> sympy.Matrix:
+    return vector.applyfunc(lambda s: jet(s.name, 1))
+
+
+def _coprime(
+    den: list[sympy.Expr], num: list[list[sympy.Expr]]
+) -> tuple[list[sympy.Expr], list[list[sympy.Expr]]]:
+    """Polynomials without what all have in common: states that are not seen, or that nothing drives."""
+    s = sympy.Dummy("s")
+    rows = [den, *num]
+    if not num:
+        return den, num
+    polys = [sympy.Poly(row, s) for row in rows]
+    try:
+        common = sympy.Poly(sympy.gcd_list([p.as_expr() for p in polys]), s)
+    except sympy.PolynomialError:
+        return den, num  # entries that are no polynomials of parameters
+    if common.degree() < 1:
+        return den, num
+    common = common.monic()
+    left = [sympy.cancel(p.as_expr() / common.as_expr()) for p in polys]
+    n = len(den) - 1 - common.degree()
+    made = [[sympy.factor(sympy.Poly(p, s).coeff_monomial(s**k)) for k in range(n, -1, -1)] for p in left]
+    return made[0], made[1:]

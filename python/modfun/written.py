@@ -1,0 +1,290 @@
+"""What models written as equations have in common: terms, words, identifiability, equality."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import html
+from .errors import SpecError
+from .extras import optional
+from .free import Free
+from .symbolic.parser import CONSTANTS, FUNCTIONS
+from .tables import Table, nearest
+
+if TYPE_CHECKING:
+    from .identifiability import Identifiability
+    from .symbolic.compiled import Compiled
+
+__all__ = [
+    "RESERVED",
+    "Explanation",
+    "Written",
+    "channel_names",
+    "free_from_dict",
+    "free_to_dict",
+    "outputs_left",
+    "parameters_given",
+]
+
+
+RESERVED = ("t", "D", *CONSTANTS, *FUNCTIONS)
+
+
+class Explanation:
+    """Sentences about a model; prints as text, shows as HTML in a notebook.
+
+    Attributes
+    ----------
+    title : tuple of str
+        The equations.
+    sentences : tuple of str
+    """
+
+    __slots__ = ("sentences", "title")
+
+    def __init__(self, title: Iterable[str], sentences: Iterable[str]) -> None:
+        self.title, self.sentences = tuple(title), tuple(sentences)
+
+    def __str__(self) -> str:
+        return "\n".join([*(f"    {one}" for one in self.title), *(f"* {one}" for one in self.sentences)])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.sentences, title="; ".join(self.title))
+
+
+class Written:
+    """A model that is compiled to terms g(θ)·F·p^k E; equal and hashed by what it was made of."""
+
+    __slots__ = ("__dict__",)
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    all_parameters: tuple[str, ...]
+    params: tuple[tuple[str, float | Free], ...]
+
+    def compiled(self, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None) -> Compiled:
+        """Terms for the channels of a record.
+
+        Parameters
+        ----------
+        outputs, inputs : sequence of str, optional
+            Names of the record's channels; default: the model's own. Inputs that the model does not use are
+            ignored.
+
+        Returns
+        -------
+        Compiled
+
+        Raises
+        ------
+        SpecError
+            An equation outside the class, signals that the record has not, outputs that the model has not.
+        ImportError
+            Without SymPy (extra ``symbolic``).
+        """
+        optional("sympy", "symbolic", self._kind)
+        compiled = self._compiled()
+        have = self.outputs if outputs is None else tuple(outputs)
+        known = self.inputs if inputs is None else tuple(inputs)
+        self._match(have, known)
+        return replace(compiled, outputs=have, inputs=known)
+
+    def param_names(
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> tuple[str, ...]:
+        """Names of the parameters, in the order of their first appearance; what is held is none.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of str, optional
+            Names of a record's channels, which change nothing here.
+        """
+        return self.compiled(outputs, inputs).parameters
+
+    def terms(self) -> Table:
+        """The terms coefficient · operator [signal] that are fitted, p = d/dt; the sum of an equation is 0.
+
+        Returns
+        -------
+        Table
+            Columns equation, coefficient, operator and signal; `times` where there are products (Property 2).
+        """
+        compiled = self.compiled()
+        from .symbolic.words import operator, said
+
+        terms = compiled.terms
+        columns: dict[str, list[Any]] = {
+            "equation": [t.equation + 1 for t in terms],
+            "coefficient": [said(t.coefficient) for t in terms],
+            "operator": [operator(t.order) for t in terms],
+            "signal": [said(t.signal) for t in terms],
+        }
+        if any(t.factor is not None for t in terms):
+            columns["times"] = ["" if t.factor is None else said(t.factor) for t in terms]
+        return Table(columns)
+
+    def explain(self) -> Explanation:
+        """What the compiler made of the model, and why, in words."""
+        compiled = self.compiled()
+        from .symbolic.words import told
+
+        return Explanation(self._title(), told(compiled))
+
+    def identifiable(self) -> Identifiability:
+        """Which parameters can be found, or which combination cannot, before any data.
+
+        Returns
+        -------
+        Identifiability
+            True if all can.
+        """
+        compiled = self.compiled()
+        from .symbolic.identify import identify
+
+        held = {name for name, given in self.params if not isinstance(given, Free)}
+        absent = [p for p in self.all_parameters if p not in compiled.parameters and p not in held]
+        return identify(compiled, tuple(absent))
+
+    @property
+    def _kind(self) -> str:
+        return type(self).__name__
+
+    def _compiled(self) -> Compiled:
+        raise NotImplementedError
+
+    def _title(self) -> tuple[str, ...]:
+        raise NotImplementedError
+
+    def _state(self) -> tuple[Any, ...]:
+        raise NotImplementedError
+
+    def _match(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
+        for what, own, have, other in (
+            ("outputs", self.outputs, outputs, inputs),
+            ("inputs", self.inputs, inputs, outputs),
+        ):
+            for name in own:
+                if name in have:
+                    continue
+                if name in other:
+                    raise SpecError(
+                        f"{self._kind}: {name!r} is among the {what} of the model and not of the record; the "
+                        f"record has outputs {list(outputs)} and inputs {list(inputs)}"
+                    )
+                cure = f"{what}={list(have)}" if have else f"a record with {what}"
+                raise SpecError(
+                    f"{self._kind}: the model has the {what[:-1]} {name!r}, the record has "
+                    f"{what} {list(have)}; write the model in the record's names, with {cure}"
+                )
+        if extra := [name for name in outputs if name not in self.outputs]:
+            raise SpecError(
+                f"{self._kind}: the model has no output {extra[0]!r}, which the record has; take "
+                f"rec.select(outputs={list(self.outputs)})"
+            )
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a {self._kind} cannot be changed")
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._state() == other._state()
+
+    def __hash__(self) -> int:
+        return hash(self._state())
+
+
+def channel_names(
+    kind: str, what: str, given: Any, count: int | None = None, letter: str = "", *, always: bool = False
+) -> tuple[str, ...]:
+    """Names of signals as given, or made of a letter and, if there are several or `always`, a number.
+
+    Raises
+    ------
+    SpecError
+        What cannot be a signal's name, or another number of names than `count`.
+    """
+    if given is None and count is not None:
+        return (letter,) if count == 1 and not always else tuple(f"{letter}{k}" for k in range(1, count + 1))
+    names = (given,) if isinstance(given, str) else tuple(given)
+    for name in names:
+        if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in RESERVED:
+            raise SpecError(
+                f"{kind}: {what}= has {name!r}, which cannot be a signal's name: take letters, digits and _, "
+                f"and none of {', '.join(RESERVED[:4])} and the functions"
+            )
+    if count is not None and len(names) != count:
+        raise SpecError(f"{kind}: {what}= has {len(names)} name(s), {count} are needed")
+    if len(set(names)) < len(names):
+        raise SpecError(f"{kind}: {what}={list(names)} names a signal twice")
+    return names
+
+
+def outputs_left(model: Written, names: Sequence[str]) -> tuple[str, ...]:
+    """Outputs of a model but those named.
+
+    Raises
+    ------
+    SpecError
+        Names that are no outputs, or nothing left.
+    """
+    kind = type(model).__name__
+    for name in names:
+        if name not in model.outputs:
+            raise SpecError(f"{kind}.without: {name!r} is no output; {nearest(name, model.outputs)}")
+    left = tuple(name for name in model.outputs if name not in names)
+    if not left:
+        raise SpecError(f"{kind}.without: no output is left; name fewer than {', '.join(names)}")
+    return left
+
+
+def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple[str, float | Free], ...]:
+    """params= as pairs.
+
+    Raises
+    ------
+    SpecError
+        A name that is no parameter, or a value that is neither a finite number nor `Free`.
+    """
+    if given is None:
+        return ()
+    if not isinstance(given, Mapping):
+        raise SpecError(f'{what}: params={given!r} must map names to values, as {{"a": 0.5}}')
+    found: list[tuple[str, float | Free]] = []
+    for name, value in given.items():
+        if name not in names:
+            raise SpecError(f"{what}: params names {name!r}; {nearest(name, names)}")
+        if isinstance(value, Free):
+            found.append((name, value))
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not isfinite(value):
+            raise SpecError(
+                f"{what}: params[{name!r}]={value!r} must be a finite number (held there) or mf.Free(...)"
+            )
+        found.append((name, float(value)))
+    return tuple(found)
+
+
+def free_to_dict(params: tuple[tuple[str, float | Free], ...]) -> dict[str, Any]:
+    """params= as plain values."""
+    return {
+        name: {"start": given.start, "min": given.min, "max": given.max} if isinstance(given, Free) else given
+        for name, given in params
+    }
+
+
+def free_from_dict(values: Mapping[str, Any]) -> dict[str, float | Free]:
+    """params= from what `free_to_dict` gave."""
+    return {
+        name: Free(given["start"], min=float(given["min"]), max=float(given["max"]))
+        if isinstance(given, dict)
+        else float(given)
+        for name, given in values.items()
+    }
