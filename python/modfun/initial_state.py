@@ -74,7 +74,7 @@ def find_state(model: NonlinearModel, rec: Record) -> tuple[F64, InitialState]:
         return y, InitialState(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
     count = rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * n)) for h in HORIZONS]
-    tried = [search.refine(x, lengths[0], rounds=8) for x in search.starts(lengths[0])]
+    tried = [search.refine(x, lengths[0], 5, 0.1) for x in search.starts(lengths[0])]
     x, cost = min(tried, key=lambda one: one[1])
     if not np.isfinite(cost):
         raise DataError(
@@ -83,11 +83,11 @@ def find_state(model: NonlinearModel, rec: Record) -> tuple[F64, InitialState]:
             "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
-        x, _ = search.refine(x, length, rounds=ROUNDS)
-    for rtol in (ROUGH, 1e-9) if len(rec.outputs) > 1 else (1e-9,):
+        x, _ = search.refine(x, length, ROUNDS, 1e-2)
+    for rtol, tol in ((ROUGH, 1e-2), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
         search.weigh(x)
         search.rtol = rtol
-        x, cost = search.refine(x, count, rounds=ROUNDS)
+        x, cost = search.refine(x, count, ROUNDS, tol)
     if not np.isfinite(cost):
         model.respond(list(rec.u), rec.t, x, rec.intersample)  # says when it leaves
     y, jacobian, residual = search.at(x, count)
@@ -153,8 +153,8 @@ class _Search:
         moved = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1).reshape(-1, x.size)
         return y[:, 0], moved, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
 
-    def refine(self, x: F64, length: int, rounds: int) -> tuple[F64, float]:
-        """Levenberg–Marquardt steps; cost inf where there is no response from x."""
+    def refine(self, x: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
+        """Levenberg–Marquardt steps until one gains less than `tol`; cost inf where there is no response."""
         try:
             _, jacobian, residual = self.at(x, length)
         except DataError:
@@ -171,12 +171,12 @@ class _Search:
             except DataError:
                 less = np.inf
             if less < cost:
-                done = cost - less <= TOL * cost
+                done = cost - less <= tol * cost
                 x, jacobian, residual, cost = x + step, new, left, less
                 damping = max(damping / 10, 1e-12)
                 if done:
                     break
-            elif damping > 1e8 or np.all(np.abs(step) <= TOL * np.maximum(np.abs(x), self.sizes)):
+            elif damping > 1e8 or np.all(np.abs(step) <= tol * np.maximum(np.abs(x), self.sizes)):
                 break
             else:
                 damping = max(10 * damping, 1e-4)

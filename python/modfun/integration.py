@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -15,7 +16,7 @@ from .signals import Source, evaluate, function, is_samples
 __all__ = ["History", "Signal", "integrate", "signal"]
 
 F64 = NDArray[np.float64]
-STEPS = (5000, 20)  # the explicit method may take so many and so many a sample; then the system is stiff
+STEPS = (3000, 6)  # the explicit method may take so many and so many a sample; then the system is stiff
 AHEAD = 64  # parts of the time, or 8 samples, that a step may go at most: none shall pass over a pulse
 RESTARTS = 8  # multiples of a delay at which a derivative of the response, of rising order, may jump
 
@@ -189,7 +190,8 @@ def integrate(
     longest = max(span / AHEAD, 8 * float(np.max(np.diff(grid)))) if driven else np.inf
     longest = min([longest, *delays])
     absolute = np.full(x0.size, rtol * 1e-3)
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # what LSODA says in Fortran's words is said in ours
         for _ in range(3):
             try:
                 x = _march(rate, x0, grid, ends, longest, rtol, absolute, bool(delays), True)

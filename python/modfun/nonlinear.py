@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -67,13 +66,19 @@ class NonlinearModel:
         """
         return self.form.states
 
-    @cached_property
+    @property
     def form(self) -> FirstOrder:
         """The equations as x' = f(t, x, u)."""
         from .symbolic.ode import first_order
 
         c = self.compiled
         return first_order(c.source, c.outputs, c.hidden, c.inputs, c.parameters, tuple(c.known))
+
+    @property
+    def _known(self) -> list[Any]:
+        """Known functions of time, None where only the fit needs them."""
+        used = set().union(*(e.free_symbols for e in self.compiled.source))
+        return [given if symbol in used else None for symbol, given in self.compiled.known.items()]
 
     def simulate(
         self,
@@ -186,7 +191,7 @@ class NonlinearModel:
             signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input])
             for d, delay in zip(form.drives, late, strict=False)
         ]
-        known = [_known(f, grid) for f in self.compiled.known.values()]
+        known = [_at_instants(given, grid) for given in self._known]
         pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
         n, count = starts.shape
 
@@ -309,11 +314,15 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
     return np.arange(intervals + 1.0) * float(dt)
 
 
-def _known(given: Any, grid: F64) -> Any:
-    """A known function of time as a function of one instant."""
-    if callable(given):
+def _at_instants(given: Any, grid: F64) -> Callable[[float], float]:
+    """A known function of time as one of a single instant; what is known by samples through a spline."""
+    from .symbolic.known import Derivative, Samples
+
+    if given is None:
+        return lambda t: 0.0
+    if callable(given) and not isinstance(given, Derivative | Samples):
         return lambda t: float(np.asarray(given(np.array([t]))).reshape(-1)[0])
-    values = np.asarray(given, dtype=np.float64)
+    values = np.asarray(given(grid) if callable(given) else given, dtype=np.float64)
     if values.shape != grid.shape:
         raise DataError(
             f"simulating: a varying coefficient has {values.size} samples where the record has {grid.size}; "

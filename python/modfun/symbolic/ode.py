@@ -199,7 +199,11 @@ def _linear(equations: list[Any], left: list[Any]) -> dict[Any, Any]:
             solutions = sympy.solve(equations, left, dict=True)
         except NotImplementedError:
             solutions = []
-        solutions = [one for one in solutions if all(value.is_real is not False for value in one.values())]
+        solutions = [
+            one
+            for one in solutions
+            if not any(value.is_real is False or value.has(sympy.I) for value in one.values())
+        ]
         if len(solutions) != 1:
             raise SpecError(
                 f"simulating: the equations are not linear in the highest derivatives {names}, and SymPy "

@@ -1,0 +1,23 @@
+"""Van der Pol: a valve oscillator that feeds itself when small and damps itself when large.
+
+y is the grid voltage, u a signal coupled in. (1 - y**2)*y' is (y - y**3/3)', so that no derivative of the
+noisy y is ever taken.
+"""
+
+import modfun as mf
+
+valve = mf.Equation("y'' - mu*(1 - y**2)*y' + k*y = b*u")
+truth = {"mu": 0.8, "k": 1.0, "b": 0.7}
+rec = mf.simulate(
+    valve.model(truth),
+    input="1.2*sin(0.7*t) + sin(1.9*t + 1)",
+    duration=30.0,
+    intervals=1500,
+    initial_state=[0.5, 0.0],
+    nsr=0.05,
+    seed=1,
+)
+fit = mf.fit(rec, valve)
+
+for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True):
+    print(f"{name} = {value:.4g} ± {error:.2g}   (true {truth[name]:g})")
