@@ -145,19 +145,23 @@ class StateSpace(Written):
             params=dict(self.params),
         )
 
-    def model(self, theta: ArrayLike) -> LTI:
+    def model(self, theta: ArrayLike | Mapping[str, float]) -> LTI:
         """The system with these parameters.
 
         Parameters
         ----------
-        theta : array_like
-            Parameters in the order of `param_names`.
+        theta : array_like, or mapping of str to float
+            Parameters in the order of `param_names`, or by name.
 
         Returns
         -------
         LTI
         """
         names = self.param_names()
+        if isinstance(theta, Mapping):
+            if lost := [name for name in (*names, *theta) if name not in theta or name not in names]:
+                raise SpecError(f"StateSpace.model: {lost[0]!r}; the parameters are {', '.join(names)}")
+            theta = [theta[name] for name in names]
         values = np.asarray(theta, dtype=np.float64)
         if values.shape != (len(names),):
             raise SpecError(

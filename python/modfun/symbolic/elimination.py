@@ -12,7 +12,7 @@ from .words import said
 
 __all__ = ["NotEliminated", "eliminate"]
 
-MOST_SECONDS = 10.0
+MOST_SECONDS = 5.0
 MOST_OPERATIONS = 20_000
 MOST_DEGREE = 4  # of a resultant
 

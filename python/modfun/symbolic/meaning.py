@@ -10,15 +10,17 @@ import sympy
 from ..tables import nearest
 from .compiled import jet, time
 from .jets import Jump, Moving
-from .parser import ALLOWED, CONSTANTS, FUNCTIONS, Node, Text
+from .parser import CONSTANTS, FUNCTIONS, Node, Text
 
 __all__ = ["meaning", "number", "parameter"]
 
 MOST_POWER = 20  # of an integer exponent: what is expanded grows with it
 MOST_OPERATIONS = 400  # of an expression that is differentiated
 MOST_BITS = 8000
+MOST_EXPONENT = 1020
 
 _CONSTANTS = {"pi": sympy.pi, "e": sympy.E}
+_BOOLEAN = (sympy.core.relational.Relational, sympy.logic.boolalg.BooleanAtom)
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sin": sympy.sin,
     "cos": sympy.cos,
@@ -38,7 +40,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "step": lambda x: sympy.Heaviside(x, 1),
     "min": sympy.Min,
     "max": sympy.Max,
-    "where": lambda c, a, b: sympy.Piecewise((a, c if c.is_Boolean else sympy.Ne(c, 0)), (b, True)),
+    "where": lambda c, a, b: sympy.Piecewise(
+        (a, c if isinstance(c, _BOOLEAN) else sympy.Ne(c, 0)), (b, True)
+    ),
 }
 _COMPARE: dict[str, Callable[..., Any]] = {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}
 
@@ -92,7 +96,7 @@ class _Meaning:
     def of(self, node: Node) -> sympy.Expr:
         """The expression of a piece; a comparison is 1 where it is true, else 0."""
         found = self.raw(node)
-        if found.is_Boolean:
+        if isinstance(found, _BOOLEAN):
             found = sympy.Piecewise((1, found), (0, True))
         return found
 
@@ -210,7 +214,9 @@ class _Meaning:
         if expr.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo, -sympy.oo):
             self.refuse(node, "has no real value")
         if expr.is_Rational and max(expr.p.bit_length(), expr.q.bit_length()) > MOST_BITS:
-            self.refuse(node, f"is a number too long; {ALLOWED}")
+            self.refuse(node, "is a number of too many digits")
+        if expr.is_Rational and expr.p.bit_length() - expr.q.bit_length() > MOST_EXPONENT:
+            self.refuse(node, "is outside the range of floating point")
         return expr
 
 

@@ -111,9 +111,11 @@ def equation(text: Any, what: str = "equation") -> Text:
         Text outside the language: what is at fault, where it stands, and what to write instead.
     """
     reader = _Reader(text, what)
+    if reader.kind == "end":
+        reader.refuse('is all there is: the text is empty; write an equation, as "y\' + a*y = b*u"')
     left = reader.sum(0)
     if reader.kind == "end":
-        reader.refuse("has no right side; write = 0 behind it" if text.strip() else "is empty")
+        reader.refuse("stands where = was expected: the equation has no right side; write = 0")
     reader.expect("=", "an operator or = was expected")
     right = reader.sum(0)
     reader.finish()
