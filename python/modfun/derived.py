@@ -159,7 +159,7 @@ def damp(fit: Fit) -> Table:
 
 
 def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
-    found, gradients = poles(fit, output)
+    found, gradients = fit._poles(output)
     cov = fit.cov_params()
     columns: dict[str, list[Any]] = {
         name: []

@@ -78,7 +78,7 @@ def diagnose(fit: Fit) -> Diagnosis:
     with np.errstate(divide="ignore", invalid="ignore"):
         # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
         ratio = float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
-    found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.outputs))]
+    found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.row_names))]
     colours = [colour_of_lines(pieces) for pieces in found]
     correlations = [correlation_of_lines(pieces)[0] for pieces in found]
     dim, close = _worst([colour for colour, _ in colours]), _worst(correlations)
@@ -86,9 +86,9 @@ def diagnose(fit: Fit) -> Diagnosis:
         chi2_p=float(chdtrc(fit.df_resid, fit.chi2)) if np.isfinite(fit.chi2) else float("nan"),
         level_ratio=ratio,
         correlation=_corrected(correlations, close),
-        correlated=fit.outputs[close],
+        correlated=fit.row_names[close],
         colour=_corrected([colour for colour, _ in colours], dim),
-        coloured=fit.outputs[dim],
+        coloured=fit.row_names[dim],
         colour_ratio=colours[dim][1],
         lags=lags(fit),
         growing=growth(fit),
@@ -108,7 +108,11 @@ def _corrected(tests: Sequence[Whiteness], at: int) -> Whiteness:
 
 
 def growth(fit: Fit) -> float:
-    """Largest real part of the poles, rad/s."""
+    """Largest real part of the poles, rad/s; nan without poles."""
+    if not fit.has_poles:
+        return nan
+    if not hasattr(fit.layout, "places"):
+        return float(np.max(fit.model.poles().real))
     every = range(1 if fit.layout.common else len(fit.outputs))
     return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for i in every)
 

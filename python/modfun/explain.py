@@ -77,7 +77,9 @@ def _few_samples(fit: Fit) -> str | None:
 
 def _unstable(fit: Fit) -> str | None:
     every = range(1 if fit.layout.common else len(fit.outputs))
-    if all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
+    if not fit.has_poles:
+        return None
+    if hasattr(fit.layout, "places") and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
         return None
     growing = growth(fit)
     if growing <= 0:
@@ -203,7 +205,7 @@ def _path(fit: Fit) -> str:
 
 
 def _of(fit: Fit, output: str) -> str:
-    return f" of {output}" if len(fit.outputs) > 1 else ""
+    return f" of {output}" if len(fit.row_names) > 1 else ""
 
 
 def _numbers(values: Any) -> str:
@@ -229,7 +231,7 @@ class Summary:
         self.facts = _facts(fit)
         self.parameters = _parameters(fit)
         usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
-        self.poles = fit.damp() if usable else None
+        self.poles = fit.damp() if usable and fit.has_poles else None
         self.findings = check(fit)
 
     def __str__(self) -> str:

@@ -16,11 +16,11 @@ __all__ = ["Choices", "Options"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
-    "noise": ("output", "equation", "coloured", "errors-in-variables"),
+    "noise": ("output", "equation", "coloured", "errors-in-variables", "log-normal"),
     "cov_type": ("HC3", "nonrobust"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
-_REPORTED = ("cov_type", "output_weights")
+_REPORTED = ("cov_type", "output_weights", "correct")
 TRENDS = ("auto", "constant", "linear")
 
 
@@ -34,6 +34,7 @@ class Choices(TypedDict, total=False):
     noise: str | Noise
     cov_type: str
     output_weights: Any
+    correct: bool
     rule: str
     extended: bool
     tol: float
@@ -51,6 +52,7 @@ class Options:
     noise: str | Noise = "output"
     cov_type: str = "HC3"
     output_weights: tuple[Any, ...] | None = None
+    correct: bool = True
     rule: str = "gregory"
     extended: bool = True
     tol: float = 1e-9
@@ -144,8 +146,14 @@ def _checked(what: str, **given: Any) -> Options:
             f"{what}: extended={given['extended']!r} must be True (indices from -n/2, no information "
             "lost) or False (the report's 0..M)"
         )
-    if "extended" in given:
-        checked["extended"] = bool(given["extended"])
+    if "correct" in given and not isinstance(given["correct"], bool | np.bool_):
+        raise SpecError(
+            f"{what}: correct={given['correct']!r} must be True (what noise adds to nonlinear signals is taken "
+            "out) or False"
+        )
+    for name in ("extended", "correct"):
+        if name in given:
+            checked[name] = bool(given[name])
     return Options(**checked)
 
 

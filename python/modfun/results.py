@@ -285,6 +285,16 @@ class Fit:
         return max(hi for _, hi in self.lines) - self.order
 
     @property
+    def has_poles(self) -> bool:
+        """Whether the model is linear."""
+        return True
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """What the rows of the residuals belong to: the outputs."""
+        return self.outputs
+
+    @property
     def order(self) -> int:
         """Number of poles n (of separate denominators the largest)."""
         return max(self.layout.orders)
@@ -357,7 +367,7 @@ class Fit:
             the delta method.
         """
         self._need_numbers("frequency_response")
-        response, gradient = derivations.frequency_response(self, np.asarray(omega, float))
+        response, gradient = self._response(np.asarray(omega, float))
         return (response[0], gradient[:, 0]) if len(self.outputs) == 1 else (response, gradient)
 
     # Against records ----------------------------------------------------------------------------
@@ -385,13 +395,13 @@ class Fit:
             The same inputs and times, the simulated output.
         """
         record = self._record(rec, "predict")
-        simulated, _ = prediction.simulate_fit(self, record, initial_state)
+        simulated, _ = self._simulated(record, initial_state)
         return record._like(y=simulated, mask=None, sigma=None)
 
     def errors(self, rec: Record | int | None = None) -> F64:
         """Measured less simulated output in time, (output, time); nan where the record is masked."""
         record = self._record(rec, "errors")
-        errors = record.y - prediction.simulate_fit(self, record, None)[0]
+        errors = record.y - self._simulated(record, None)[0]
         return errors if record.mask is None else np.where(record.mask, errors, np.nan)
 
     def initial_state(
@@ -432,10 +442,10 @@ class Fit:
             )
         record = self._record(rec, "initial_state")
         if method == "observer":
-            return prediction.observe_fit(self, record, eigenvalues)
+            return self._observed(record, eigenvalues)
         if eigenvalues is not None:
             raise SpecError('initial_state: eigenvalues belong to method="observer"')
-        return prediction.simulate_fit(self, record, None)[1]
+        return self._simulated(record, None)[1]
 
     def score(self, rec: Record | int | None = None) -> Table:
         """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
@@ -459,7 +469,7 @@ class Fit:
                 columns[name] = [value for _, part in parts for value in part[name].tolist()]
             return Table(columns)
         record = self._record(rec, "score")
-        simulated, _ = prediction.simulate_fit(self, record, None)
+        simulated, _ = self._simulated(record, None)
         pairs = list(zip(record.y, simulated, strict=True))
         if record.mask is not None:
             pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]
@@ -472,6 +482,18 @@ class Fit:
                 "theil": [validation.theil(*pair) for pair in pairs],
             }
         )
+
+    def _simulated(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
+        return prediction.simulate_fit(self, rec, initial_state)
+
+    def _observed(self, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
+        return prediction.observe_fit(self, rec, eigenvalues)
+
+    def _poles(self, output: int) -> tuple[C128, C128]:
+        return derivations.poles(self, output)
+
+    def _response(self, omega: F64) -> tuple[C128, C128]:
+        return derivations.frequency_response(self, omega)
 
     def _record(self, rec: Record | int | None, what: str) -> Record:
         self._need_numbers(what)

@@ -43,6 +43,7 @@ pub mod simd;
 pub mod simulate;
 pub mod spectrum;
 pub mod structure;
+pub mod tape;
 pub mod threads;
 
 pub use error::{Error, Status};

@@ -9,6 +9,7 @@ mod random;
 mod signals;
 mod study;
 mod tally;
+mod terms;
 
 use pyo3::prelude::*;
 
@@ -19,6 +20,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("STREAM_VERSION", modfun::rng::STREAM_VERSION)?;
     module.add_class::<fit::Fitter>()?;
     module.add_class::<joint::JointFitter>()?;
+    module.add_class::<terms::TermsFitter>()?;
     module.add_class::<study::Study>()?;
     module.add_function(wrap_pyfunction!(tally::merge_moments, module)?)?;
     module.add_function(wrap_pyfunction!(tally::figures, module)?)?;

@@ -14,6 +14,7 @@ mod pass;
 mod qr_step;
 mod spare;
 mod sums;
+pub mod terms;
 mod uncertainty;
 mod window;
 mod wls;

@@ -1,0 +1,363 @@
+"""Compiled equations as the core takes them: signals, sensitivities and coefficients as tapes, and channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from ..errors import SpecError
+from ..free import Free
+from .compiled import Compiled, Delayed, Term, jet, time
+from .noise_bias import unbiased
+from .smoothing import smoothed
+from .tape import tape
+
+__all__ = ["Formulas", "formulas"]
+
+F64 = NDArray[np.float64]
+
+_ANYTHING = Free()
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One row of what the core is given: an output, an input, or what is made of them.
+
+    Attributes
+    ----------
+    symbol : Symbol
+        Stands for it in the formulas.
+    kind : str
+        "output", "log" (of an output), "smooth" (a derivative of a smoothed expression), "gain" (of the noise
+        in it), "input", "held" (an input's mean over both sides of a sample), "time", "known".
+    of : object
+        Position of the channel, or (expression, derivative), or a known function.
+    """
+
+    symbol: sympy.Symbol
+    kind: str
+    of: Any = None
+
+    @property
+    def own(self) -> bool:
+        """Whether it differs from record to record though the inputs do not."""
+        return self.kind in ("output", "log", "smooth", "gain")
+
+
+@dataclass(frozen=True, eq=False)
+class Formulas:
+    """Tapes and channels of one set of equations.
+
+    Attributes
+    ----------
+    compiled : Compiled
+    words : dict
+        Keywords of the core, those of `Options` aside.
+    channels : tuple of Channel
+    noisy : tuple of str
+        Names of the noisy channels.
+    """
+
+    compiled: Compiled
+    words: dict[str, Any]
+    channels: tuple[Channel, ...]
+    noisy: tuple[str, ...]
+
+    def rows(self, y: F64, u: F64, t: F64, own: bool | None = None) -> F64:
+        """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
+        given = [c for c in self.channels if own is None or c.own == own]
+        return np.ascontiguousarray(np.vstack([self._row(c, y, u, t) for c in given] or [np.empty((0, t.size))]))
+
+    def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> F64:
+        if channel.kind == "output":
+            return y[channel.of]
+        if channel.kind == "log":
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.log(y[channel.of])
+        if channel.kind in ("smooth", "gain"):
+            expr, order, gain = channel.of
+            values = self._values(expr, y, u, t)
+            return smoothed(values, t, order, gain=gain)
+        if channel.kind == "time":
+            return t
+        if channel.kind == "known":
+            given = channel.of
+            return np.asarray(given(t) if callable(given) else given, dtype=float)
+        row = u[channel.of]
+        if channel.kind == "held":
+            return np.concatenate([row[:1], (row[:-1] + row[1:]) / 2])
+        return row
+
+    def _values(self, expr: sympy.Expr, y: F64, u: F64, t: F64) -> F64:
+        names = [*self.compiled.outputs, *self.compiled.inputs]
+        symbols = [*(jet(name) for name in names), time]
+        found = sympy.lambdify(symbols, expr, "numpy")(*y, *u, t)
+        return np.broadcast_to(np.asarray(found, dtype=float), t.shape)
+
+    @cached_property
+    def needs_levels(self) -> bool:
+        """Whether the sizes of the noise levels matter."""
+        return bool(self.words["levels_matter"])
+
+
+def formulas(
+    compiled: Compiled, rule: str, intersample: Sequence[str], noisy: Sequence[str], log: bool, correct: bool
+) -> Formulas:
+    """Tapes of compiled equations.
+
+    Parameters
+    ----------
+    compiled : Compiled
+    rule : str
+        Quadrature of smooth signals.
+    intersample : sequence of str
+        Of each input.
+    noisy : sequence of str
+        Names of the channels with noise.
+    log : bool
+        Whether the noise multiplies the outputs, which then stand as exponentials of their logarithms.
+    correct : bool
+        Whether what noise adds to nonlinear signals is taken out.
+
+    Raises
+    ------
+    SpecError
+        A product of delayed and undelayed channels.
+    """
+    writer = _Writer(compiled, rule, dict(zip(compiled.inputs, intersample, strict=True)), noisy, log, correct)
+    for term in compiled.terms:
+        writer.term(term)
+    return writer.finished()
+
+
+class _Writer:
+    def __init__(
+        self,
+        compiled: Compiled,
+        rule: str,
+        intersample: dict[str, str],
+        noisy: Sequence[str],
+        log: bool,
+        correct: bool,
+    ) -> None:
+        self.compiled = compiled
+        self.rule, self.intersample, self.correct = rule, intersample, correct
+        self.noisy = tuple(noisy)
+        self.parameters = [sympy.Symbol(name, real=True) for name in compiled.parameters]
+        self.log = {jet(name): sympy.exp(_logarithm(name)) for name in compiled.outputs} if log else {}
+        self.noise = {
+            (_logarithm(name) if log and name in compiled.outputs else jet(name)): sympy.Symbol(
+                f"variance of {name}", positive=True
+            )
+            for name in noisy
+        }
+        self.signals: list[tuple[sympy.Expr, str, sympy.Expr]] = []
+        self.sensitive: list[dict[sympy.Symbol, sympy.Expr]] = []
+        self.terms: list[tuple[int, int, int]] = []
+        self.coefficients: list[sympy.Expr] = []
+        self.smooth: dict[tuple[sympy.Expr, int, bool], sympy.Symbol] = {}
+
+    def term(self, term: Term) -> None:
+        """Adds a term; one with a factor becomes terms of the smoothed factor's derivatives (Property 2)."""
+        if term.factor is None:
+            at = self.signal(term.signal)
+            self._append(term, term.order, at, term.coefficient)
+            return
+        if self.log:
+            raise SpecError(
+                f"fitting an equation: {term.factor} times a derivative of {term.signal} has no exact form, and "
+                'is not taken with noise="log-normal"; use noise="output"'
+            )
+        k = term.order
+        for i in range(k + 1):
+            sign = sympy.Integer((-1) ** i) * sympy.binomial(k, i)
+            # Noise on the factor acts through the signal's own k-th derivative, all of it in the last term.
+            through = term.factor if i == k else None
+            at = self.product(term.factor, i, term.signal, k, through, sign)
+            self._append(term, k - i, at, sign * term.coefficient)
+
+    def _append(self, term: Term, order: int, signal: int, coefficient: sympy.Expr) -> None:
+        self.terms.append((term.equation, signal, order))
+        self.coefficients.append(sympy.sympify(coefficient))
+
+    def signal(self, expr: sympy.Expr) -> int:
+        """Position of a signal, with what noise adds taken out."""
+        expr, late = self._undelayed(expr)
+        kind, expr = self._kind(expr)
+        expr = expr.subs(self.log)
+        if self.correct:
+            expr = unbiased(expr, {c: v for c, v in self.noise.items() if c in expr.free_symbols})
+        found = {c: sympy.diff(expr, c) for c in self.noise}
+        return self._placed(expr, kind, late, {c: d for c, d in found.items() if d != 0})
+
+    def _placed(
+        self, expr: sympy.Expr, kind: str, late: sympy.Expr, found: dict[sympy.Symbol, sympy.Expr]
+    ) -> int:
+        for at, known in enumerate(zip(self.signals, self.sensitive, strict=True)):
+            if known == ((expr, kind, late), found):
+                return at
+        self.signals.append((expr, kind, late))
+        self.sensitive.append(found)
+        return len(self.signals) - 1
+
+    def product(
+        self,
+        factor: sympy.Expr,
+        derivative: int,
+        signal: sympy.Expr,
+        order: int,
+        through: sympy.Expr | None,
+        sign: sympy.Expr,
+    ) -> int:
+        """Position of F⁽ⁱ⁾E with F smoothed."""
+        front = self._smoothed(factor, derivative)
+        inner = unbiased(signal, self.noise) if self.correct else signal
+        expr = front * inner
+        found = {c: front * sympy.diff(inner, c) for c in self.noise}
+        if self.correct:
+            for channel, variance in self.noise.items():
+                both = sympy.diff(factor, channel) * sympy.diff(signal, channel)
+                if both != 0:
+                    gain = self._smoothed(factor, derivative, gain=True)
+                    expr -= variance * gain * both
+        if through is not None:
+            own = self._smoothed(signal, order)
+            for channel in self.noise:
+                # The sign of the term is taken out again: it belongs to the product alone.
+                found[channel] += sign * sympy.diff(through, channel) * own
+        kind = self._kind(expr)[0]
+        return self._placed(expr, kind, sympy.Integer(0), {c: d for c, d in found.items() if d != 0})
+
+    def _smoothed(self, expr: sympy.Expr, derivative: int, gain: bool = False) -> sympy.Symbol:
+        if derivative == 0 and not gain and not (expr.free_symbols & set(self.noise)):
+            return expr
+        key = (expr, derivative, gain)
+        if key not in self.smooth:
+            self.smooth[key] = sympy.Symbol(f"smooth {len(self.smooth)}", real=True)
+        return self.smooth[key]
+
+    def _undelayed(self, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+        """The expression at its own time, and how late all of it is."""
+        delays = {d.args[1] for d in expr.atoms(Delayed)}
+        if not delays:
+            return expr, sympy.Integer(0)
+        bare = expr.subs({d: sympy.Integer(0) for d in expr.atoms(Delayed)})
+        channels = {jet(name) for name in (*self.compiled.outputs, *self.compiled.inputs)}
+        others = bare.free_symbols & (channels | {time} | set(self.compiled.known))
+        if len(delays) > 1 or others:
+            raise SpecError(
+                f"fitting an equation: the signal {expr} mixes channels at different times; a signal must be "
+                "late as a whole, as y(t - h)**2 is (a logarithm often separates a product)"
+            )
+        return expr.replace(Delayed, lambda channel, _: channel), delays.pop()
+
+    def _kind(self, expr: sympy.Expr) -> tuple[str, sympy.Expr]:
+        """How the samples of a signal stand for it, and the signal as it is sampled."""
+        if not expr.free_symbols - set(self.parameters):
+            return "trapezoid", expr  # a constant: exact, and on line 0 alone
+        held = [name for name in self.compiled.inputs if jet(name) in expr.free_symbols]
+        kinds = {self.intersample[name] for name in held}
+        zoh = [jet(name) for name in held if self.intersample[name] == "zoh"]
+        alone = expr.free_symbols - set(self.parameters) <= {jet(name) for name in held}
+        if alone and kinds == {"zoh"}:
+            return "zoh", expr
+        if alone and kinds == {"foh"} and all(sympy.diff(expr, jet(name), 2) == 0 for name in held):
+            return "foh", expr
+        if zoh:
+            # Between samples the input stands still: each sample belongs half to both sides.
+            return "trapezoid", expr.subs({symbol: _held(symbol) for symbol in zoh})
+        return ("trapezoid" if "foh" in kinds else self.rule), expr
+
+    def finished(self) -> Formulas:
+        compiled, parameters = self.compiled, self.parameters
+        count = len(self.signals)
+        slopes_of_signals = []
+        for at in range(count):
+            expr, kind, late = self.signals[at]
+            for k, parameter in enumerate(parameters):
+                slope = sympy.diff(expr, parameter)
+                if slope != 0:
+                    found = {c: sympy.diff(d, parameter) for c, d in self.sensitive[at].items()}
+                    to = self._placed(slope, kind, late, {c: d for c, d in found.items() if d != 0})
+                    slopes_of_signals.append((at, k, to))
+        channels = self._channels()
+        noise = list(self.noise)
+        symbols = [c.symbol for c in channels]
+        inputs = [*symbols, *(self.noise[c] for c in noise), *parameters]
+        results = [expr for expr, _, _ in self.signals]
+        sensitivities = []
+        for at, found in enumerate(self.sensitive):
+            for channel, slope in found.items():
+                sensitivities.append((at, noise.index(channel)))
+                results.append(slope)
+        slopes, derivatives = [], []
+        for at, g in enumerate(self.coefficients):
+            for k, parameter in enumerate(parameters):
+                slope = sympy.diff(g, parameter)
+                if slope != 0:
+                    slopes.append((at, k))
+                    derivatives.append(slope)
+        late = [self._late(expr) for _, _, expr in self.signals]
+        linear = not slopes_of_signals and all(k is None for _, k in late)
+        linear = linear and not any(d.free_symbols for d in derivatives)
+        uses_variance = any(v in expr.free_symbols for expr in results for v in self.noise.values())
+        free = [compiled.free.get(name, _ANYTHING) for name in compiled.parameters]
+        words = {
+            "orders": list(compiled.orders),
+            "signals": [
+                (kind, delay, k) for (_, kind, _), (delay, k) in zip(self.signals, late, strict=True)
+            ],
+            "terms": self.terms,
+            "coefficients": tape([*self.coefficients, *derivatives], parameters),
+            "slopes": slopes,
+            "samples": tape(results, inputs),
+            "sensitivities": sensitivities,
+            "signal_slopes": slopes_of_signals,
+            "channels": len(channels),
+            "noisy": [symbols.index(c) for c in noise],
+            "starts": [f.start for f in free],
+            "bounds": [(f.min, f.max) for f in free],
+            "linear": linear,
+            "levels_matter": uses_variance or len(noise) > 1,
+        }
+        return Formulas(compiled, words, channels, self.noisy)
+
+    def _channels(self) -> tuple[Channel, ...]:
+        used: set[sympy.Symbol] = set().union(*(expr.free_symbols for expr, _, _ in self.signals))
+        used = used.union(*(d.free_symbols for found in self.sensitive for d in found.values()))
+        used |= set(self.noise)
+        all_: list[Channel] = []
+        for k, name in enumerate(self.compiled.outputs):
+            all_.append(Channel(jet(name), "output", k))
+            all_.append(Channel(_logarithm(name), "log", k))
+        for (expr, derivative, gain), symbol in self.smooth.items():
+            all_.append(Channel(symbol, "gain" if gain else "smooth", (expr, derivative, gain)))
+        for k, name in enumerate(self.compiled.inputs):
+            all_.append(Channel(jet(name), "input", k))
+            all_.append(Channel(_held(jet(name)), "held", k))
+        all_.append(Channel(time, "time"))
+        all_ += [Channel(symbol, "known", given) for symbol, given in self.compiled.known.items()]
+        return tuple(c for c in all_ if c.symbol in used)
+
+    def _late(self, expr: sympy.Expr) -> tuple[float, int | None]:
+        if expr in self.parameters:
+            return 0.0, self.parameters.index(expr)
+        if expr.free_symbols:
+            raise SpecError(
+                f"fitting an equation: a delay of {expr} is neither a number nor a parameter of its own"
+            )
+        return float(expr), None
+
+
+def _logarithm(name: str) -> sympy.Symbol:
+    return sympy.Symbol(f"log {name}", real=True)
+
+
+def _held(symbol: sympy.Symbol) -> sympy.Symbol:
+    return sympy.Symbol(f"held {symbol.name}", real=True)

@@ -1,0 +1,55 @@
+"""What noise adds to a nonlinear signal on average, and the signal without it (THEORY.md, section 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy
+
+__all__ = ["unbiased"]
+
+_MOST_TERMS = 16
+
+
+def unbiased(expr: sympy.Expr, variances: Mapping[sympy.Symbol, sympy.Symbol]) -> sympy.Expr:
+    """f with e^{-(v/2)∂²}f for each noisy channel: its mean over white noise is f of the true channel.
+
+    Exact for sums of polynomials, exponentials, sines and cosines and of their products over channels; else to
+    the second order in the variance.
+
+    Parameters
+    ----------
+    expr : sympy.Expr
+    variances : mapping from channel symbol to the symbol of its noise variance
+    """
+    found = sympy.expand(expr) if expr.is_Add or expr.is_Mul or expr.is_Pow else expr
+    for channel, variance in variances.items():
+        if channel in found.free_symbols:
+            found = sympy.Add(*(_one(term, channel, variance) for term in sympy.Add.make_args(found)))
+    return found
+
+
+def _one(term: sympy.Expr, channel: sympy.Symbol, variance: sympy.Symbol) -> sympy.Expr:
+    aside, own = term.as_independent(channel, as_Add=False)
+    if own == 1 or own == channel:
+        return term
+    second = _second(own, channel)
+    if second == 0:
+        return term
+    if channel not in (rate := sympy.simplify(second / own)).free_symbols:
+        return aside * sympy.exp(-variance * rate / 2) * own
+    polynomial = own.is_polynomial(channel)
+    total, part, factor = own, own, sympy.Integer(1)
+    for k in range(1, _MOST_TERMS if polynomial else 3):
+        part = _second(part, channel)
+        if part == 0:
+            break
+        factor = -factor * variance / (2 * k)
+        total += factor * part
+    return aside * total
+
+
+def _second(expr: sympy.Expr, channel: sympy.Symbol) -> sympy.Expr:
+    """∂² with kinks left out: they lie between the samples."""
+    found = sympy.diff(expr, channel, 2)
+    return found.replace(lambda e: isinstance(e, sympy.DiracDelta), lambda e: sympy.Integer(0))

@@ -1,0 +1,96 @@
+//! Many fits at once, one record after the other over threads, on lines chosen once.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::fitter::{Chosen, TermsFit, TermsFitter, TermsRecord};
+use super::lines::Desk;
+use crate::error::{Error, Status};
+use crate::estimate::Many;
+use crate::modulation::Lines;
+use crate::threads::{self, Control};
+
+/// Records a chunk, the unit of scheduling.
+const CHUNK: usize = 16;
+
+/// Samples of many records of one length and step.
+#[derive(Debug, Clone)]
+pub struct TermsBatch<'a> {
+    /// Channels of each record.
+    pub records: Vec<TermsRecord<'a>>,
+}
+
+impl TermsFitter {
+    /// Fits every record of a batch by itself, on lines given or found on the first sound one; also the
+    /// degrees of freedom and the lines.
+    ///
+    /// # Errors
+    /// As [`TermsFitter::fit`]; [`Error::Cancelled`] and [`Error::Internal`] from the threads.
+    pub fn fit_many(
+        &self,
+        batch: &TermsBatch<'_>,
+        thread_count: usize,
+        progress: &mut dyn FnMut(usize, usize) -> Control,
+    ) -> Result<(Many, usize, Vec<Lines>), Error> {
+        let sound = |r: &&TermsRecord<'_>| r.channels.iter().all(|c| c.iter().all(|v| v.is_finite()));
+        let Some(first) = batch.records.iter().find(sound).or(batch.records.first()) else {
+            return Err(Error::Data("fitting a batch: it has no records".into()));
+        };
+        let one = std::slice::from_ref(first);
+        self.check(one)?;
+        let variances = self.variances(one)?;
+        let chosen = self.choose(one, &variances)?;
+        // Where one record's parameters are a good start for all; a linear start needs none.
+        let start = match self.o.equations.linear {
+            true => None,
+            false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.theta),
+        };
+        let shared = Chosen { ranges: chosen.ranges, rule: None, theta: start };
+        let work = |desk: &mut Desk, chunk: usize, stop: &AtomicBool| {
+            let mut out = Many::default();
+            let mut told = None;
+            let from = chunk * CHUNK;
+            for record in &batch.records[from..(from + CHUNK).min(batch.records.len())] {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                let one = std::slice::from_ref(record);
+                self.check(one)?;
+                let own = self.variances(one)?;
+                let (fit, back) = self.finish(one, own, &shared, std::mem::take(desk))?;
+                *desk = back;
+                out.push_terms(&fit);
+                told = Some((fit.degrees_of_freedom, fit.lines));
+            }
+            Ok((out, told))
+        };
+        let chunks = batch.records.len().div_ceil(CHUNK);
+        let parts = threads::run(thread_count, chunks, progress, Desk::default, work)?;
+        let mut all = Many::default();
+        let mut told = None;
+        for part in parts {
+            let (part, own) = part?;
+            all.append(part);
+            told = told.or(own);
+        }
+        let (degrees, lines) = told.unwrap_or_default();
+        Ok((all, degrees, lines))
+    }
+}
+
+impl Many {
+    /// Adds one fit.
+    fn push_terms(&mut self, fit: &TermsFit) {
+        let p = fit.theta.len();
+        let failed = matches!(fit.status, Status::Rank | Status::NonFinite);
+        let errors = |cov: &[f64]| (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect::<Vec<f64>>();
+        match failed {
+            true => self.theta.extend(std::iter::repeat_n(f64::NAN, p)),
+            false => self.theta.extend(&fit.theta),
+        }
+        self.bse_nonrobust.extend(errors(&fit.cov_nonrobust));
+        self.bse_hc3.extend(errors(&fit.cov_hc3));
+        self.status.push(fit.status);
+        self.cost.push(fit.cost);
+        self.nit.push(fit.nit);
+    }
+}

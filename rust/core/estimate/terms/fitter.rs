@@ -1,0 +1,398 @@
+//! Equations and a way of sampling made ready, and a fit of records with everything a user sees.
+
+use super::equations::Equations;
+use super::iterate::{Ended, Problem};
+use super::lines::{Desk, Pairs, RecordPlan};
+use super::rows::{Factors, Spot, Weights};
+use super::uncertainty::Worth;
+use crate::error::{Error, Status};
+use crate::estimate::Options;
+use crate::estimate::default_band::fewest_lines;
+use crate::estimate::fit::{Band, BandRule, Time, default_lines};
+use crate::estimate::fitter::Range;
+use crate::linalg::condition::condition_bound;
+use crate::modulation::Lines;
+use crate::noise_level::noise_level;
+use crate::quadrature::Rule;
+use crate::simd::Isa;
+use crate::structure::{Method, Trend};
+
+/// Costs that differ by less, in parts of themselves, are those of one minimum.
+const SAME: f64 = 1e-9;
+/// A noise level is taken to be at least this part of the channel's size.
+const SILENT: f64 = 1e-9;
+/// Most lines of the wide band: beyond, dense factors cost more than they tell.
+const WIDEST: usize = 128;
+
+/// Everything that says how records are fitted.
+#[derive(Debug, Clone)]
+pub struct TermsOptions {
+    /// What is fitted.
+    pub equations: Equations,
+    /// Quadrature behind the noise; signals say their own.
+    pub rule: Rule,
+    /// Estimator.
+    pub method: Method,
+    /// White noise in the equations instead of the channels'.
+    pub flat: bool,
+    /// Constant and drift of each equation.
+    pub trend: Trend,
+    /// Lines.
+    pub band: Band,
+    /// Noise standard deviation of each noisy channel, where known.
+    pub levels: Option<Vec<f64>>,
+    /// Whether the levels' sizes matter, not only their existence.
+    pub levels_matter: bool,
+    /// Iteration.
+    pub options: Options,
+}
+
+/// One record's channels.
+#[derive(Debug, Clone)]
+pub struct TermsRecord<'a> {
+    /// In the order that the formulas number them.
+    pub channels: Vec<&'a [f64]>,
+}
+
+/// A finished fit.
+#[derive(Debug, Clone)]
+pub struct TermsFit {
+    /// Estimates.
+    pub theta: Vec<f64>,
+    /// Classical covariance, row major.
+    pub cov_nonrobust: Vec<f64>,
+    /// HC3 covariance, row major.
+    pub cov_hc3: Vec<f64>,
+    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
+    pub gram: Vec<f64>,
+    /// At least the condition number of these columns.
+    pub condition_bound: f64,
+    /// Weighted sum of squares in units of the levels' variances.
+    pub cost: f64,
+    /// Variance of the noise over that of the levels: cost over degrees of freedom.
+    pub scale: f64,
+    /// Standard deviation of each noisy channel that weighed the rows.
+    pub levels: Vec<f64>,
+    /// Real equations less unknowns.
+    pub degrees_of_freedom: usize,
+    /// Outcome.
+    pub status: Status,
+    /// Iterations after the start.
+    pub nit: u32,
+    /// Whether each parameter stands at a bound.
+    pub at_bound: Vec<bool>,
+    /// Lines of each record.
+    pub lines: Vec<Lines>,
+    /// Residuals of each record and equation over σ: unit variance in Re and Im.
+    pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
+    /// The default rule's account.
+    pub band_rule: Option<BandRule>,
+}
+
+/// Everything about fits of one kind that their samples do not change.
+pub struct TermsFitter {
+    pub(crate) o: TermsOptions,
+    pub(crate) isa: Isa,
+    pub(crate) pairs: Pairs,
+    pub(crate) records: Vec<RecordPlan>,
+    given: Vec<Range>,
+    narrow: Vec<Range>,
+}
+
+/// Lines, the rule's account, and where to start from.
+pub(crate) struct Chosen {
+    pub ranges: Vec<Range>,
+    pub rule: Option<BandRule>,
+    pub theta: Option<Vec<f64>>,
+}
+
+impl TermsFitter {
+    /// Makes ready for records of these lengths (in samples) and instants; `uneven` holds the variance of
+    /// each sample of each noisy channel of each record over the channel's, where they differ.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
+    pub fn new(
+        o: TermsOptions,
+        sampling: &[(usize, Time<'_>)],
+        uneven: &[Vec<Vec<f64>>],
+        isa: Isa,
+    ) -> Result<TermsFitter, Error> {
+        o.equations.check()?;
+        if sampling.is_empty() {
+            return Err(Error::Data("fitting: no record was given".into()));
+        }
+        if o.levels.as_ref().is_some_and(|l| l.len() != o.equations.noisy.len()) {
+            return Err(Error::Spec("fitting: noise levels are needed for each noisy channel".into()));
+        }
+        let e = &o.equations;
+        let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
+        let trends = usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear);
+        let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
+        let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, (samples, time)) in sampling.iter().enumerate() {
+            let window = crate::estimate::window::Window::new(*samples, *time, e.longest_lag())?;
+            let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
+            let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
+            let own = uneven.get(k).cloned().unwrap_or_default();
+            records.push(RecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
+            given.push(range);
+            narrow.push((range.0, few.min(range.1)));
+        }
+        let pairs = Pairs::new(e);
+        Ok(TermsFitter { isa, pairs, records, given, narrow, o })
+    }
+
+    /// Fits one set of parameters to one record, or to several as one problem.
+    ///
+    /// # Errors
+    /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
+    pub fn fit(&self, records: &[TermsRecord<'_>]) -> Result<TermsFit, Error> {
+        self.check(records)?;
+        let variances = self.variances(records)?;
+        let chosen = self.choose(records, &variances)?;
+        self.finish(records, variances, &chosen, Desk::default()).map(|(fit, _)| fit)
+    }
+
+    /// The estimate on the lines chosen, with everything a user sees.
+    pub(crate) fn finish(
+        &self,
+        records: &[TermsRecord<'_>],
+        variances: Vec<f64>,
+        chosen: &Chosen,
+        desk: Desk,
+    ) -> Result<(TermsFit, Desk), Error> {
+        let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
+        let mut problem = self.problem(records, variances, &chosen.ranges, desk)?;
+        let ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
+        let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
+        Ok((fit, problem.into_desk()))
+    }
+
+    pub(crate) fn check(&self, records: &[TermsRecord<'_>]) -> Result<(), Error> {
+        let shapes = records.len() == self.records.len()
+            && records.iter().zip(&self.records).all(|(r, plan)| {
+                r.channels.len() == self.o.equations.channels
+                    && r.channels.iter().all(|c| c.len() == plan.samples)
+            });
+        if shapes {
+            return Ok(());
+        }
+        Err(Error::Data(format!(
+            "fitting: {} records do not have the {} channels and the lengths that were planned for",
+            records.len(),
+            self.o.equations.channels
+        )))
+    }
+
+    /// Variance of each noisy channel: as given, else from the band that signals leave empty.
+    pub(crate) fn variances(&self, records: &[TermsRecord<'_>]) -> Result<Vec<f64>, Error> {
+        if let Some(levels) = &self.o.levels {
+            return Ok(levels.iter().map(|s| s * s).collect());
+        }
+        let order = self.o.equations.orders.iter().copied().max().unwrap_or(1);
+        let one = |channel: &usize| -> Result<f64, Error> {
+            let (mut sum, mut size): (f64, f64) = (0.0, 0.0);
+            for (record, plan) in records.iter().zip(&self.records) {
+                let samples = &record.channels[*channel][plan.window.lead..];
+                size = samples.iter().fold(size, |m, x| m.max(x.abs()));
+                let level = match (plan.dt.is_nan(), self.o.levels_matter) {
+                    (false, _) => noise_level(samples, order),
+                    (true, _) => Err(Error::Data(
+                        "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
+                         give it with noise=mf.Noise(y=...)"
+                            .into(),
+                    )),
+                };
+                let level = match level {
+                    Err(error) if self.o.levels_matter => return Err(error),
+                    Err(_) => 1.0,
+                    Ok(level) => level,
+                };
+                sum += level * level;
+            }
+            let least = SILENT * size;
+            let mean = sum / records.len() as f64;
+            Ok(mean.max(least * least).max(f64::MIN_POSITIVE))
+        };
+        self.o.equations.noisy.iter().map(one).collect()
+    }
+
+    pub(crate) fn problem<'a>(
+        &'a self,
+        records: &'a [TermsRecord<'a>],
+        variances: Vec<f64>,
+        ranges: &[Range],
+        desk: Desk,
+    ) -> Result<Problem<'a>, Error> {
+        let e = &self.o.equations;
+        let (mut rows, mut unknowns) = (0, e.parameters);
+        let equations = e.orders.len();
+        let unit = vec![1.0; equations];
+        let mut spots = Vec::new();
+        for (plan, (first, last)) in self.records.iter().zip(ranges) {
+            let lines = plan.lines(*first, *last);
+            let spot = Spot::new(e, lines, self.o.trend, &unit);
+            rows += spot.rows.len();
+            unknowns += spot.transients();
+            spots.push(spot);
+        }
+        if rows <= unknowns {
+            return Err(Error::Data(format!(
+                "fitting: the lines up to {:.4} rad/s give {rows} real equations for {unknowns} unknowns \
+                 (parameters, end conditions and trend); widen the band or take longer records",
+                ranges.iter().zip(&self.records).fold(0.0, |m: f64, (r, p)| {
+                    m.max(r.1 as f64 * p.window.omega0)
+                })
+            )));
+        }
+        let mut problem = Problem::new(self, records, variances, spots, desk);
+        if equations > 1 {
+            // Flat weights compare equations by what they hold without parameters.
+            problem.cost(&vec![0.0; e.parameters], Weights::Flat)?;
+            let power = problem.target_power();
+            let largest = power.iter().copied().fold(0.0, f64::max);
+            let sound = |p: &f64| if *p > SILENT * largest { *p } else { largest.max(f64::MIN_POSITIVE) };
+            let power: Vec<f64> = power.iter().map(sound).collect();
+            let own = problem.spots.iter_mut().zip(&self.records);
+            for ((spot, plan), (first, last)) in own.zip(ranges) {
+                let lines = plan.lines(*first, *last);
+                let spectra = std::mem::take(&mut spot.spectra);
+                *spot = Spot::new(e, lines, self.o.trend, &power);
+                spot.spectra = spectra;
+            }
+        }
+        Ok(problem)
+    }
+
+    fn weights(&self) -> (Weights, Factors) {
+        match (self.o.flat, self.o.method) {
+            (true, _) | (_, Method::Wls | Method::Ls) => (Weights::Flat, Factors::Data),
+            (_, Method::Awls) => (Weights::Noise, Factors::Data),
+            (_, Method::Ml) => (Weights::Noise, Factors::Denoised),
+        }
+    }
+
+    /// Estimates from θ, or from where one may begin without.
+    fn estimate(&self, problem: &mut Problem<'_>, from: Option<&[f64]>) -> Result<Ended, Error> {
+        let (weights, factors) = self.weights();
+        let Options { tol, maxiter, .. } = self.o.options;
+        if self.o.method == Method::Ls {
+            return problem.differenced(tol, maxiter);
+        }
+        let start = match from {
+            Some(theta) => theta.to_vec(),
+            None => problem.begin(None)?,
+        };
+        problem.iterate(start, weights, factors, tol, maxiter)
+    }
+
+    /// Lines as given, or by the default rule: wide from two starts, then the fewest that lose nothing.
+    pub(crate) fn choose(
+        &self,
+        records: &[TermsRecord<'_>],
+        variances: &[f64],
+    ) -> Result<Chosen, Error> {
+        let adapts = self.weights().0 == Weights::Noise;
+        if self.o.band != Band::Default || !adapts {
+            return Ok(Chosen { ranges: self.given.clone(), rule: None, theta: None });
+        }
+        let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
+        let mut all = self.problem(records, variances.to_vec(), &self.given, Desk::default())?;
+        let usable = |e: &Ended| {
+            matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
+        };
+        let first = self.estimate(&mut all, None)?;
+        let mut rule = BandRule {
+            wide: last(&self.given),
+            narrow: last(&self.narrow),
+            costs: [first.cost, f64::INFINITY],
+            chosen: last(&self.given),
+        };
+        let mut best = Some(first).filter(usable);
+        if self.narrow != self.given
+            && let Ok(mut few) = self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+        {
+            let start = self.estimate(&mut few, None)?;
+            if usable(&start) {
+                let second = self.estimate(&mut all, Some(&start.theta))?;
+                rule.costs[1] = second.cost;
+                let lower = best.as_ref().is_none_or(|b| second.cost < b.cost * (1.0 - SAME));
+                if usable(&second) && lower {
+                    best = Some(second);
+                }
+            }
+        }
+        let Some(best) = best else {
+            return Ok(Chosen { ranges: self.given.clone(), rule: Some(rule), theta: None });
+        };
+        let (weights, factors) = self.weights();
+        all.cost(&best.theta, weights)?;
+        all.jacobian(factors);
+        let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
+        let ranges = fewest_lines(&omega0, &self.given, |ranges| {
+            let last: Vec<usize> = ranges.iter().map(|r| r.1).collect();
+            all.variances_up_to(&last, &best.at_bound)
+        });
+        rule.chosen = last(&ranges);
+        Ok(Chosen { ranges, rule: Some(rule), theta: Some(best.theta) })
+    }
+
+    fn finished(
+        &self,
+        problem: &mut Problem<'_>,
+        ended: &Ended,
+        levels: Vec<f64>,
+        band_rule: Option<BandRule>,
+    ) -> Result<TermsFit, Error> {
+        let e = &self.o.equations;
+        let (weights, factors) = self.weights();
+        let cost = problem.cost(&ended.theta, weights)?;
+        problem.jacobian(factors);
+        let rows: usize = problem.spots.iter().map(|s| s.rows.len()).sum();
+        let spent: usize = problem.spots.iter().map(Spot::transients).sum();
+        let degrees = rows.saturating_sub(spent + e.parameters).max(1);
+        let scale = cost / degrees as f64;
+        let lost = matches!(ended.status, Status::Rank | Status::NonFinite);
+        let p = e.parameters;
+        let worth = match (lost, self.o.method) {
+            (true, _) => Worth {
+                nonrobust: vec![f64::NAN; p * p],
+                hc3: vec![f64::NAN; p * p],
+                gram: vec![f64::NAN; p * p],
+            },
+            (false, Method::Ls) => problem.differenced_worth(scale),
+            _ => problem.worth(scale, &ended.at_bound),
+        };
+        let by = 1.0 / scale.sqrt();
+        let residuals = problem
+            .spots
+            .iter()
+            .map(|spot| {
+                let mut each = vec![vec![(0.0, 0.0); spot.lines.count()]; e.orders.len()];
+                for (row, value) in spot.rows.iter().zip(&spot.residual) {
+                    let to = &mut each[row.equation][row.line];
+                    *(if row.im { &mut to.1 } else { &mut to.0 }) = value * by;
+                }
+                each
+            })
+            .collect();
+        Ok(TermsFit {
+            theta: ended.theta.clone(),
+            condition_bound: condition_bound(&worth.gram, p),
+            cov_nonrobust: worth.nonrobust,
+            cov_hc3: worth.hc3,
+            gram: worth.gram,
+            cost,
+            scale,
+            levels,
+            degrees_of_freedom: degrees,
+            status: ended.status,
+            nit: ended.nit,
+            at_bound: ended.at_bound.clone(),
+            lines: problem.spots.iter().map(|s| s.lines).collect(),
+            residuals,
+            band_rule,
+        })
+    }
+}

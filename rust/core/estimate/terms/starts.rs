@@ -1,0 +1,74 @@
+//! Where to begin: one linear step where that is exact, else the best of many starts under flat weights.
+
+use super::equations::Equations;
+use super::iterate::Problem;
+use super::rows::{Factors, Weights};
+use crate::error::Error;
+
+/// Starts that are tried where coefficients or signals are not linear in θ.
+const TRIALS: usize = 24;
+/// Steps of each.
+const STEPS: usize = 20;
+/// Decades that the starts of an unbounded parameter reach to either side of 1.
+const DECADES: f64 = 2.0;
+/// Relative precision of a start.
+const TOLERANCE: f64 = 1e-6;
+
+impl Problem<'_> {
+    /// θ that minimises the unweighted rows; with nonlinear coefficients the best of many minima.
+    pub fn begin(&mut self, from: Option<&[f64]>) -> Result<Vec<f64>, Error> {
+        let e = &self.fitter.o.equations;
+        if e.linear {
+            let zero = vec![0.0; e.parameters];
+            return Ok(self.iterate(zero, Weights::Flat, Factors::Data, TOLERANCE, 2)?.theta);
+        }
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        let trials = (0..TRIALS).map(|k| start(e, k));
+        for theta in from.map(<[f64]>::to_vec).into_iter().chain(trials) {
+            let ended = self.iterate(theta, Weights::Flat, Factors::Data, TOLERANCE, STEPS)?;
+            let better = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost);
+            if ended.cost.is_finite() && better {
+                best = Some((ended.cost, ended.theta));
+            }
+        }
+        Ok(best.map_or_else(|| start(e, 0), |(_, theta)| theta))
+    }
+}
+
+/// The `k`-th start: the given one, then points of a sequence that fills the bounds evenly.
+fn start(e: &Equations, k: usize) -> Vec<f64> {
+    let each = e.starts.iter().zip(&e.bounds).enumerate();
+    each.map(|(at, (given, (low, high)))| {
+        let place = fraction(k, at);
+        let wide = |place: f64| {
+            let size = libm::exp((2.0 * place - 1.0) * DECADES * std::f64::consts::LN_10);
+            if (k / 2 + at * k).is_multiple_of(3) { -size } else { size }
+        };
+        match (*given, low.is_finite(), high.is_finite()) {
+            (Some(value), ..) if k == 0 => value,
+            (Some(value), false, false) if value != 0.0 => value * wide(place).abs(),
+            (_, true, true) => low + (high - low) * place,
+            (_, true, false) => low + wide(place).abs(),
+            (_, false, true) => high - wide(place).abs(),
+            _ if k == 0 => 1.0,
+            _ => wide(place),
+        }
+    })
+    .collect()
+}
+
+/// Van der Corput's sequence in the base of the parameter's place among the primes; a half at first.
+fn fraction(k: usize, at: usize) -> f64 {
+    const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
+    let base = PRIMES[at % PRIMES.len()];
+    if k == 0 {
+        return 0.5;
+    }
+    let (mut left, mut digit, mut sum) = (k, 1.0, 0.0);
+    while left > 0 {
+        digit /= base as f64;
+        sum += digit * (left % base) as f64;
+        left /= base;
+    }
+    sum
+}

@@ -1,0 +1,190 @@
+//! Covariance of θ at the estimate: classical, and HC3 clustered over the equations of a row.
+//!
+//! The transient is projected out of the columns, so that all is that of a regression on them; leverage counts
+//! the transient's part.
+
+use super::iterate::{Problem, factored};
+use crate::linalg::qr::solve_square;
+
+/// Leaves (1 − h) of a row that determines a parameter alone above zero.
+const LEVERAGE: f64 = 1e-6;
+
+/// What an estimate is worth.
+#[derive(Debug, Clone)]
+pub(crate) struct Worth {
+    /// Row major.
+    pub nonrobust: Vec<f64>,
+    /// Row major.
+    pub hc3: Vec<f64>,
+    /// Normal matrix of the columns, unit diagonal.
+    pub gram: Vec<f64>,
+}
+
+impl Problem<'_> {
+    /// Covariances from columns and residual that stand; parameters at a bound have none.
+    pub fn worth(&self, variance: f64, at_bound: &[bool]) -> Worth {
+        let p = self.columns.len();
+        let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
+        let inverse = inverse_factor(&self.columns, &free);
+        let n = free.len();
+        let h = |i: usize, j: usize| -> f64 {
+            (i.max(j)..n).map(|k| inverse[i * n + k] * inverse[j * n + k]).sum()
+        };
+        let normal: Vec<f64> = (0..n * n).map(|k| h(k / n, k % n)).collect();
+        let meat = self.meat(&free, &inverse);
+        let mut out = Worth {
+            nonrobust: vec![0.0; p * p],
+            hc3: vec![0.0; p * p],
+            gram: vec![0.0; p * p],
+        };
+        for (i, a) in free.iter().enumerate() {
+            for (j, b) in free.iter().enumerate() {
+                out.nonrobust[a * p + b] = variance * normal[i * n + j];
+                let row = |k: usize| (0..n).map(|l| meat[k * n + l] * normal[l * n + j]).sum::<f64>();
+                out.hc3[a * p + b] = (0..n).map(|k| normal[i * n + k] * row(k)).sum();
+            }
+        }
+        let sizes: Vec<f64> = self.columns.iter().map(|c| super::rows::dot(c, c).sqrt()).collect();
+        for a in 0..p {
+            for b in 0..p {
+                let both = super::rows::dot(&self.columns[a], &self.columns[b]);
+                let held = at_bound[a] || at_bound[b];
+                out.gram[a * p + b] = match (a == b, held) {
+                    (true, _) => 1.0,
+                    (_, true) => 0.0,
+                    _ => both / (sizes[a] * sizes[b]),
+                };
+            }
+        }
+        out
+    }
+
+    /// Σ over clusters of (Jᵀ(I − H)⁻¹e)(…)ᵀ.
+    fn meat(&self, free: &[usize], inverse: &[f64]) -> Vec<f64> {
+        let n = free.len();
+        let mut meat = vec![0.0; n * n];
+        let mut at = 0;
+        let mut scratch = (Vec::new(), Vec::new(), Vec::new());
+        for spot in &self.spots {
+            let mut from = 0;
+            while from < spot.rows.len() {
+                let first = spot.rows[from];
+                let same = |r: &&super::rows::Row| r.line == first.line && r.im == first.im;
+                let size = spot.rows[from..].iter().take_while(same).count();
+                // Rows of the hat matrix: parameters through R⁻¹, the transient through its base.
+                let along = |i: usize| -> Vec<f64> {
+                    let own = |k: usize| -> f64 {
+                        (0..=k).map(|l| self.columns[free[l]][at + i] * inverse[l * n + k]).sum()
+                    };
+                    (0..n).map(own).chain(spot.base().iter().map(|b| b[i])).collect()
+                };
+                let rows: Vec<Vec<f64>> = (from..from + size).map(along).collect();
+                let (a, x, scale) = &mut scratch;
+                a.clear();
+                for i in 0..size {
+                    for j in 0..size {
+                        let hat = super::rows::dot(&rows[i], &rows[j]);
+                        a.push(if i == j { (1.0 - hat).max(LEVERAGE) } else { -hat });
+                    }
+                    a.push(self.residual[at + from + i]);
+                }
+                x.clear();
+                x.resize(size, 0.0);
+                scale.clear();
+                scale.resize(size, 0.0);
+                solve_square(a, size, x, scale);
+                let score: Vec<f64> = free
+                    .iter()
+                    .map(|k| (0..size).map(|i| self.columns[*k][at + from + i] * x[i]).sum())
+                    .collect();
+                for i in 0..n {
+                    for j in 0..n {
+                        meat[i * n + j] += score[i] * score[j];
+                    }
+                }
+                from += size;
+            }
+            at += spot.rows.len();
+        }
+        meat
+    }
+
+    /// Covariances of `ls`: its instruments, applied to the residuals of the lines.
+    pub fn differenced_worth(&self, variance: f64) -> Worth {
+        let p = self.columns.len();
+        let z = self.instruments();
+        // H = (ZᵀΓ)⁻¹ with Γ, Z on the whitened lines.
+        let mut system: Vec<f64> = Vec::new();
+        let mut h = vec![0.0; p * p];
+        for j in 0..p {
+            system.clear();
+            for own in &z {
+                system.extend(self.columns.iter().map(|c| super::rows::dot(own, c)));
+                system.push(0.0);
+            }
+            system[j * (p + 1) + p] = 1.0;
+            let (mut x, mut scale) = (vec![0.0; p], vec![0.0; p]);
+            solve_square(&mut system, p, &mut x, &mut scale);
+            for (i, value) in x.iter().enumerate() {
+                h[i * p + j] = *value;
+            }
+        }
+        let (mut plain, mut robust) = (vec![0.0; p * p], vec![0.0; p * p]);
+        for (i, e) in self.residual.iter().enumerate() {
+            let through = |k: usize| (0..p).map(|l| h[k * p + l] * z[l][i]).sum::<f64>();
+            let effect: Vec<f64> = (0..p).map(through).collect();
+            let leverage: f64 = effect.iter().zip(&self.columns).map(|(x, c)| x * c[i]).sum();
+            let left = e / (1.0 - leverage).max(Self::OBLIQUE);
+            for a in 0..p {
+                for b in 0..p {
+                    plain[a * p + b] += variance * effect[a] * effect[b];
+                    robust[a * p + b] += left * left * effect[a] * effect[b];
+                }
+            }
+        }
+        let gram = self.worth(variance, &vec![false; p]).gram;
+        Worth { nonrobust: plain, hc3: robust, gram }
+    }
+
+    /// Variances at unit noise of the columns on the lines up to `last` of each record; none where too few.
+    pub fn variances_up_to(&self, last: &[usize], at_bound: &[bool]) -> Option<Vec<f64>> {
+        let p = self.columns.len();
+        let mut all: Vec<Vec<f64>> = vec![Vec::new(); p];
+        let mut own = Vec::new();
+        let mut spent = 0;
+        for (spot, last) in self.spots.iter().zip(last) {
+            let rows = spot.rows_up_to(*last);
+            spent += spot.projected(rows, &mut own).len();
+            for (to, from) in all.iter_mut().zip(&own) {
+                to.extend_from_slice(from);
+            }
+        }
+        let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
+        if all.first().map_or(0, Vec::len) <= free.len() + spent {
+            return None;
+        }
+        let n = free.len();
+        let inverse = inverse_factor(&all, &free);
+        let mut out = vec![0.0; p];
+        for (i, k) in free.iter().enumerate() {
+            out[*k] = (i..n).map(|j| inverse[i * n + j] * inverse[i * n + j]).sum();
+        }
+        Some(out)
+    }
+}
+
+/// R⁻¹ of the columns' factor, row major, upper triangular.
+fn inverse_factor(columns: &[Vec<f64>], free: &[usize]) -> Vec<f64> {
+    let n = free.len();
+    let mut a = factored(columns, free, None);
+    a.absorb();
+    let mut inverse = vec![0.0; n * n];
+    for j in 0..n {
+        inverse[j * n + j] = 1.0 / a.r(j, j);
+        for i in (0..j).rev() {
+            let sum: f64 = (i + 1..=j).map(|k| a.r(i, k) * inverse[k * n + j]).sum();
+            inverse[i * n + j] = -sum / a.r(i, i);
+        }
+    }
+    inverse
+}

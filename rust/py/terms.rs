@@ -1,0 +1,208 @@
+//! `TermsFitter`: fits of equations whose terms are formulas.
+
+use modfun::Error;
+use modfun::estimate::Wanted;
+use modfun::estimate::terms::{
+    Equations, Lag, Signal, Term, TermsBatch, TermsFit, TermsFitter as Core, TermsOptions,
+    TermsRecord,
+};
+use modfun::simd::Isa;
+use modfun::spectrum::Kind;
+use modfun::tape::{Tape, Written};
+use numpy::{Complex64, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{matrix, slice, vector};
+use crate::enter::enter;
+use crate::errors::to_python;
+use crate::fit::{When, Words, account, many_dictionary, sampling};
+
+/// Operations and positions of results.
+type GivenTape = (Vec<Written>, Vec<usize>);
+/// Kind, delay, and the parameter that the delay is.
+type GivenSignal = (String, f64, Option<usize>);
+
+/// Options as Python gives them.
+#[derive(FromPyObject)]
+struct GivenTerms {
+    #[pyo3(item)]
+    orders: Vec<usize>,
+    #[pyo3(item)]
+    signals: Vec<GivenSignal>,
+    #[pyo3(item)]
+    terms: Vec<(usize, usize, usize)>,
+    #[pyo3(item)]
+    coefficients: GivenTape,
+    #[pyo3(item)]
+    slopes: Vec<(usize, usize)>,
+    #[pyo3(item)]
+    samples: GivenTape,
+    #[pyo3(item)]
+    sensitivities: Vec<(usize, usize)>,
+    #[pyo3(item)]
+    signal_slopes: Vec<(usize, usize, usize)>,
+    #[pyo3(item)]
+    channels: usize,
+    #[pyo3(item)]
+    noisy: Vec<usize>,
+    #[pyo3(item)]
+    starts: Vec<Option<f64>>,
+    #[pyo3(item)]
+    bounds: Vec<(f64, f64)>,
+    #[pyo3(item)]
+    linear: bool,
+    #[pyo3(item)]
+    flat: bool,
+    #[pyo3(item)]
+    levels: Option<Vec<f64>>,
+    #[pyo3(item)]
+    levels_matter: bool,
+}
+
+impl GivenTerms {
+    fn options(self, words: &Words) -> Result<TermsOptions, Error> {
+        let parameters = self.starts.len();
+        let signal = |(kind, delay, parameter): GivenSignal| -> Result<Signal, Error> {
+            let lag = parameter.map_or(Lag::Known(delay), Lag::Parameter);
+            Ok(Signal { kind: Kind::from_name(&kind)?, lag })
+        };
+        let term = |(equation, signal, order)| Term { equation, signal, order };
+        let inputs = self.channels + self.noisy.len() + parameters;
+        Ok(TermsOptions {
+            equations: Equations {
+                orders: self.orders,
+                signals: self.signals.into_iter().map(signal).collect::<Result<_, Error>>()?,
+                terms: self.terms.into_iter().map(term).collect(),
+                coefficients: Tape::new(&self.coefficients.0, parameters, self.coefficients.1)?,
+                slopes: self.slopes,
+                samples: Tape::new(&self.samples.0, inputs, self.samples.1)?,
+                sensitivities: self.sensitivities,
+                signal_slopes: self.signal_slopes,
+                channels: self.channels,
+                noisy: self.noisy,
+                parameters,
+                starts: self.starts,
+                bounds: self.bounds,
+                linear: self.linear,
+            },
+            rule: words.rule()?,
+            method: words.method()?,
+            flat: self.flat,
+            trend: words.trend()?,
+            band: words.band()?,
+            levels: self.levels,
+            levels_matter: self.levels_matter,
+            options: words.iteration(Wanted::Covariance),
+        })
+    }
+}
+
+/// Everything about fits of equations that their samples do not change; see the core's `TermsFitter`.
+#[pyclass(frozen, module = "modfun._core")]
+pub struct TermsFitter {
+    core: Core,
+}
+
+#[pymethods]
+impl TermsFitter {
+    /// Makes ready for records of these numbers of samples and steps, or instants; `uneven` holds the
+    /// variance of each sample (noisy channel, time) of each record over the channel's, where they differ.
+    #[new]
+    #[pyo3(signature = (samples, time, uneven, **options))]
+    fn new(
+        samples: Vec<usize>,
+        time: Vec<When<'_>>,
+        uneven: Vec<Option<PyReadonlyArray2<'_, f64>>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<TermsFitter> {
+        let Some(options) = options else {
+            return Err(to_python(Error::Spec("fitting: no option was given".into())));
+        };
+        let (given, words): (GivenTerms, Words) = (options.extract()?, options.extract()?);
+        let o = given.options(&words).map_err(to_python)?;
+        let sampling = sampling(&samples, &time)?;
+        let mut rows = Vec::with_capacity(uneven.len());
+        for array in &uneven {
+            rows.push(match array {
+                Some(array) => channels(array, "variances")?.into_iter().map(<[f64]>::to_vec).collect(),
+                None => Vec::new(),
+            });
+        }
+        let isa = Isa::detect().map_err(to_python)?;
+        Ok(TermsFitter { core: Core::new(o, &sampling, &rows, isa).map_err(to_python)? })
+    }
+
+    /// Fits one set of parameters to the channels of one record, or of several: lists of (channel, time).
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        records: Vec<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut own = Vec::with_capacity(records.len());
+        for record in &records {
+            own.push(TermsRecord { channels: channels(record, "channels")? });
+        }
+        let found = enter(py, None, |_| self.core.fit(&own))?;
+        dictionary(py, found)
+    }
+
+    /// Fits every record by itself: a list of (channel, time); `shared` channels follow those of each.
+    #[pyo3(signature = (records, shared, *, threads, progress=None))]
+    fn fit_many<'py>(
+        &self,
+        py: Python<'py>,
+        records: Vec<PyReadonlyArray2<'py, f64>>,
+        shared: PyReadonlyArray2<'py, f64>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let all = channels(&shared, "channels")?;
+        let mut own = Vec::with_capacity(records.len());
+        for record in &records {
+            let mut channels = channels(record, "channels")?;
+            channels.extend(&all);
+            own.push(TermsRecord { channels });
+        }
+        let threads = modfun::threads::count(threads).map_err(to_python)?;
+        let batch = TermsBatch { records: own };
+        let (many, degrees, lines) =
+            enter(py, progress, |report| self.core.fit_many(&batch, threads, report))?;
+        many_dictionary(py, many, degrees, lines)
+    }
+}
+
+/// The rows of an array, one a channel.
+fn channels<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<&'a [f64]>> {
+    use numpy::PyUntypedArrayMethods;
+    Ok(slice(array, name)?.chunks_exact(array.shape()[1].max(1)).collect())
+}
+
+fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
+    let p = f.theta.len();
+    let out = PyDict::new(py);
+    out.set_item("theta", vector(py, f.theta))?;
+    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
+    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
+    out.set_item("gram", matrix(py, f.gram, p)?)?;
+    out.set_item("condition_bound", f.condition_bound)?;
+    out.set_item("cost", f.cost)?;
+    out.set_item("scale", f.scale)?;
+    out.set_item("levels", vector(py, f.levels))?;
+    out.set_item("df_resid", f.degrees_of_freedom)?;
+    out.set_item("status", f.status.name())?;
+    out.set_item("nit", f.nit)?;
+    out.set_item("at_bound", f.at_bound)?;
+    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
+    out.set_item("lines", lines)?;
+    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
+    let residuals = PyList::empty(py);
+    for record in &f.residuals {
+        let rows = record.len();
+        let flat = record.iter().flatten().map(|(re, im)| Complex64::new(*re, *im)).collect();
+        residuals.append(matrix(py, flat, rows)?)?;
+    }
+    out.set_item("residuals", residuals)?;
+    out.set_item("band_rule", account(py, f.band_rule)?)?;
+    Ok(out)
+}
