@@ -11,6 +11,8 @@ __all__ = [
     "Fitter",
     "JointFitter",
     "Study",
+    "TermsFitter",
+    "TermsFitter",
     "__version__",
     "_panic_for_tests",
     "_wait_for_tests",
@@ -105,6 +107,20 @@ class Fitter:
     ) -> dict[str, Any]: ...
 
 @final
+class TermsFitter:
+    def __new__(
+        cls, samples: list[int], time: list[float | _F64], uneven: list[_F64 | None], **options: Any
+    ) -> TermsFitter: ...
+    def fit(self, records: list[_F64]) -> dict[str, Any]: ...
+    def fit_many(
+        self,
+        records: list[_F64],
+        shared: _F64,
+        *,
+        threads: int | None,
+        progress: Callable[[int, int], object] | None = ...,
+    ) -> dict[str, Any]: ...
+
 class JointFitter:
     def __new__(
         cls,

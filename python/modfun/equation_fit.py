@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .errors import DataError, ModfunWarning, SpecError
+from .errors import DataError, SpecError
 from .gaps import bridged, variances
 from .noise import Noise
 from .options import Options
@@ -54,6 +53,11 @@ class EquationLayout:
     formulas: Formulas
 
     @property
+    def common(self) -> bool:
+        """One set of poles, if any."""
+        return True
+
+    @property
     def longest_delay(self) -> float:
         """The most that a signal may be late, s."""
         bounds = self.formulas.words["bounds"]
@@ -69,9 +73,12 @@ class EquationFit(Fit):
     ----------
     levels : (noisy channel,) array
         Standard deviation of the noise that weighed the lines: given, or seen in the unused high band.
+    df_hc3 : (p,) array
+        Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
     """
 
     levels: F64 = field(default_factory=lambda: np.empty(0))
+    df_hc3: F64 = field(default_factory=lambda: np.empty(0))
 
     @property
     def trend(self) -> str | None:
@@ -101,40 +108,90 @@ class EquationFit(Fit):
         from .symbolic.varying import basis
 
         instants = np.atleast_1d(np.asarray(t, dtype=float))
-        names, values = basis(self.layout.compiled, name, instants, self.records)
+        names, values, held = basis(self.layout.compiled, name, instants)
         place = [self.param_names.index(own) for own in names]
         cov = self.cov_params()[np.ix_(place, place)]
-        return self.params[place] @ values, np.sqrt(np.einsum("it,ij,jt->t", values, cov, values))
+        return self.params[place] @ values + held, np.sqrt(np.einsum("it,ij,jt->t", values, cov, values))
 
-    def _linear(self, what: str) -> Any:
-        model = self.model
-        if not hasattr(model, "poles"):
+    @property
+    def degrees(self) -> Any:
+        """Degrees of freedom of the intervals: of HC3 one a parameter."""
+        return self.df_hc3 if self.cov_type == "HC3" else self.df_resid
+
+    @property
+    def has_poles(self) -> bool:
+        """Whether the model is linear, as that of a `StateSpace` is."""
+        return bool(self.structure.linear)
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """What the rows of the residuals belong to: the equations."""
+        return tuple(f"equation {k}" for k in range(1, len(self.layout.orders) + 1))
+
+    @property
+    def high_band_levels(self) -> F64:
+        """Noise level of each output as seen in the unused high band; nan where it was given."""
+        given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
+        outputs = len(self.outputs)
+        return np.full(outputs, np.nan) if given else self.levels[:outputs]
+
+    @property
+    def chi2(self) -> float:
+        """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
+        weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
+        known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
+        return self.df_resid * self.noise_scale if weighted and known else float("nan")
+
+    def _at(self, k: int, size: float) -> Any:
+        params = self.params.copy()
+        params[k] += size
+        return self.structure.model(dict(zip(self.param_names, params.tolist(), strict=True)))
+
+    def _gradient(self, of: Any) -> Any:
+        """Values of a function of the model, and central differences over the parameters."""
+        if not self.has_poles:
             raise SpecError(
-                f"{what}: the fitted equations are not linear, so they have no poles and no frequency response; "
+                "the fitted equations are not linear, so they have no poles and no frequency response; "
                 "fit.model.simulate(...) and fit.predict() show what they do"
             )
-        return model
+        value, slopes = of(self.model), []
+        for k, (own, error) in enumerate(zip(self.params, self.bse, strict=True)):
+            step = float(np.cbrt(np.finfo(float).eps)) * (max(abs(own), float(np.nan_to_num(error))) or 1.0)
+            slopes.append((of(self._at(k, step)) - of(self._at(k, -step))) / (2 * step))
+        return value, np.array(slopes)
 
-    def damp(self) -> Any:
-        """Poles of a linear state space; see `LTI`."""
-        from .derived import damp_of_model
+    def _poles(self, output: int) -> Any:
+        found = np.asarray(self.model.poles())
 
-        return damp_of_model(self, self._linear("damp"))
+        def near(model: Any) -> Any:
+            """Poles of a model close by, in the order of the estimate's."""
+            left = list(model.poles())
+            return np.array([left.pop(int(np.argmin(np.abs(np.array(left) - pole)))) for pole in found])
+
+        value, slopes = self._gradient(near)
+        return value, slopes.T
+
+    def _response(self, omega: F64) -> Any:
+        return self._gradient(lambda model: np.asarray(model.frequency_response(omega)))
 
     def polynomials(self, output: int = 0) -> Never:
         """Not for equations: their coefficients have names of their own."""
-        raise SpecError("polynomials: the parameters of equations are no coefficients of a transfer function; "
-                        "use fit.params, or fit.model")
+        raise SpecError(
+            "polynomials: the parameters of equations are no coefficients of a transfer function; "
+            "use fit.params, or fit.model"
+        )
 
     def path_model(self, output: int | str = 0) -> Never:
         """Not for equations; see `model`."""
         raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
 
-    def simulate(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
-        """Outputs for a record by integration, with the initial state that suits them best."""
+    def _simulated(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
         from .nonlinear import simulate_fit
 
         return simulate_fit(self, rec, initial_state)
+
+    def _observed(self, rec: Record, eigenvalues: Any) -> Never:
+        raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')
 
 
 @lru_cache(KEPT)
@@ -143,7 +200,9 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
 
     compiled = structure.compiled(outputs, inputs)
     noisy = list(outputs)
-    if options.noise == "errors-in-variables" or (isinstance(options.noise, Noise) and options.noise.u is not None):
+    if options.noise == "errors-in-variables" or (
+        isinstance(options.noise, Noise) and options.noise.u is not None
+    ):
         noisy += inputs
     found = formulas(
         compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
@@ -156,9 +215,16 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
 def layout_of(structure: Any, options: Options, data: Record | Batch) -> EquationLayout:
     """The equations for the channels of a record or batch."""
     for name, plain, why in (
-        ("noise", options.noise != "coloured", 'is for transfer functions; the standard errors are HC3, which '
-         "hold whatever the colour"),
-        ("output_weights", options.output_weights is None, "is for transfer functions; give noise=mf.Noise(y=...)"),
+        (
+            "noise",
+            options.noise != "coloured",
+            "is for transfer functions; the standard errors are HC3, which hold whatever the colour",
+        ),
+        (
+            "output_weights",
+            options.output_weights is None,
+            "is for transfer functions; give noise=mf.Noise(y=...)",
+        ),
         ("extended", options.extended, "is for transfer functions; equations use all indices"),
     ):
         if not plain:
@@ -210,7 +276,8 @@ def prepare_equation(
     """
     first: Batch | Record
     if isinstance(data, Batch):
-        first, sampling = data, [(data.y.shape[2], data.dt)]
+        first = data
+        sampling: list[tuple[int, Any]] = [(data.y.shape[2], data.dt)]
     else:
         first = data[0]
         sampling = [(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data]
@@ -226,9 +293,7 @@ def prepare_equation(
         **{**options.core(), "trend": trend, "intersample": []},
     )
     late = layout.longest_delay
-    intervals = tuple(
-        samples - 1 - (ceil(late / step - 1e-9) if late else 0) for samples, step in sampling
-    )
+    intervals = tuple(samples - 1 - (ceil(late / step - 1e-9) if late else 0) for samples, step in sampling)
     return PreparedEquation(core, layout, intervals)
 
 
@@ -272,6 +337,7 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
         noise_scale=found["scale"],
         records=records,
         levels=levels,
+        df_hc3=found["df_hc3"],
     )
 
 
@@ -296,8 +362,8 @@ def _refuse_not_finite(layout: EquationLayout, rows: Sequence[F64], options: Opt
             at = int(np.argmax(bad))
             if channel.kind == "log":
                 raise DataError(
-                    f"fit: noise=\"log-normal\" takes the logarithm of {layout.outputs[channel.of]!r}, which is "
-                    f"not positive at sample {at} of record {k}; use noise=\"output\""
+                    f'fit: noise="log-normal" takes the logarithm of {layout.outputs[channel.of]!r}, which is '
+                    f'not positive at sample {at} of record {k}; use noise="output"'
                 )
             raise DataError(
                 f"fit: {channel.symbol} is not finite at sample {at} of record {k}; change the known function "
@@ -309,18 +375,12 @@ def batch_of(made: PreparedEquation, data: Batch | tuple[Record, ...]) -> tuple[
     """Channels of each record, and those that all share."""
     formulas = made.layout.formulas
     if isinstance(data, Batch):
-        t = np.arange(data.y.shape[2]) * data.dt
+        t = np.arange(data.y.shape[2], dtype=np.float64) * data.dt
         if len(data.u) == 1 or not data.inputs:
             u = data.u[0]
-            return [formulas.rows(y, u, t, own=True) for y in data.y], formulas.rows(data.y[0], u, t, own=False)
+            return [formulas.rows(y, u, t, own=True) for y in data.y], formulas.rows(
+                data.y[0], u, t, own=False
+            )
         own = [formulas.rows(y, u, t) for y, u in zip(data.y, data.u, strict=True)]
         return own, np.empty((0, t.size))
     return [formulas.rows(r.y, r.u, r.t) for r in data], np.empty((0, data[0].t.size))
-
-
-def warn_of(fit: EquationFit) -> None:
-    """The warnings of a fit."""
-    from . import explain
-
-    for text in explain.warnings_of(fit):
-        warnings.warn(text, ModfunWarning, stacklevel=3)

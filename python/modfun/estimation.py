@@ -20,19 +20,14 @@ from .options import Choices, Options
 from .prepared import prepare, refuse_standing
 from .records import Batch, Record
 from .results import Fit
-from .structures import TransferFunction
+from .structures import Model, TransferFunction
 
 __all__ = ["Estimator", "fit", "fit_many"]
-
-# What API words of later versions are answered with; anything else unknown gets the nearest names.
-_LATER = {
-    "correct": "the bias correction belongs to equations with nonlinear signals, which come later",
-}
 
 
 def fit(
     data: Record | Sequence[Record],
-    model: TransferFunction,
+    model: Model,
     *,
     method: str = "ml",
     band: float | tuple[float, float] | None = None,
@@ -41,6 +36,7 @@ def fit(
     noise: str | Noise = "output",
     cov_type: str = "HC3",
     output_weights: ArrayLike | None = None,
+    correct: bool = True,
     rule: str = "gregory",
     extended: bool = True,
     tol: float = 1e-9,
@@ -57,7 +53,7 @@ def fit(
     ----------
     data : Record or sequence of Record
         Lengths, rates and trims may differ between records, channels may not.
-    model : TransferFunction
+    model : TransferFunction, Equation or StateSpace
         What is to be fitted.
     method : {"ml", "awls", "wls", "ls"}
         "ml" is consistent and reaches the Cramer-Rao bound of the band; "awls" iterates the weights of
@@ -69,18 +65,23 @@ def fit(
         "ml" and "awls" choose the narrowest band whose standard errors are within 1 % of those of a wide
         one, "ls" and "wls" take M = 3 times the number of unknowns (report, eq. (20)).
     trend : {"auto", "constant", "linear", None}
-        Unknown offset (and slope) of the output, a record. "auto" is "constant".
-    noise : {"output", "equation", "coloured", "errors-in-variables"} or Noise
+        Unknown offset (and slope) of the output, a record; of equations an unknown constant (and slope) in
+        each. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
+    noise : {"output", "equation", "coloured", "errors-in-variables", "log-normal"} or Noise
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
         unknown (of several outputs estimated in full, by alternation); "equation": white in the equations;
         "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
         alternation; "errors-in-variables": white on outputs and inputs, levels from the harmonics that the
-        signals leave empty; `Noise`: known up to a common factor.
+        signals leave empty; "log-normal": white on the logarithms of the outputs (equations only);
+        `Noise`: known up to a common factor. Equations take the levels of several outputs, and of what noise
+        adds to nonlinear signals, from the unused harmonics or from `Noise`.
     cov_type : {"HC3", "nonrobust"}
         Standard errors without an assumption on the noise colour, or the classical ones.
     output_weights : (output,) or (output, output) array_like, optional
         Of several outputs: 1/variance of the noise of each, or the inverse of its covariance, instead of the
         estimated one.
+    correct : bool
+        Take out of nonlinear signals what noise adds to them on average (equations only).
     rule : {"gregory", "parabolic", "trapezoid", "staircase"}
         Quadrature of the output and of smooth inputs (report, eqs. (21a) to (21c)).
     extended : bool
@@ -122,6 +123,7 @@ def fit(
             "noise": noise,
             "cov_type": cov_type,
             "output_weights": output_weights,
+            "correct": correct,
             "rule": rule,
             "extended": extended,
             "tol": tol,
@@ -139,7 +141,7 @@ class Estimator:
 
     Parameters
     ----------
-    model : TransferFunction
+    model : TransferFunction, Equation or StateSpace
     **options
         Those of `fit`, checked at once.
 
@@ -151,10 +153,10 @@ class Estimator:
 
     __slots__ = ("model", "options")
 
-    model: TransferFunction
+    model: Any
     options: Options
 
-    def __init__(self, model: TransferFunction, **options: Unpack[Choices]) -> None:
+    def __init__(self, model: Model, **options: Unpack[Choices]) -> None:
         object.__setattr__(self, "model", _structure(model, "Estimator"))
         object.__setattr__(self, "options", _options("Estimator", dict(options)))
 
@@ -188,7 +190,7 @@ class Estimator:
 
 def fit_many(
     data: Batch | Sequence[Record],
-    model: TransferFunction,
+    model: Model,
     *,
     threads: int | None = None,
     progress: str | bool = "auto",
@@ -201,7 +203,7 @@ def fit_many(
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length or rate are
         fitted one after the other, with the band of the first.
-    model : TransferFunction
+    model : TransferFunction, Equation or StateSpace
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
     progress : {"auto", True, False}
@@ -236,8 +238,12 @@ def fit_many(
 # The way to the core -----------------------------------------------------------------------------
 
 
-def _fit(records: tuple[Record, ...], structure: TransferFunction, options: Options) -> Fit:
+def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
+    if not isinstance(structure, TransferFunction):
+        from .equation_fit import fit_equation
+
+        return fit_equation(records, structure, options)
     first = records[0]
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
@@ -288,14 +294,11 @@ def _warn(result: Fit) -> None:
 
 
 def _options(what: str, given: dict[str, Any]) -> Options:
-    for name, reason in _LATER.items():
-        if given.get(name) is not None:
-            raise SpecError(f"{what}: {name}= is not available yet: {reason}")
     return Options.checked(what, **given)
 
 
-def _structure(model: Any, what: str) -> TransferFunction:
-    if isinstance(model, TransferFunction):
+def _structure(model: Any, what: str) -> Any:
+    if isinstance(model, TransferFunction) or hasattr(model, "compiled"):
         return model
     if isinstance(model, LTI):
         raise SpecError(
@@ -304,7 +307,7 @@ def _structure(model: Any, what: str) -> TransferFunction:
         )
     raise SpecError(
         f"{what}: model is {type(model).__name__!r}; give a structure such as "
-        "TransferFunction(poles=2, zeros=0)"
+        'TransferFunction(poles=2, zeros=0) or Equation("y\' + a*y = b*u")'
     )
 
 
@@ -355,7 +358,7 @@ def _threads(given: int | None) -> int:
     return int(given)
 
 
-def _estimator(model: TransferFunction, options: Options) -> Estimator:
+def _estimator(model: Model, options: Options) -> Estimator:
     made = object.__new__(Estimator)
     object.__setattr__(made, "model", model)
     object.__setattr__(made, "options", options)

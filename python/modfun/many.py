@@ -47,7 +47,7 @@ class FitMany:
         Of the first record where they differ.
     band : (float, float)
         Lowest and highest frequency used, rad/s.
-    structure : TransferFunction
+    structure : TransferFunction, Equation or StateSpace
     options : Options
     """
 
@@ -59,7 +59,7 @@ class FitMany:
     param_names: tuple[str, ...]
     df_resid: int
     band: tuple[float, float]
-    structure: TransferFunction
+    structure: Any
     options: Options
 
     @property
@@ -133,16 +133,18 @@ class FitMany:
 
 def fit_batch(
     data: Batch | tuple[Record, ...],
-    structure: TransferFunction,
+    structure: Any,
     options: Options,
     threads: int,
     progress: str | bool,
 ) -> FitMany:
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
+    if not isinstance(structure, TransferFunction):
+        return _equations(data, structure, options, threads, progress)
     made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
     y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
     refuse_standing(made.layout, [y[0]], [u[0]])
-    show = _Progress(len(y)) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
+    show = _shown(len(y), progress)
     found = made.core.fit_many(y, u, threads=threads, progress=show)
     if show is not None:
         show.end()
@@ -152,14 +154,36 @@ def fit_batch(
             f"fit_many: every record holds values that are not finite, record 0 at sample "
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
+    return _made(found, made.layout.param_names, structure, options)
+
+
+def _equations(
+    data: Batch | tuple[Record, ...], structure: Any, options: Options, threads: int, progress: str | bool
+) -> FitMany:
+    from .equation_fit import batch_of, prepare_equation
+
+    made = prepare_equation(structure, options, data if isinstance(data, Batch) else data[:1])
+    own, shared = batch_of(made, data)
+    show = _shown(len(own), progress)
+    found = made.core.fit_many(own, shared, threads=threads, progress=show)
+    if show is not None:
+        show.end()
+    return _made(found, made.layout.param_names, structure, options)
+
+
+def _shown(count: int, progress: str | bool) -> _Progress | None:
+    return _Progress(count) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
+
+
+def _made(found: dict[str, Any], names: tuple[str, ...], structure: Any, options: Options) -> FitMany:
     (low, high), omega0 = found["lines"][0], found["omega0"][0]
     return FitMany(
         params=found["theta"],
         bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],
-        status=_WORDS.take(status),
+        status=_WORDS.take(found["status"]),
         cost=found["cost"],
         nit=found["nit"],
-        param_names=made.layout.param_names,
+        param_names=names,
         df_resid=found["df_resid"],
         band=(low * omega0, high * omega0),
         structure=structure,
@@ -169,9 +193,9 @@ def fit_batch(
 
 def fit_each(
     records: tuple[Record, ...],
-    structure: TransferFunction,
+    structure: Any,
     options: Options,
-    fit_one: Callable[[tuple[Record, ...], TransferFunction, Options], Fit],
+    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
 ) -> FitMany:
     """Fit records of different lengths or rates one after the other, with the band of the first."""
     first = fit_one(records[:1], structure, options)
@@ -180,7 +204,7 @@ def fit_each(
     return collect(fits, structure, options)
 
 
-def collect(fits: list[Fit], structure: TransferFunction, options: Options) -> FitMany:
+def collect(fits: list[Fit], structure: Any, options: Options) -> FitMany:
     """Single fits as one result; what differs between them is that of the first."""
     return FitMany(
         params=np.array([f.params for f in fits]),

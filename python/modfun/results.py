@@ -67,7 +67,7 @@ class Fit:
         Sampling intervals used and their length in s (None: uneven), a record.
     band_rule : dict or None
         Numbers of the default rule that chose the band; None where the band was given.
-    structure : TransferFunction
+    structure : TransferFunction, Equation or StateSpace
         What was fitted.
     layout : Layout
         The structure for the record's channels: names, fixed values, how parameters make polynomials.
@@ -83,7 +83,7 @@ class Fit:
         No less than `cond`, and had for nothing; inf where not known.
     """
 
-    structure: TransferFunction
+    structure: Any
     layout: Layout
     options: Options
     units: dict[str, str]
@@ -159,13 +159,19 @@ class Fit:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
         if not (isinstance(level, float | int) and 0 < level < 1):
             raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
-        return np.column_stack(self.interval(self.params, self.bse, level))
+        return np.column_stack(self.interval(self.params, self.bse, level, self.degrees))
 
-    def interval(self, values: F64, errors: F64, level: float = 0.95) -> tuple[F64, F64]:
+    @property
+    def degrees(self) -> Any:
+        """Degrees of freedom of the intervals, one for all or one a parameter."""
+        return self.df_resid
+
+    def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
         """Lower and upper limits of estimates with these standard errors (Student's t)."""
         from scipy.special import stdtrit  # scipy.stats takes seconds to load
 
-        factor = float(stdtrit(self.df_resid, 0.5 + level / 2)) if self.df_resid > 0 else float("nan")
+        free = np.asarray(self.df_resid if degrees is None else degrees, dtype=float)
+        factor = np.where(free > 0, stdtrit(np.where(free > 0, free, 1.0), 0.5 + level / 2), np.nan)
         return values - factor * errors, values + factor * errors
 
     def estimates(self) -> dict[str, float]:

@@ -42,8 +42,11 @@ pub struct Tape {
     inputs: usize,
 }
 
+/// A name and what it calls.
+type Call = (&'static str, fn(f64) -> f64);
+
 /// Functions of one argument. The library's are the same on every processor.
-const CALLS: &[(&str, fn(f64) -> f64)] = &[
+const CALLS: &[Call] = &[
     ("sin", libm::sin),
     ("cos", libm::cos),
     ("tan", libm::tan),
@@ -62,8 +65,11 @@ const CALLS: &[(&str, fn(f64) -> f64)] = &[
     ("step", step),
 ];
 
+/// A name and what it calls, of two.
+type Pair = (&'static str, fn(f64, f64) -> f64);
+
 /// Functions of two arguments.
-const PAIRS: &[(&str, fn(f64, f64) -> f64)] =
+const PAIRS: &[Pair] =
     &[("min", f64::min), ("max", f64::max), ("less", less), ("less_equal", less_equal)];
 
 fn sign(x: f64) -> f64 {

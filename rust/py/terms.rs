@@ -37,7 +37,7 @@ struct GivenTerms {
     #[pyo3(item)]
     slopes: Vec<(usize, usize)>,
     #[pyo3(item)]
-    samples: GivenTape,
+    formulas: GivenTape,
     #[pyo3(item)]
     sensitivities: Vec<(usize, usize)>,
     #[pyo3(item)]
@@ -76,7 +76,7 @@ impl GivenTerms {
                 terms: self.terms.into_iter().map(term).collect(),
                 coefficients: Tape::new(&self.coefficients.0, parameters, self.coefficients.1)?,
                 slopes: self.slopes,
-                samples: Tape::new(&self.samples.0, inputs, self.samples.1)?,
+                samples: Tape::new(&self.formulas.0, inputs, self.formulas.1)?,
                 sensitivities: self.sensitivities,
                 signal_slopes: self.signal_slopes,
                 channels: self.channels,
@@ -125,7 +125,9 @@ impl TermsFitter {
         let mut rows = Vec::with_capacity(uneven.len());
         for array in &uneven {
             rows.push(match array {
-                Some(array) => channels(array, "variances")?.into_iter().map(<[f64]>::to_vec).collect(),
+                Some(array) => {
+                    channels(array, "variances")?.into_iter().map(<[f64]>::to_vec).collect()
+                }
                 None => Vec::new(),
             });
         }
@@ -190,6 +192,7 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("scale", f.scale)?;
     out.set_item("levels", vector(py, f.levels))?;
     out.set_item("df_resid", f.degrees_of_freedom)?;
+    out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
     out.set_item("status", f.status.name())?;
     out.set_item("nit", f.nit)?;
     out.set_item("at_bound", f.at_bound)?;

@@ -72,7 +72,9 @@ class Formulas:
     def rows(self, y: F64, u: F64, t: F64, own: bool | None = None) -> F64:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
         given = [c for c in self.channels if own is None or c.own == own]
-        return np.ascontiguousarray(np.vstack([self._row(c, y, u, t) for c in given] or [np.empty((0, t.size))]))
+        return np.ascontiguousarray(
+            np.vstack([self._row(c, y, u, t) for c in given] or [np.empty((0, t.size))])
+        )
 
     def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> F64:
         if channel.kind == "output":
@@ -130,7 +132,9 @@ def formulas(
     SpecError
         A product of delayed and undelayed channels.
     """
-    writer = _Writer(compiled, rule, dict(zip(compiled.inputs, intersample, strict=True)), noisy, log, correct)
+    writer = _Writer(
+        compiled, rule, dict(zip(compiled.inputs, intersample, strict=True)), noisy, log, correct
+    )
     for term in compiled.terms:
         writer.term(term)
     return writer.finished()
@@ -316,7 +320,7 @@ class _Writer:
             "terms": self.terms,
             "coefficients": tape([*self.coefficients, *derivatives], parameters),
             "slopes": slopes,
-            "samples": tape(results, inputs),
+            "formulas": tape(results, inputs),
             "sensitivities": sensitivities,
             "signal_slopes": slopes_of_signals,
             "channels": len(channels),

@@ -74,8 +74,12 @@ class _Writer:
             return at
         if isinstance(expr, sympy.Piecewise):
             return self._pieces(expr)
-        if isinstance(expr, sympy.StrictLessThan | sympy.StrictGreaterThan | sympy.LessThan | sympy.GreaterThan):
-            name = "less" if isinstance(expr, sympy.StrictLessThan | sympy.StrictGreaterThan) else "less_equal"
+        if isinstance(
+            expr, sympy.StrictLessThan | sympy.StrictGreaterThan | sympy.LessThan | sympy.GreaterThan
+        ):
+            name = (
+                "less" if isinstance(expr, sympy.StrictLessThan | sympy.StrictGreaterThan) else "less_equal"
+            )
             return self.add(name, a=self.write(expr.lts), b=self.write(expr.gts))
         if expr in (sympy.true, sympy.false):
             return self.add("constant", float(bool(expr)))
@@ -118,9 +122,7 @@ class _Writer:
         return total
 
 
-def tape(
-    results: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]
-) -> tuple[list[Operation], list[int]]:
+def tape(results: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> tuple[list[Operation], list[int]]:
     """Operations for expressions, and the position of each expression's value; common parts stand once.
 
     Raises

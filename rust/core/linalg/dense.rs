@@ -182,8 +182,10 @@ mod tests {
                     assert!((p.get(i, n + j) - more.get(i, j)).abs() < 1e-13);
                 }
             }
-            let bits: Vec<u64> =
-                (0..n).flat_map(|i| (0..c).map(move |j| (i, j))).map(|(i, j)| p.get(i, n + j).to_bits()).collect();
+            let bits: Vec<u64> = (0..n)
+                .flat_map(|i| (0..c).map(move |j| (i, j)))
+                .map(|(i, j)| p.get(i, n + j).to_bits())
+                .collect();
             assert_eq!(*first.get_or_insert(bits.clone()), bits, "{isa:?}");
         }
     }

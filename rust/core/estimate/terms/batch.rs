@@ -31,7 +31,8 @@ impl TermsFitter {
         thread_count: usize,
         progress: &mut dyn FnMut(usize, usize) -> Control,
     ) -> Result<(Many, usize, Vec<Lines>), Error> {
-        let sound = |r: &&TermsRecord<'_>| r.channels.iter().all(|c| c.iter().all(|v| v.is_finite()));
+        let sound =
+            |r: &&TermsRecord<'_>| r.channels.iter().all(|c| c.iter().all(|v| v.is_finite()));
         let Some(first) = batch.records.iter().find(sound).or(batch.records.first()) else {
             return Err(Error::Data("fitting a batch: it has no records".into()));
         };

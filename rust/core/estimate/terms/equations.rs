@@ -81,16 +81,18 @@ impl Equations {
         };
         let (signals, p) = (self.signals.len(), self.parameters);
         let terms = self.terms.iter().all(|t| {
-            t.equation < self.orders.len() && t.signal < signals && t.order <= self.orders[t.equation]
+            t.equation < self.orders.len()
+                && t.signal < signals
+                && t.order <= self.orders[t.equation]
         });
         let lags = self.signals.iter().all(|s| match s.lag {
             Lag::Known(h) => h >= 0.0 && h.is_finite(),
             Lag::Parameter(k) => k < p && self.bounds.get(k).is_some_and(|b| b.1.is_finite()),
         });
         let held = self.slopes.iter().all(|(t, k)| *t < self.terms.len() && *k < p);
-        let moved = self.signal_slopes.iter().all(|(s, k, to)| *s < signals && *k < p && *to < signals);
-        let sensed =
-            self.sensitivities.iter().all(|(s, c)| *s < signals && *c < self.noisy.len());
+        let moved =
+            self.signal_slopes.iter().all(|(s, k, to)| *s < signals && *k < p && *to < signals);
+        let sensed = self.sensitivities.iter().all(|(s, c)| *s < signals && *c < self.noisy.len());
         if !terms || self.terms.is_empty() {
             return wrong("equations");
         }
@@ -114,7 +116,8 @@ impl Equations {
         }
         if self.sensitivities.is_empty() {
             return Err(Error::Spec(
-                "fitting equations: no term has a noisy signal, so that there is nothing to weigh".into(),
+                "fitting equations: no term has a noisy signal, so that there is nothing to weigh"
+                    .into(),
             ));
         }
         Ok(())
@@ -133,6 +136,12 @@ impl Equations {
     /// Whether signals, or their coefficients, change with θ.
     pub(crate) fn moves(&self) -> bool {
         !self.signal_slopes.is_empty() || self.free_lags().next().is_some()
+    }
+
+    /// Whether a signal's slope depends on the samples.
+    pub(crate) fn bends(&self) -> bool {
+        let first = self.signals.len();
+        (first..self.samples.results()).any(|k| self.samples.constant(k).is_none())
     }
 
     /// Signals whose delay is a parameter, with it.

@@ -75,6 +75,8 @@ pub struct TermsFit {
     pub levels: Vec<f64>,
     /// Real equations less unknowns.
     pub degrees_of_freedom: usize,
+    /// Degrees of freedom of each HC3 standard error (Satterthwaite).
+    pub hc3_degrees: Vec<f64>,
     /// Outcome.
     pub status: Status,
     /// Iterations after the start.
@@ -123,7 +125,9 @@ impl TermsFitter {
             return Err(Error::Data("fitting: no record was given".into()));
         }
         if o.levels.as_ref().is_some_and(|l| l.len() != o.equations.noisy.len()) {
-            return Err(Error::Spec("fitting: noise levels are needed for each noisy channel".into()));
+            return Err(Error::Spec(
+                "fitting: noise levels are needed for each noisy channel".into(),
+            ));
         }
         let e = &o.equations;
         let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
@@ -165,6 +169,7 @@ impl TermsFitter {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
         let mut problem = self.problem(records, variances, &chosen.ranges, desk)?;
         let ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
+        let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
         Ok((fit, problem.into_desk()))
     }
@@ -241,9 +246,10 @@ impl TermsFitter {
             return Err(Error::Data(format!(
                 "fitting: the lines up to {:.4} rad/s give {rows} real equations for {unknowns} unknowns \
                  (parameters, end conditions and trend); widen the band or take longer records",
-                ranges.iter().zip(&self.records).fold(0.0, |m: f64, (r, p)| {
-                    m.max(r.1 as f64 * p.window.omega0)
-                })
+                ranges
+                    .iter()
+                    .zip(&self.records)
+                    .fold(0.0, |m: f64, (r, p)| { m.max(r.1 as f64 * p.window.omega0) })
             )));
         }
         let mut problem = Problem::new(self, records, variances, spots, desk);
@@ -252,7 +258,8 @@ impl TermsFitter {
             problem.cost(&vec![0.0; e.parameters], Weights::Flat)?;
             let power = problem.target_power();
             let largest = power.iter().copied().fold(0.0, f64::max);
-            let sound = |p: &f64| if *p > SILENT * largest { *p } else { largest.max(f64::MIN_POSITIVE) };
+            let sound =
+                |p: &f64| if *p > SILENT * largest { *p } else { largest.max(f64::MIN_POSITIVE) };
             let power: Vec<f64> = power.iter().map(sound).collect();
             let own = problem.spots.iter_mut().zip(&self.records);
             for ((spot, plan), (first, last)) in own.zip(ranges) {
@@ -287,6 +294,20 @@ impl TermsFitter {
         problem.iterate(start, weights, factors, tol, maxiter)
     }
 
+    /// The estimate once more, with slopes at channels that the first one's noise was taken from.
+    fn again(&self, problem: &mut Problem<'_>, first: Ended) -> Result<Ended, Error> {
+        let usable = matches!(first.status, Status::Ok | Status::MaxIter);
+        let (weights, factors) = self.weights();
+        if !usable || factors != Factors::Denoised || !self.o.equations.bends() {
+            return Ok(first);
+        }
+        problem.relinearise(&first.theta)?;
+        let Options { tol, maxiter, .. } = self.o.options;
+        let second = problem.iterate(first.theta.clone(), weights, factors, tol, maxiter)?;
+        let nit = first.nit + second.nit;
+        Ok(Ended { nit, ..second })
+    }
+
     /// Lines as given, or by the default rule: wide from two starts, then the fewest that lose nothing.
     pub(crate) fn choose(
         &self,
@@ -298,20 +319,21 @@ impl TermsFitter {
             return Ok(Chosen { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
-        let mut all = self.problem(records, variances.to_vec(), &self.given, Desk::default())?;
-        let usable = |e: &Ended| {
-            matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
-        };
+        let wide = self.widest(records, variances)?;
+        let mut all = self.problem(records, variances.to_vec(), &wide, Desk::default())?;
+        let usable =
+            |e: &Ended| matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite();
         let first = self.estimate(&mut all, None)?;
         let mut rule = BandRule {
-            wide: last(&self.given),
+            wide: last(&wide),
             narrow: last(&self.narrow),
             costs: [first.cost, f64::INFINITY],
-            chosen: last(&self.given),
+            chosen: last(&wide),
         };
         let mut best = Some(first).filter(usable);
-        if self.narrow != self.given
-            && let Ok(mut few) = self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+        if self.narrow != wide
+            && let Ok(mut few) =
+                self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
         {
             let start = self.estimate(&mut few, None)?;
             if usable(&start) {
@@ -324,18 +346,39 @@ impl TermsFitter {
             }
         }
         let Some(best) = best else {
-            return Ok(Chosen { ranges: self.given.clone(), rule: Some(rule), theta: None });
+            return Ok(Chosen { ranges: wide, rule: Some(rule), theta: None });
         };
         let (weights, factors) = self.weights();
         all.cost(&best.theta, weights)?;
         all.jacobian(factors);
         let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
-        let ranges = fewest_lines(&omega0, &self.given, |ranges| {
+        let ranges = fewest_lines(&omega0, &wide, |ranges| {
             let last: Vec<usize> = ranges.iter().map(|r| r.1).collect();
             all.variances_up_to(&last, &best.at_bound)
         });
         rule.chosen = last(&ranges);
         Ok(Chosen { ranges, rule: Some(rule), theta: Some(best.theta) })
+    }
+
+    /// The wide band: as planned, for nonlinear signals no wider than the channels show more than noise, since
+    /// what noise makes of such a signal beyond would pass for information.
+    fn widest(&self, records: &[TermsRecord<'_>], variances: &[f64]) -> Result<Vec<Range>, Error> {
+        let e = &self.o.equations;
+        let mut ranges = self.given.clone();
+        if !e.bends() {
+            return Ok(ranges);
+        }
+        let order = e.orders.iter().copied().max().unwrap_or(1);
+        let own = ranges.iter_mut().zip(&self.narrow).zip(self.records.iter().zip(records));
+        for ((range, narrow), (plan, record)) in own {
+            if plan.dt.is_nan() {
+                continue;
+            }
+            let channels = &record.channels;
+            let edge = plan.signal_edge(self.isa, channels, &e.noisy, variances, order, range.1)?;
+            range.1 = range.1.min(edge.max(narrow.1));
+        }
+        Ok(ranges)
     }
 
     fn finished(
@@ -360,8 +403,9 @@ impl TermsFitter {
                 nonrobust: vec![f64::NAN; p * p],
                 hc3: vec![f64::NAN; p * p],
                 gram: vec![f64::NAN; p * p],
+                degrees: vec![f64::NAN; p],
             },
-            (false, Method::Ls) => problem.differenced_worth(scale),
+            (false, Method::Ls) => problem.differenced_worth(scale, degrees),
             _ => problem.worth(scale, &ended.at_bound),
         };
         let by = 1.0 / scale.sqrt();
@@ -383,6 +427,7 @@ impl TermsFitter {
             cov_nonrobust: worth.nonrobust,
             cov_hc3: worth.hc3,
             gram: worth.gram,
+            hc3_degrees: worth.degrees,
             cost,
             scale,
             levels,

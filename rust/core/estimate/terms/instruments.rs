@@ -22,8 +22,7 @@ impl Differences {
         for (equation, order) in orders.iter().enumerate() {
             let weights = difference_weights(*order);
             // Line 0 that a trend leaves out is a column of its own, not a lower edge.
-            let from = if trend == Trend::None { first } else { 0 };
-            let all = rows(*order, from, spot.lines.last, true);
+            let all = rows(*order, spot.lowest, spot.lines.last, true);
             let mut constant = vec![0.0; out.rows.len()];
             for m in all.first..=all.last {
                 for im in [false, true] {

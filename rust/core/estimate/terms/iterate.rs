@@ -33,6 +33,8 @@ pub(crate) struct Problem<'a> {
     pub columns: Vec<Vec<f64>>,
     pub residual: Vec<f64>,
     loaded: bool,
+    /// Noisy channels of each record without their noise, where slopes are taken there.
+    clean: Vec<Vec<Vec<f64>>>,
 }
 
 /// How an iteration ended.
@@ -74,6 +76,7 @@ impl<'a> Problem<'a> {
             columns: vec![Vec::new(); e.parameters],
             residual: Vec::new(),
             loaded: false,
+            clean: Vec::new(),
             spots,
         }
     }
@@ -97,9 +100,8 @@ impl<'a> Problem<'a> {
         for (s, lag) in self.lags.iter_mut().enumerate() {
             *lag = e.lag(s, theta);
         }
-        for ((plan, record), spot) in
-            self.fitter.records.iter().zip(self.records).zip(&mut self.spots)
-        {
+        let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
+        for (k, ((plan, record), spot)) in own.enumerate() {
             plan.load(
                 self.fitter.isa,
                 e,
@@ -107,11 +109,32 @@ impl<'a> Problem<'a> {
                 &record.channels,
                 &self.variances,
                 theta,
+                self.clean.get(k).map_or(&[], Vec::as_slice),
                 &mut self.desk,
                 &mut spot.spectra,
             )?;
         }
         self.loaded = true;
+        Ok(())
+    }
+
+    /// Takes the slopes of the signals from now on at the channels that θ's residuals leave, v − v̂.
+    ///
+    /// Slopes at the noisy samples make some bias where noise is large; one such pass takes it away.
+    pub fn relinearise(&mut self, theta: &[f64]) -> Result<(), Error> {
+        self.cost(theta, Weights::Noise)?;
+        let (e, pairs) = (self.equations(), &self.fitter.pairs);
+        let mut clean = Vec::with_capacity(self.spots.len());
+        let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
+        for ((plan, record), spot) in own {
+            let sources = spot.sources(pairs);
+            let (channels, first) = (&record.channels, spot.lines.first);
+            let from = (sources.as_slice(), first);
+            let desk = &mut self.desk;
+            clean.push(plan.denoised(e, pairs, channels, &self.variances, theta, from, desk));
+        }
+        self.clean = clean;
+        self.loaded = false;
         Ok(())
     }
 
@@ -233,8 +256,8 @@ impl<'a> Problem<'a> {
                 }
                 size *= 0.5;
             }
-            let rose = guarded && nit > FREE_STEPS && !(reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE);
-            if rose {
+            let fell = reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
+            if guarded && nit > FREE_STEPS && !fell {
                 // No shorter step helps: here is the minimum, as far as numbers can tell.
                 cost = self.cost(&theta, weights)?;
                 ended = if step.moved < tol.sqrt() { Status::Ok } else { Status::MaxIter };

@@ -6,12 +6,16 @@ use super::equations::{Equations, Lag};
 use crate::error::Error;
 use crate::estimate::fit::Time;
 use crate::estimate::window::Window;
-use crate::math::sin_cos_turns_1;
+use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::modulation::Lines;
 use crate::quadrature::Rule;
 use crate::simd::Isa;
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
+
+/// Lines to either side over which power is averaged, and how many times the noise it must be to be signal.
+const SPREAD: usize = 2;
+const LOUD: f64 = 4.0;
 
 /// How one record becomes lines.
 pub(crate) struct RecordPlan {
@@ -31,7 +35,7 @@ pub(crate) struct RecordPlan {
 
 /// Sums Σ w_k² p_k e^{−2πi l t_k/T} over a window.
 enum NoisePlan {
-    Even { plan: Box<CoefficientPlan>, squares: Vec<f64> },
+    Even { plan: Box<CoefficientPlan>, squares: f64, roots: Vec<(f64, f64)> },
     Uneven { squares: Vec<f64>, turns: Vec<f64> },
 }
 
@@ -70,19 +74,20 @@ impl Pairs {
     pub fn new(e: &Equations) -> Pairs {
         let sensed = |s: usize| e.sensitivities.iter().any(|(signal, _)| *signal == s);
         let used = |s: usize| e.terms.iter().any(|t| t.signal == s);
-        let noisy: Vec<usize> =
-            (0..e.signals.len()).filter(|s| used(*s) && sensed(*s)).collect();
+        let noisy: Vec<usize> = (0..e.signals.len()).filter(|s| used(*s) && sensed(*s)).collect();
         let own = |s: usize| {
             let each = e.sensitivities.iter().enumerate();
             each.filter(move |(_, (signal, _))| *signal == s).map(|(k, (_, c))| (k, *c))
         };
         let mut products: Vec<Vec<(usize, usize, usize)>> = Vec::new();
         let mut place = vec![vec![None; noisy.len()]; e.signals.len()];
-        for s in 0..e.signals.len() {
+        for (s, places) in place.iter_mut().enumerate() {
             for (j, other) in noisy.iter().enumerate() {
                 let mut list: Vec<(usize, usize, usize)> = own(s)
                     .flat_map(|(a, c)| {
-                        own(*other).filter(move |(_, d)| *d == c).map(move |(b, _)| (a.min(b), a.max(b), c))
+                        own(*other)
+                            .filter(move |(_, d)| *d == c)
+                            .map(move |(b, _)| (a.min(b), a.max(b), c))
                     })
                     .collect();
                 list.sort_unstable();
@@ -93,7 +98,7 @@ impl Pairs {
                     products.push(list);
                     products.len() - 1
                 });
-                place[s][j] = Some(at);
+                places[j] = Some(at);
             }
         }
         Pairs { noisy, place, products }
@@ -117,7 +122,13 @@ impl RecordPlan {
                     Lag::Known(_) => e.lag(s, &[]),
                     Lag::Parameter(_) => 0.0,
                 };
-                CoefficientPlan::new(window.intervals, highest, signal.kind, start / dt, window.lead)
+                CoefficientPlan::new(
+                    window.intervals,
+                    highest,
+                    signal.kind,
+                    start / dt,
+                    window.lead,
+                )
             }
         };
         let plans = e.signals.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
@@ -126,9 +137,11 @@ impl RecordPlan {
             Time::Even(_) => {
                 let lags = (2 * highest).min(n / 2);
                 let plan = CoefficientPlan::new(n, lags, Kind::Rule(Rule::Staircase), 0.0, 0)?;
-                let by = 1.0 / n as f64;
-                let squares = rule.weights(n)?.iter().map(|w| w * w * by).collect();
-                NoisePlan::Even { plan: Box::new(plan), squares }
+                // The rule's end weights are left to the mean of their squares, as linear models do: so the
+                // lines of a linear equation are independent, and the two agree to all digits.
+                let squares = rule.weights(n)?.iter().map(|w| w * w).sum::<f64>() / (n * n) as f64;
+                let roots = (0..n as u64).map(|k| root_of_unity(k, n as u64)).collect();
+                NoisePlan::Even { plan: Box::new(plan), squares, roots }
             }
             Time::Uneven(t) => {
                 let span = t[n] - t[0];
@@ -145,7 +158,7 @@ impl RecordPlan {
     /// The lines from `first` to `last`.
     pub fn lines(&self, first: usize, last: usize) -> Lines {
         let unit_variance = match &self.noise {
-            NoisePlan::Even { squares, .. } => squares.iter().sum::<f64>() / self.window.intervals as f64,
+            NoisePlan::Even { squares, .. } => *squares,
             NoisePlan::Uneven { squares, .. } => squares.iter().sum(),
         };
         Lines { first, last, omega0: self.window.omega0, unit_variance }
@@ -161,18 +174,11 @@ impl RecordPlan {
         channels: &[&[f64]],
         variances: &[f64],
         theta: &[f64],
+        clean: &[Vec<f64>],
         desk: &mut Desk,
         out: &mut Spectra,
     ) -> Result<(), Error> {
-        let results = e.samples.results();
-        desk.results.resize_with(results, Vec::new);
-        for r in &mut desk.results {
-            r.resize(self.samples, 0.0);
-        }
-        let values = variances.iter().chain(theta).map(|v| Input::Value(*v));
-        let inputs: Vec<Input<'_>> =
-            channels.iter().map(|c| Input::Series(c)).chain(values).collect();
-        e.samples.run(&inputs, self.samples, &mut desk.registers, &mut desk.results);
+        self.formulas(e, channels, variances, theta, &[], desk);
         let count = self.highest + 1;
         desk.re.resize(count, 0.0);
         desk.im.resize(count, 0.0);
@@ -192,12 +198,139 @@ impl RecordPlan {
             out.signals[s].clear();
             out.signals[s].extend(desk.re.iter().zip(&desk.im).map(|(re, im)| C(*re, *im)));
         }
+        if !clean.is_empty() {
+            // The slopes at channels that noise has been taken from.
+            self.formulas(e, channels, variances, theta, clean, desk);
+        }
         out.pairs.resize_with(pairs.products.len(), Vec::new);
         for (at, list) in pairs.products.iter().enumerate() {
             self.product(e, list, variances, desk);
             self.correlate(isa, desk, &mut out.pairs[at])?;
         }
         Ok(())
+    }
+
+    /// Signals and sensitivities, sample by sample; noisy channels from `clean` where given.
+    fn formulas(
+        &self,
+        e: &Equations,
+        channels: &[&[f64]],
+        variances: &[f64],
+        theta: &[f64],
+        clean: &[Vec<f64>],
+        desk: &mut Desk,
+    ) {
+        desk.results.resize_with(e.samples.results(), Vec::new);
+        for r in &mut desk.results {
+            r.resize(self.samples, 0.0);
+        }
+        let mut own: Vec<&[f64]> = channels.to_vec();
+        for (channel, values) in e.noisy.iter().zip(clean) {
+            own[*channel] = values;
+        }
+        let values = variances.iter().chain(theta).map(|v| Input::Value(*v));
+        let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
+        e.samples.run(&inputs, self.samples, &mut desk.registers, &mut desk.results);
+    }
+
+    /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over
+    /// equations of conj(L)λ of each noisy signal on the lines from `first` on.
+    #[allow(clippy::too_many_arguments)]
+    pub fn denoised(
+        &self,
+        e: &Equations,
+        pairs: &Pairs,
+        channels: &[&[f64]],
+        variances: &[f64],
+        theta: &[f64],
+        (sources, first): (&[C], usize),
+        desk: &mut Desk,
+    ) -> Vec<Vec<f64>> {
+        self.formulas(e, channels, variances, theta, &[], desk);
+        let (lead, n) = (self.window.lead, self.window.intervals);
+        let count = sources.len() / pairs.noisy.len().max(1);
+        let mut clean: Vec<Vec<f64>> = e.noisy.iter().map(|c| channels[*c].to_vec()).collect();
+        let mut wave = vec![0.0; n + 1];
+        for (s, own) in pairs.noisy.iter().zip(sources.chunks_exact(count.max(1))) {
+            wave.fill(0.0);
+            for (at, source) in own.iter().enumerate() {
+                let line = (first + at) as u64;
+                for (k, w) in wave.iter_mut().enumerate() {
+                    let (cos, sin) = self.phase(line, k);
+                    *w += source.0 * cos - source.1 * sin;
+                }
+            }
+            let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
+            for (at, (_, c)) in each {
+                let slope = &desk.results[e.signals.len() + at][lead..];
+                for (k, (w, d)) in wave.iter().zip(slope).enumerate() {
+                    let uneven = self.uneven.get(*c).map_or(1.0, |v| v[lead + k]);
+                    clean[*c][lead + k] -= variances[*c] * uneven * self.weight(k) * d * w;
+                }
+            }
+        }
+        clean
+    }
+
+    /// cos and sin of a line's phase at sample `k` of the window.
+    fn phase(&self, line: u64, k: usize) -> (f64, f64) {
+        match &self.noise {
+            NoisePlan::Even { roots, .. } => {
+                roots[(line * k as u64 % (roots.len() as u64)) as usize]
+            }
+            NoisePlan::Uneven { turns, .. } => {
+                let (sin, cos) = sin_cos_turns_1(line as f64 * turns[k]);
+                (cos, sin)
+            }
+        }
+    }
+
+    /// Share of sample `k` in a coefficient.
+    fn weight(&self, k: usize) -> f64 {
+        match &self.noise {
+            NoisePlan::Even { .. } => 1.0 / self.window.intervals as f64,
+            NoisePlan::Uneven { squares, .. } => squares[k].sqrt(),
+        }
+    }
+
+    /// The highest line up to `wide` on which a noisy channel shows more than its noise.
+    ///
+    /// Differences take out what the ends leak, as for the noise level; five neighbours are averaged.
+    pub fn signal_edge(
+        &self,
+        isa: Isa,
+        channels: &[&[f64]],
+        noisy: &[usize],
+        variances: &[f64],
+        order: usize,
+        wide: usize,
+    ) -> Result<usize, Error> {
+        let (q, n) = (order + 2, self.window.intervals);
+        let top = (wide + q + SPREAD).min(n / 2);
+        let plan = CoefficientPlan::new(n, top, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
+        let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
+        let mut scratch = plan.scratch();
+        let choose: f64 = (1..=q).map(|i| (q + i) as f64 / i as f64).product();
+        let mut edge = 0;
+        for (channel, variance) in noisy.iter().zip(variances) {
+            let samples = &channels[*channel][self.window.lead..];
+            plan.run_in(isa, samples, &mut re, &mut im, &mut scratch)?;
+            for part in [&mut re, &mut im] {
+                for round in 0..q {
+                    for m in 0..top - round {
+                        part[m] = part[m + 1] - part[m];
+                    }
+                }
+            }
+            let noise = choose * plan.unit_variance() * variance;
+            let power = |m: usize| (re[m] * re[m] + im[m] * im[m]) / noise;
+            let loud = |m: &usize| {
+                (m - SPREAD..=m + SPREAD).map(power).sum::<f64>() > LOUD * (2 * SPREAD + 1) as f64
+            };
+            let last = (SPREAD..(top - q).saturating_sub(SPREAD)).rev().find(loud);
+            edge = edge.max(last.map_or(0, |m| m + q / 2 + SPREAD));
+        }
+        Ok(edge)
     }
 
     /// Σ over channels of both sensitivities times the variance of the sample, on the window.
@@ -235,17 +368,15 @@ impl RecordPlan {
         let n = self.window.intervals;
         out.clear();
         match &self.noise {
-            NoisePlan::Even { plan, squares } => {
-                for (p, w) in desk.product.iter_mut().zip(squares) {
-                    *p *= w;
-                }
-                // The window's last sample has the phase of its first.
-                desk.product[0] += desk.product[n];
+            NoisePlan::Even { plan, squares, .. } => {
+                // The window's last sample has the phase of its first, and both count half.
+                desk.product[0] = 0.5 * (desk.product[0] + desk.product[n]);
                 let lags = plan.harmonics() + 1;
                 desk.re.resize(lags, 0.0);
                 desk.im.resize(lags, 0.0);
                 plan.run_in(isa, &desk.product, &mut desk.re, &mut desk.im, &mut desk.scratch)?;
-                out.extend(desk.re.iter().zip(&desk.im).map(|(re, im)| C(*re, *im)));
+                let each = desk.re.iter().zip(&desk.im);
+                out.extend(each.map(|(re, im)| C(*re, *im) * *squares));
                 // Lags above N/2 are those of the mirrored sum.
                 for lag in lags..=2 * self.highest {
                     out.push(out[n - lag].conj());

@@ -44,6 +44,8 @@ pub(crate) struct Row {
 /// One record on its lines.
 pub(crate) struct Spot {
     pub lines: Lines,
+    /// Lowest line of the band, before a trend takes line 0.
+    pub lowest: usize,
     pub rows: Vec<Row>,
     /// Row of (line, im, equation); none for Im of line 0.
     place: Vec<Option<usize>>,
@@ -75,6 +77,7 @@ pub(crate) struct Spot {
 
 impl Spot {
     pub fn new(e: &Equations, lines: Lines, trend: Trend, flat: &[f64]) -> Spot {
+        let lowest = lines.first;
         let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
         let lines = Lines { first, ..lines };
         let count = lines.last + 1 - first;
@@ -120,8 +123,12 @@ impl Spot {
             }
         }
         let share = |r: &Row| if r.line + first == 0 { 1.0 } else { 0.5 };
-        let flat = rows.iter().map(|r| (share(r) * lines.unit_variance * flat[r.equation]).sqrt()).collect();
+        let flat = rows
+            .iter()
+            .map(|r| (share(r) * lines.unit_variance * flat[r.equation]).sqrt())
+            .collect();
         Spot {
+            lowest,
             lines,
             place,
             powers,
@@ -308,7 +315,7 @@ impl Spot {
         lags: &[f64],
         factors: Factors,
     ) {
-        self.denoise(e, pairs, lags, factors);
+        self.denoise(pairs, lags, factors);
         let (count, equations) = (self.count(), e.orders.len());
         let rows = self.rows.len();
         let mut lines = std::mem::take(&mut self.lambda);
@@ -364,9 +371,9 @@ impl Spot {
     }
 
     /// Coefficients of all signals on the lines, denoised where wanted.
-    fn denoise(&mut self, e: &Equations, pairs: &Pairs, lags: &[f64], factors: Factors) {
+    fn denoise(&mut self, pairs: &Pairs, lags: &[f64], factors: Factors) {
         let (count, first) = (self.count(), self.lines.first);
-        self.denoised.resize_with(e.signals.len(), Vec::new);
+        self.denoised.resize_with(self.spectra.signals.len(), Vec::new);
         for (to, from) in self.denoised.iter_mut().zip(&self.spectra.signals) {
             to.clear();
             to.extend_from_slice(&from[first..first + count]);
@@ -374,20 +381,9 @@ impl Spot {
         if factors == Factors::Data || self.weights == Weights::Flat {
             return;
         }
-        self.lambda.clear();
-        self.lambda.extend_from_slice(&self.residual);
-        self.panel.back(&mut self.lambda);
-        // z_j(l) = Σ over equations of conj(L) (λ_Re + iλ_Im).
         let own = pairs.noisy.len();
-        let mut z = vec![C::default(); own * count];
-        for (row, value) in self.rows.iter().zip(&self.lambda) {
-            let mu = if row.im { C(0.0, *value) } else { C(*value, 0.0) };
-            for j in 0..own {
-                let load = self.loads[(row.equation * own + j) * count + row.line];
-                z[j * count + row.line] += load.conj() * mu;
-            }
-        }
-        for s in 0..e.signals.len() {
+        let z = self.sources(pairs);
+        for (s, late_by) in lags.iter().enumerate() {
             for j in 0..own {
                 let Some(pair) = pairs.place[s][j] else { continue };
                 let r = &self.spectra.pairs[pair];
@@ -399,13 +395,31 @@ impl Spot {
                         sum += near * *z + r[m + l + 2 * first] * z.conj();
                     }
                     let mut noise = sum * 0.5;
-                    if lags[s] != 0.0 {
-                        noise = noise * late((m + first) as f64 * self.lines.omega0 * lags[s]);
+                    if *late_by != 0.0 {
+                        noise = noise * late((m + first) as f64 * self.lines.omega0 * late_by);
                     }
                     self.denoised[s][m] = self.denoised[s][m] - noise;
                 }
             }
         }
+    }
+
+    /// What the residual says of the noise: z_j(l) = Σ over equations of conj(L)(λ_Re + iλ_Im), λ = C⁻¹r, of
+    /// each noisy signal on the lines.
+    pub fn sources(&mut self, pairs: &Pairs) -> Vec<C> {
+        let (count, own) = (self.count(), pairs.noisy.len());
+        self.lambda.clear();
+        self.lambda.extend_from_slice(&self.residual);
+        self.panel.back(&mut self.lambda);
+        let mut z = vec![C::default(); own * count];
+        for (row, value) in self.rows.iter().zip(&self.lambda) {
+            let mu = if row.im { C(0.0, *value) } else { C(*value, 0.0) };
+            for j in 0..own {
+                let load = self.loads[(row.equation * own + j) * count + row.line];
+                z[j * count + row.line] += load.conj() * mu;
+            }
+        }
+        z
     }
 
     /// How many rows the lines up to and including `last` have.

@@ -18,6 +18,8 @@ pub(crate) struct Worth {
     pub hc3: Vec<f64>,
     /// Normal matrix of the columns, unit diagonal.
     pub gram: Vec<f64>,
+    /// Degrees of freedom of each HC3 variance: few where few rows carry a parameter.
+    pub degrees: Vec<f64>,
 }
 
 impl Problem<'_> {
@@ -36,11 +38,16 @@ impl Problem<'_> {
             nonrobust: vec![0.0; p * p],
             hc3: vec![0.0; p * p],
             gram: vec![0.0; p * p],
+            degrees: vec![f64::INFINITY; p],
         };
+        for (k, d) in free.iter().zip(self.degrees(&free, &inverse, &normal)) {
+            out.degrees[*k] = d;
+        }
         for (i, a) in free.iter().enumerate() {
             for (j, b) in free.iter().enumerate() {
                 out.nonrobust[a * p + b] = variance * normal[i * n + j];
-                let row = |k: usize| (0..n).map(|l| meat[k * n + l] * normal[l * n + j]).sum::<f64>();
+                let row =
+                    |k: usize| (0..n).map(|l| meat[k * n + l] * normal[l * n + j]).sum::<f64>();
                 out.hc3[a * p + b] = (0..n).map(|k| normal[i * n + k] * row(k)).sum();
             }
         }
@@ -57,6 +64,30 @@ impl Problem<'_> {
             }
         }
         out
+    }
+
+    /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
+    fn degrees(&self, free: &[usize], inverse: &[f64], normal: &[f64]) -> Vec<f64> {
+        let n = free.len();
+        let mut sums = vec![(0.0, 0.0); n];
+        let mut at = 0;
+        for spot in &self.spots {
+            for i in 0..spot.rows.len() {
+                let own: Vec<f64> = free.iter().map(|k| self.columns[*k][at + i]).collect();
+                let through =
+                    |k: usize| -> f64 { (0..=k).map(|l| own[l] * inverse[l * n + k]).sum() };
+                let hat: f64 = (0..n).map(|k| through(k) * through(k)).sum::<f64>()
+                    + spot.base().iter().map(|b| b[i] * b[i]).sum::<f64>();
+                let left = (1.0 - hat).max(LEVERAGE);
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    let weight: f64 = (0..n).map(|l| normal[k * n + l] * own[l]).sum();
+                    let a = weight * weight / left;
+                    *sum = (sum.0 + a, sum.1 + a * a);
+                }
+            }
+            at += spot.rows.len();
+        }
+        sums.iter().map(|(a, squares)| a * a / squares).collect()
     }
 
     /// Σ over clusters of (Jᵀ(I − H)⁻¹e)(…)ᵀ.
@@ -110,7 +141,7 @@ impl Problem<'_> {
     }
 
     /// Covariances of `ls`: its instruments, applied to the residuals of the lines.
-    pub fn differenced_worth(&self, variance: f64) -> Worth {
+    pub fn differenced_worth(&self, variance: f64, degrees: usize) -> Worth {
         let p = self.columns.len();
         let z = self.instruments();
         // H = (ZᵀΓ)⁻¹ with Γ, Z on the whitened lines.
@@ -143,7 +174,7 @@ impl Problem<'_> {
             }
         }
         let gram = self.worth(variance, &vec![false; p]).gram;
-        Worth { nonrobust: plain, hc3: robust, gram }
+        Worth { nonrobust: plain, hc3: robust, gram, degrees: vec![degrees as f64; p] }
     }
 
     /// Variances at unit noise of the columns on the lines up to `last` of each record; none where too few.
