@@ -12,7 +12,6 @@ __all__ = [
     "JointFitter",
     "Study",
     "TermsFitter",
-    "TermsFitter",
     "__version__",
     "_panic_for_tests",
     "_wait_for_tests",
@@ -121,6 +120,7 @@ class TermsFitter:
         progress: Callable[[int, int], object] | None = ...,
     ) -> dict[str, Any]: ...
 
+@final
 class JointFitter:
     def __new__(
         cls,

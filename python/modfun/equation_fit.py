@@ -21,7 +21,6 @@ from .records import Batch, Record
 from .results import Fit
 
 if TYPE_CHECKING:
-    from .nonlinear import NonlinearModel
     from .symbolic.compiled import Compiled
     from .symbolic.formulas import Formulas
 
@@ -77,6 +76,7 @@ class EquationFit(Fit):
         Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
     """
 
+    layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
     levels: F64 = field(default_factory=lambda: np.empty(0))
     df_hc3: F64 = field(default_factory=lambda: np.empty(0))
 
@@ -186,7 +186,7 @@ class EquationFit(Fit):
         raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
 
     def _simulated(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
-        from .nonlinear import simulate_fit
+        from .initial_state import simulate_fit
 
         return simulate_fit(self, rec, initial_state)
 
@@ -313,7 +313,7 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     first = records[0]
     return EquationFit(
         structure=structure,
-        layout=layout,  # type: ignore[arg-type]  # what a Fit asks of it is there
+        layout=layout,
         options=options,
         units=first.units,
         intersample=first.intersample,
@@ -362,12 +362,12 @@ def _refuse_not_finite(layout: EquationLayout, rows: Sequence[F64], options: Opt
             at = int(np.argmax(bad))
             if channel.kind == "log":
                 raise DataError(
-                    f'fit: noise="log-normal" takes the logarithm of {layout.outputs[channel.of]!r}, which is '
-                    f'not positive at sample {at} of record {k}; use noise="output"'
+                    f'fit: noise="log-normal" takes the logarithm of {layout.outputs[channel.of]!r}, which '
+                    f'is not positive at sample {at} of record {k}; use noise="output"'
                 )
             raise DataError(
-                f"fit: {channel.symbol} is not finite at sample {at} of record {k}; change the known function "
-                "or the record there"
+                f"fit: {channel.symbol} is not finite at sample {at} of record {k}; change the known "
+                "function or the record there"
             )
 
 

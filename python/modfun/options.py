@@ -148,8 +148,8 @@ def _checked(what: str, **given: Any) -> Options:
         )
     if "correct" in given and not isinstance(given["correct"], bool | np.bool_):
         raise SpecError(
-            f"{what}: correct={given['correct']!r} must be True (what noise adds to nonlinear signals is taken "
-            "out) or False"
+            f"{what}: correct={given['correct']!r} must be True (what noise adds to nonlinear signals is "
+            "taken out) or False"
         )
     for name in ("extended", "correct"):
         if name in given:

@@ -22,7 +22,7 @@ from .noise import Noise
 from .options import Options
 from .prediction import InitialState
 from .records import Record
-from .structures import TransferFunction, system_of
+from .structures import system_of
 from .tables import Findings, Table, nearest
 
 __all__ = ["Fit"]

@@ -63,7 +63,8 @@ class Contender:
     def layout(self, group: Group) -> Layout:
         """The structure for the channels of a group."""
         own = self.estimators[group.index]
-        return own.model.layout(group.outputs, group.inputs)
+        found: Layout = own.model.layout(group.outputs, group.inputs)
+        return found
 
     @property
     def trend(self) -> str | None:

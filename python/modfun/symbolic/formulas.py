@@ -1,4 +1,4 @@
-"""Compiled equations as the core takes them: signals, sensitivities and coefficients as tapes, and channels."""
+"""Compiled equations as the core takes them: tapes of signals, slopes and coefficients, and channels."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Formulas:
             np.vstack([self._row(c, y, u, t) for c in given] or [np.empty((0, t.size))])
         )
 
-    def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> F64:
+    def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> Any:
         if channel.kind == "output":
             return y[channel.of]
         if channel.kind == "log":
@@ -175,8 +175,8 @@ class _Writer:
             return
         if self.log:
             raise SpecError(
-                f"fitting an equation: {term.factor} times a derivative of {term.signal} has no exact form, and "
-                'is not taken with noise="log-normal"; use noise="output"'
+                f"fitting an equation: {term.factor} times a derivative of {term.signal} has no exact form, "
+                'and is not taken with noise="log-normal"; use noise="output"'
             )
         k = term.order
         for i in range(k + 1):

@@ -14,8 +14,8 @@ _MOST_TERMS = 16
 def unbiased(expr: sympy.Expr, variances: Mapping[sympy.Symbol, sympy.Symbol]) -> sympy.Expr:
     """f with e^{-(v/2)∂²}f for each noisy channel: its mean over white noise is f of the true channel.
 
-    Exact for sums of polynomials, exponentials, sines and cosines and of their products over channels; else to
-    the second order in the variance.
+    Exact for sums of polynomials, exponentials, sines and cosines and of their products over channels; else
+    to the second order in the variance.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class _Writer:
         if expr in (sympy.true, sympy.false):
             return self.add("constant", float(bool(expr)))
         raise SpecError(
-            f"fitting an equation: {expr} holds {expr.func.__name__}, which cannot be evaluated sample by sample"
+            f"fitting an equation: {expr} holds {expr.func.__name__}, which has no value sample by sample"
         )
 
     def _folded(self, name: str, args: Sequence[sympy.Expr]) -> int:

@@ -46,8 +46,8 @@ def _values(compiled: Compiled, expr: sympy.Expr, t: F64) -> F64:
         given = compiled.known[symbol]
         if not callable(given):
             raise SpecError(
-                f"varying: {symbol} was given as samples, which are known at a record's instants alone; give it "
-                "as a function of t"
+                f"varying: {symbol} was given as samples, which are known at a record's instants alone; give "
+                "it as a function of t"
             )
         rows.append(np.asarray(given(t), dtype=float))
     found = sympy.lambdify([time, *known], expr, "numpy")(t, *rows)

@@ -21,6 +21,8 @@ use crate::structure::{Method, Trend};
 const SAME: f64 = 1e-9;
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
+/// Precision of an estimate that slopes are taken at.
+const START: f64 = 1e-4;
 /// Most lines of the wide band: beyond, dense factors cost more than they tell.
 const WIDEST: usize = 128;
 
@@ -291,14 +293,21 @@ impl TermsFitter {
             Some(theta) => theta.to_vec(),
             None => problem.begin(None)?,
         };
+        // What is only a start for slopes elsewhere need not be exact.
+        let tol = if self.refines() { tol.max(START) } else { tol };
         problem.iterate(start, weights, factors, tol, maxiter)
+    }
+
+    /// Whether slopes are taken a second time, where the first estimate's noise is taken away.
+    fn refines(&self) -> bool {
+        self.weights().1 == Factors::Denoised && self.o.equations.bends()
     }
 
     /// The estimate once more, with slopes at channels that the first one's noise was taken from.
     fn again(&self, problem: &mut Problem<'_>, first: Ended) -> Result<Ended, Error> {
         let usable = matches!(first.status, Status::Ok | Status::MaxIter);
         let (weights, factors) = self.weights();
-        if !usable || factors != Factors::Denoised || !self.o.equations.bends() {
+        if !usable || !self.refines() {
             return Ok(first);
         }
         problem.relinearise(&first.theta)?;

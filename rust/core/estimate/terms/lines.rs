@@ -14,8 +14,8 @@ use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
 
 /// Lines to either side over which power is averaged, and how many times the noise it must be to be signal.
-const SPREAD: usize = 2;
-const LOUD: f64 = 4.0;
+const SPREAD: usize = 4;
+const LOUD: f64 = 6.0;
 
 /// How one record becomes lines.
 pub(crate) struct RecordPlan {
