@@ -425,3 +425,9 @@ def test_sympy_is_loaded_by_the_compiler_only():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_equal_equations_are_compiled_once():
+    text = "y'' + zeta*y' + y + kappa*y**5 = u"
+    first = mf.Equation(text).compiled()
+    assert mf.Equation(text).compiled(["y"], ["v", "u"]).terms is first.terms

@@ -18,6 +18,7 @@ from .words import said
 
 __all__ = ["compile_system"]
 
+MOST_FACTORED = 8  # terms of a coefficient
 MOST_TERMS = 3000  # of an equation once it is multiplied out
 
 
@@ -98,7 +99,7 @@ def _terms(e: int, found: list[Piece], moving: Moving, outputs: tuple[str, ...])
             sums[key] = sums.get(key, sympy.S.Zero) + still * coefficient
     terms = []
     for (order, signal, factor), total in sums.items():
-        coefficient = sympy.factor(total)
+        coefficient = _factored(total)
         if coefficient != 0:
             public = None if factor is None else moving.public(factor)
             terms.append(Term(e, coefficient, order, moving.public(signal), public))
@@ -121,9 +122,15 @@ def _normal(terms: list[Term], *, turn: bool) -> tuple[list[Term], tuple[str, ..
         scale = sympy.S.NegativeOne if turned else sympy.S.One
     if scale == 1:
         return terms, ()
-    divided = [replace(t, coefficient=sympy.factor(sympy.cancel(t.coefficient / scale))) for t in terms]
+    divided = [replace(t, coefficient=_factored(t.coefficient / scale)) for t in terms]
     words = f"Divided by {said(scale)}, so that one term has no parameter: only ratios can be found."
     return divided, (words,) if free else ()
+
+
+def _factored(total: sympy.Expr) -> sympy.Expr:
+    """A coefficient with its factors apart where its terms are few: long sums take long."""
+    expanded = sympy.expand(total)
+    return expanded if len(sympy.Add.make_args(expanded)) > MOST_FACTORED else sympy.factor(expanded)
 
 
 def _size(expr: sympy.Expr) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from time import monotonic
 
 import sympy
@@ -178,13 +179,24 @@ def _numerator(expr: sympy.Expr) -> sympy.Expr:
 
 def _simple(f: sympy.Expr, moving: Moving) -> sympy.Expr:
     """Without the factors that have not its highest derivative."""
-    numerator = _numerator(f)
-    highest = max((order(s) for s in moving.symbols(numerator)), default=0)
-    if sympy.count_ops(numerator) > MOST_OPERATIONS // 10:
-        return numerator
+    whole = sympy.factor_terms(_numerator(f))
+    numerator = sympy.Mul(*(b for b in sympy.Mul.make_args(whole) if moving.symbols(b)))
+    symbols = moving.symbols(numerator)
+    highest = max((order(s) for s in symbols), default=0)
+    if sympy.count_ops(numerator) > MOST_OPERATIONS // 10 or not numerator.is_polynomial(*symbols):
+        return sympy.expand(numerator)
+    # With numbers for parameters, which is fast, a polynomial has as many factors as it has in general.
+    rng = random.Random(0)
+    numbers = {s: sympy.Integer(rng.randint(10, 99)) for s in sorted(moving.parameters(numerator), key=str)}
+    if _count(sympy.factor_list(numerator.xreplace(numbers))[1]) <= 1:
+        return sympy.expand(numerator)
     factors = [
-        (factor, power)
-        for factor, power in sympy.factor_list(numerator)[1]
+        factor
+        for factor, _ in sympy.factor_list(numerator)[1]
         if any(order(s) == highest for s in moving.symbols(factor))
     ]
-    return sympy.expand(factors[0][0]) if len(factors) == 1 else numerator
+    return sympy.expand(factors[0] if len(factors) == 1 else numerator)
+
+
+def _count(factors: list[tuple[sympy.Expr, int]]) -> int:
+    return sum(power for _, power in factors)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Mapping
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -153,15 +155,17 @@ def _coprime(
     """Polynomials without what all have in common: states that are not seen, or that nothing drives."""
     s = sympy.Dummy("s")
     rows = [den, *num]
-    if not num:
+    # With numbers for parameters, which is fast, polynomials have in common what they have in general.
+    rng = random.Random(0)
+    names = sorted({name for row in rows for g in row for name in g.free_symbols}, key=str)
+    point = {name: sympy.Rational(rng.randint(101, 997), 128) for name in names}
+    plain = [[g.xreplace(point) for g in row] for row in rows]
+    if not num or not all(g.is_Rational for row in plain for g in row):
+        return den, num
+    if reduce(sympy.gcd, [sympy.Poly(row, s) for row in plain]).degree() < 1:
         return den, num
     polys = [sympy.Poly(row, s) for row in rows]
-    try:
-        common = sympy.Poly(sympy.gcd_list([p.as_expr() for p in polys]), s)
-    except sympy.PolynomialError:
-        return den, num  # entries that are no polynomials of parameters
-    if common.degree() < 1:
-        return den, num
+    common = sympy.Poly(sympy.gcd_list([p.as_expr() for p in polys]), s)
     common = common.monic()
     left = [sympy.cancel(p.as_expr() / common.as_expr()) for p in polys]
     n = len(den) - 1 - common.degree()

@@ -15,7 +15,7 @@ from .words import said
 
 __all__ = ["arrange", "clear"]
 
-_POWERS = (0, -1, -2, 1, -3, 2)
+_POWERS = (0, -1, -2, 1)
 
 
 def arrange(
@@ -42,23 +42,21 @@ def arrange(
     of the outputs; with products (Property 2).
     """
     cleared = clear(expr, moving)
-    plain, tidied = _exact(expr, moving), None
-    if plain is None or _has_parameters(plain, moving):
-        tidied = None if cleared is None else _exact(cleared, moving)
-    words = (
-        ()
-        if cleared is None
-        else ("The equation was multiplied by its denominators, to free signals of parameters.",)
-    )
-    if tidied is not None and not _has_parameters(tidied, moving):
-        return tidied, words
+    words: tuple[str, ...] = ()
+    terms, plain = _exact(expr, moving)
+    if plain is not None and not _has_parameters(plain, moving):
+        return plain, ()
+    if cleared is not None:
+        words = ("The equation was multiplied by its denominators, to free signals of parameters.",)
+        tidied, found = _exact(cleared, moving)
+        if found is not None and (plain is None or not _has_parameters(found, moving)):
+            return found, words
+        terms = terms if tidied is None else tidied
     if plain is not None:
         return plain, ()
-    if tidied is not None:
-        return tidied, words
-    start = expr if cleared is None else cleared
-    for multiplier in _multipliers(start, moving, outputs):
-        found = _exact(multiplier * start, moving)
+    for multiplier in _multipliers(terms or {}, outputs, moving):
+        times = {key: sympy.expand(multiplier * value) for key, value in (terms or {}).items()}
+        found = _pieces(times, moving)
         if found is not None and not _has_parameters(found, moving):
             return found, (*words, _multiplied(multiplier))
     found = pieces(form(expr, moving), moving, products=True)
@@ -80,9 +78,18 @@ def clear(expr: sympy.Expr, moving: Moving) -> sympy.Expr | None:
     return sympy.Add(*(sympy.expand(term * common) for term in terms)) if most else None
 
 
-def _exact(expr: sympy.Expr, moving: Moving) -> list[Piece] | None:
+def _exact(expr: sympy.Expr, moving: Moving) -> tuple[Form | None, list[Piece] | None]:
+    """Terms of an equation and, if all are exact, its pieces."""
     try:
-        return pieces(form(expr, moving), moving, products=False)
+        terms = form(expr, moving)
+    except NotExact:
+        return None, None
+    return terms, _pieces(terms, moving)
+
+
+def _pieces(terms: Form, moving: Moving) -> list[Piece] | None:
+    try:
+        return pieces(terms, moving, products=False)
     except NotExact:
         return None
 
@@ -95,19 +102,10 @@ def _multiplied(multiplier: sympy.Expr) -> str:
     return step
 
 
-def _multipliers(expr: sympy.Expr, moving: Moving, outputs: tuple[str, ...]) -> Iterator[sympy.Expr]:
+def _multipliers(terms: Form, outputs: tuple[str, ...], moving: Moving) -> Iterator[sympy.Expr]:
     """Those the derivatives of second order ask for, then products of powers of the signals."""
-    try:
-        terms = form(expr, moving)
-    except NotExact:
-        return
-    involved = [
-        name for name in outputs if jet(name) in {s for key, f in terms.items() for s in f.free_symbols}
-    ]
-    if not involved or (
-        all(len(key) <= 1 and all(n == 1 for _, n in key) for key in terms) and len(involved) < 2
-    ):
-        return
+    used = {s for f in terms.values() for s in f.free_symbols}
+    involved = [name for name in outputs if jet(name) in used]
     for name in involved:
         if (solved := _solved(terms, jet(name), moving)) is not None:
             yield solved
