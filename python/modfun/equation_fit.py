@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "prepare_equation"]
 
 F64 = NDArray[np.float64]
+Names = tuple[str, ...]
 KEPT = 32
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 
@@ -50,6 +51,21 @@ class EquationLayout:
     orders: tuple[int, ...]
     compiled: Compiled
     formulas: Formulas
+
+    @property
+    def plain(self) -> bool:
+        """Not what the fastest path fits."""
+        return False
+
+    @property
+    def known_delays(self) -> list[tuple[str, float]]:
+        """Delays stand in the equations."""
+        return []
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Parameters that are not estimated."""
+        return dict(self.compiled.fixed)
 
     @property
     def common(self) -> bool:
@@ -119,6 +135,14 @@ class EquationFit(Fit):
         return self.df_hc3 if self.cov_type == "HC3" else self.df_resid
 
     @property
+    def message(self) -> str:
+        """The status in words, with the cure."""
+        said = super().message
+        if self.status == "rank":
+            said += " fit.structure.identifiable() says what no record could tell apart."
+        return said
+
+    @property
     def has_poles(self) -> bool:
         """Whether the model is linear, as that of a `StateSpace` is."""
         return bool(self.structure.linear)
@@ -148,12 +172,7 @@ class EquationFit(Fit):
         return self.structure.model(dict(zip(self.param_names, params.tolist(), strict=True)))
 
     def _gradient(self, of: Any) -> Any:
-        """Values of a function of the model, and central differences over the parameters."""
-        if not self.has_poles:
-            raise SpecError(
-                "the fitted equations are not linear, so they have no poles and no frequency response; "
-                "fit.model.simulate(...) and fit.predict() show what they do"
-            )
+        """Values of a function of the linear model, and central differences over the parameters."""
         value, slopes = of(self.model), []
         for k, (own, error) in enumerate(zip(self.params, self.bse, strict=True)):
             step = float(np.cbrt(np.finfo(float).eps)) * (max(abs(own), float(np.nan_to_num(error))) or 1.0)
@@ -161,6 +180,7 @@ class EquationFit(Fit):
         return value, np.array(slopes)
 
     def _poles(self, output: int) -> Any:
+        self._need_linear("poles")
         found = np.asarray(self.model.poles())
 
         def near(model: Any) -> Any:
@@ -171,8 +191,16 @@ class EquationFit(Fit):
         value, slopes = self._gradient(near)
         return value, slopes.T
 
+    def _need_linear(self, what: str) -> None:
+        if not self.has_poles:
+            raise SpecError(
+                f"the fitted equations are not linear, so they have no {what}; fit.model.simulate(...) and "
+                "fit.predict() show what they do"
+            )
+
     def _response(self, omega: F64) -> Any:
-        return self._gradient(lambda model: np.asarray(model.frequency_response(omega)))
+        self._need_linear("frequency response")
+        return self._gradient(lambda model: np.asarray(model.frequency_response(omega).response))
 
     def polynomials(self, output: int = 0) -> Never:
         """Not for equations: their coefficients have names of their own."""
@@ -212,7 +240,9 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
     )
 
 
-def layout_of(structure: Any, options: Options, data: Record | Batch) -> EquationLayout:
+def layout_of(
+    structure: Any, options: Options, outputs: Names, inputs: Names, intersample: Names
+) -> EquationLayout:
     """The equations for the channels of a record or batch."""
     for name, plain, why in (
         (
@@ -234,7 +264,7 @@ def layout_of(structure: Any, options: Options, data: Record | Batch) -> Equatio
     )
     if isinstance(own.noise, Noise):
         own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
-    return _layout(structure, own, data.outputs, data.inputs, data.intersample)
+    return _layout(structure, own, outputs, inputs, intersample)
 
 
 def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:
@@ -281,7 +311,7 @@ def prepare_equation(
     else:
         first = data[0]
         sampling = [(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data]
-    layout = layout_of(structure, options, first)
+    layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     trend = structure.trend if options.trend == "auto" else options.trend
     core = _core.TermsFitter(
         [samples for samples, _ in sampling],
@@ -299,7 +329,8 @@ def prepare_equation(
 
 def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) -> EquationFit:
     """One fit of equations, without its warnings."""
-    layout = layout_of(structure, options, records[0])
+    first = records[0]
+    layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     whole = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, order) for rec, _, off in whole]
@@ -310,7 +341,6 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     found = made.core.fit(rows)
     levels, outputs = found["levels"], len(layout.outputs)
     known = levels[:outputs]
-    first = records[0]
     return EquationFit(
         structure=structure,
         layout=layout,

@@ -73,10 +73,6 @@ class Equation(Written):
 
     __slots__ = ()
 
-    # What a fit assumes beside: no constant that is not written, no poles.
-    trend = None
-    linear = False
-
     texts: tuple[str, ...]
     hidden: tuple[str, ...]
     varying: tuple[tuple[str, tuple[Any, ...]], ...]

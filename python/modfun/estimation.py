@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from math import nan
-from typing import Any, Never, Unpack
+from typing import TYPE_CHECKING, Any, Never, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +20,17 @@ from .options import Choices, Options
 from .prepared import prepare, refuse_standing
 from .records import Batch, Record
 from .results import Fit
-from .structures import Model, TransferFunction
+from .structures import TransferFunction
+
+if TYPE_CHECKING:
+    from .written import Written
 
 __all__ = ["Estimator", "fit", "fit_many"]
 
 
 def fit(
     data: Record | Sequence[Record],
-    model: Model,
+    model: TransferFunction | Written,
     *,
     method: str = "ml",
     band: float | tuple[float, float] | None = None,
@@ -156,7 +159,7 @@ class Estimator:
     model: Any
     options: Options
 
-    def __init__(self, model: Model, **options: Unpack[Choices]) -> None:
+    def __init__(self, model: TransferFunction | Written, **options: Unpack[Choices]) -> None:
         object.__setattr__(self, "model", _structure(model, "Estimator"))
         object.__setattr__(self, "options", _options("Estimator", dict(options)))
 
@@ -190,7 +193,7 @@ class Estimator:
 
 def fit_many(
     data: Batch | Sequence[Record],
-    model: Model,
+    model: TransferFunction | Written,
     *,
     threads: int | None = None,
     progress: str | bool = "auto",
@@ -358,7 +361,7 @@ def _threads(given: int | None) -> int:
     return int(given)
 
 
-def _estimator(model: Model, options: Options) -> Estimator:
+def _estimator(model: Any, options: Options) -> Estimator:
     made = object.__new__(Estimator)
     object.__setattr__(made, "model", model)
     object.__setattr__(made, "options", options)

@@ -8,7 +8,6 @@ import numpy as np
 
 from . import html
 from .diagnosis import diagnose, disagreement, fewest_samples, growth, surely_stable
-from .free import Free
 from .noise import Noise
 from .tables import Findings, Table
 
@@ -260,16 +259,8 @@ class Summary:
 
 
 def _facts(fit: Fit) -> list[tuple[str, str]]:
-    late = "".join(
-        f", {fit.inputs[path.input]} delayed {path.delay:.6g} s"
-        for path in fit.layout.paths
-        if not isinstance(path.delay, Free) and path.delay
-    )
-    held = [
-        f"{name} = {value:.6g}"
-        for name, value in zip(fit.layout.names, fit.layout.fixed, strict=True)
-        if value is not None
-    ]
+    late = "".join(f", {name} delayed {delay:.6g} s" for name, delay in fit.layout.known_delays)
+    held = [f"{name} = {value:.6g}" for name, value in fit.layout.held.items()]
     late += f"; held: {', '.join(held)}" if held else ""
     spans = [
         f"{n} intervals in {2 * np.pi / w:.6g} s" for n, w in zip(fit.intervals, fit.omega0, strict=True)
@@ -286,8 +277,15 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
         ("Noise", _noise(fit)),
         ("Chi-square", _chi2(fit)),
         ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors){_bic(fit)}"),
-        ("Errors", f"{fit.cov_type}; Student's t with {fit.df_resid} degrees of freedom"),
+        ("Errors", f"{fit.cov_type}; Student's t with {_degrees(fit)} degrees of freedom"),
     ]
+
+
+def _degrees(fit: Fit) -> str:
+    """One number, or the range of those of the parameters, few where few lines carry one."""
+    free = np.atleast_1d(fit.degrees)
+    few, many = float(np.min(free)), float(np.max(free))
+    return f"{few:.4g}" if few == many or not np.isfinite(many) else f"{few:.3g} to {many:.3g}"
 
 
 def _band(fit: Fit) -> str:
@@ -315,6 +313,7 @@ def _noise(fit: Fit) -> str:
     kind = {
         "coloured": "an autoregression fitted to the residuals",
         "errors-in-variables": "white on outputs and inputs, levels from the unused high band",
+        "log-normal": "white on the logarithms of the outputs",
     }.get(fit.options.noise if isinstance(fit.options.noise, str) else "", "white")
     if isinstance(fit.options.noise, Noise):
         kind = f"as given, {fit.options.noise!r}"

@@ -142,6 +142,18 @@ class Layout:
         )
 
     @property
+    def known_delays(self) -> list[tuple[str, float]]:
+        """Inputs that are late by a known time, s."""
+        return [
+            (self.inputs[p.input], p.delay) for p in self.paths if not isinstance(p.delay, Free) and p.delay
+        ]
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Coefficients that are not estimated."""
+        return {name: v for name, v in zip(self.names, self.fixed, strict=True) if v is not None}
+
+    @property
     def longest_delay(self) -> float:
         """The most that an input may be late, s."""
         return max((_most(path.delay) for path in self.paths), default=0.0)

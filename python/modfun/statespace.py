@@ -62,6 +62,10 @@ class StateSpace(Written):
     ('Za', 'Zd', 'Ma', 'Mq', 'Md')
     """
 
+    # Records are trimmed: each equation has a constant. Its matrices have poles.
+    trend = "constant"
+    linear = True
+
     __slots__ = ()
 
     A: Matrix

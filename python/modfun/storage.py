@@ -26,6 +26,7 @@ SCHEMA = 2
 # Fields that are plain numbers, texts, or lists of them.
 _PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")
 _TUPLES = ("intersample", "omega0", "intervals", "steps", "at_bound")
+_OF_EQUATIONS = ("levels", "df_hc3")
 _ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "gram", "noise_cov")
 
 
@@ -42,6 +43,9 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         values[name] = list(getattr(fit, name))
     for name in _ARRAYS:
         values[name] = getattr(fit, name).tolist()
+    for name in _OF_EQUATIONS:
+        if hasattr(fit, name):
+            values[name] = getattr(fit, name).tolist()
     values["lines"] = [list(pair) for pair in fit.lines]
     values["residuals"] = [{"re": e.real.tolist(), "im": e.imag.tolist()} for e in fit.pieces]
     plain: dict[str, Any] = told(values)
@@ -74,14 +78,15 @@ def fit_from_dict(values: Any) -> Fit:
         if fields["band_rule"] is not None:
             fields["band_rule"] = {k: float(v) for k, v in fields["band_rule"].items()}
         structure = _structure_from_dict(values["structure"])
-        return Fit(
-            structure=structure,
-            layout=structure.layout(values["outputs"], values["inputs"]),
-            options=_options_from_dict(values["options"]),
-            pieces=tuple(pieces),
-            records=None,
-            **fields,
-        )
+        fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
+        fields["pieces"] = tuple(pieces)
+        if isinstance(structure, TransferFunction):
+            return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
+        from .equation_fit import EquationFit, layout_of
+
+        channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
+        fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})
+        return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"loading a fit: the file is damaged ({type(error).__name__}: {error})") from None
 
@@ -123,7 +128,9 @@ def load(path: str | Path) -> Any:
     return fit_from_dict(values)
 
 
-def _structure_to_dict(structure: TransferFunction) -> dict[str, Any]:
+def _structure_to_dict(structure: Any) -> dict[str, Any]:
+    if not isinstance(structure, TransferFunction):
+        return {"family": type(structure).__name__, **structure.to_dict()}
     values: dict[str, Any] = {"poles": structure.poles, "zeros": structure.zeros}
     values["delay"] = _freed(structure.delay)
     values["denominator"] = structure.denominator
@@ -131,7 +138,14 @@ def _structure_to_dict(structure: TransferFunction) -> dict[str, Any]:
     return values
 
 
-def _structure_from_dict(values: dict[str, Any]) -> TransferFunction:
+def _structure_from_dict(values: dict[str, Any]) -> Any:
+    if "family" in values:
+        from .equations import Equation
+        from .statespace import StateSpace
+
+        own = dict(values)
+        family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]
+        return family.from_dict(own)
     params = {name: _unfreed(given) for name, given in values["params"].items()}
     return TransferFunction(**{**values, "delay": _unfreed(values["delay"]), "params": params})
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
 from numbers import Integral
-from typing import Any, Protocol, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,19 +19,6 @@ from .lti import LTI, tf
 from .tables import nearest
 
 __all__ = ["TransferFunction"]
-
-
-class EquationLike(Protocol):
-    """What a fit asks of an `Equation` or a `StateSpace`."""
-
-    trend: str | None
-    linear: bool
-
-    def compiled(self, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None) -> Any:
-        """Terms for the channels of a record."""
-
-    def model(self, params: Mapping[str, float]) -> Any:
-        """The equations with numbers."""
 
 
 MOST_POLES = 100
@@ -339,9 +326,6 @@ class TransferFunction:
         words += [] if self.denominator is None else [f"denominator={self.denominator!r}"]
         words += [f"params={dict(self.params)}"] if self.params else []
         return f"TransferFunction({', '.join(words)})"
-
-
-Model: TypeAlias = TransferFunction | EquationLike
 
 
 def system_of(layout: Layout, params: Any) -> LTI:

@@ -66,6 +66,10 @@ class Written:
 
     __slots__ = ("__dict__",)
 
+    # What a fit takes it for: no constant that is not written; not linear, so that there are no poles.
+    trend: str | None = None
+    linear = False
+
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     all_parameters: tuple[str, ...]

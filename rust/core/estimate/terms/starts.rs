@@ -11,6 +11,8 @@ const TRIALS: usize = 24;
 const STEPS: usize = 20;
 /// Decades that the starts of an unbounded parameter reach to either side of 1.
 const DECADES: f64 = 2.0;
+/// Costs that differ by less, in parts of themselves, are those of one minimum: the first counts.
+const SAME: f64 = 1e-9;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
 
@@ -26,7 +28,7 @@ impl Problem<'_> {
         let trials = (0..TRIALS).map(|k| start(e, k));
         for theta in from.map(<[f64]>::to_vec).into_iter().chain(trials) {
             let ended = self.iterate(theta, Weights::Flat, Factors::Data, TOLERANCE, STEPS)?;
-            let better = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost);
+            let better = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost * (1.0 - SAME));
             if ended.cost.is_finite() && better {
                 best = Some((ended.cost, ended.theta));
             }
