@@ -68,6 +68,7 @@ class StateSpace(Written):
 
     __slots__ = ()
 
+    trend = "constant"
     A: Matrix
     B: Matrix
     C: Matrix

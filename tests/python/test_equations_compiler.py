@@ -1,8 +1,10 @@
 """Terms of an Equation are the equation: compared as functions of time that SymPy differentiates itself."""
 
+import re
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import modfun as mf
 import numpy as np
@@ -169,6 +171,13 @@ CASES = {
         {"params": {"a": mf.Free(1.0, min=0, max=5), "b": 0.5}},
         lambda f, p: p.a**2 * D(f.y, t) + p.a * f.y / 2 - f.u - (p.a - f.y) ** 2,
     ),
+    "phase": (
+        "y'' + k*y = a*sin(2*t + phi) + b*y*cos(y - psi)",
+        {},
+        lambda f, p: (
+            D(f.y, t, 2) + p.k * f.y - p.a * sympy.sin(2 * t + p.phi) - p.b * f.y * sympy.cos(f.y - p.psi)
+        ),
+    ),
     "second derivative of D": ("D(y**2, 2) + D(y) = u", {}, lambda f, p: D(f.y**2, t, 2) + D(f.y, t) - f.u),
 }
 
@@ -214,6 +223,12 @@ def test_exact_equations_are_left_alone():
         compiled = mf.Equation(text, **words).compiled()
         assert compiled.steps == ()
         assert all(term.factor is None for term in compiled.terms)
+
+
+def test_parameters_leave_signals_where_they_can():
+    text, words, _ = CASES["phase"]
+    signals = {str(term.signal) for term in mf.Equation(text, **words).compiled().terms}
+    assert signals == {"y", "sin(2*t)", "cos(2*t)", "y*cos(y)", "y*sin(y)"}
 
 
 def test_products_stand_only_where_nothing_is_exact():
@@ -431,3 +446,13 @@ def test_equal_equations_are_compiled_once():
     text = "y'' + zeta*y' + y + kappa*y**5 = u"
     first = mf.Equation(text).compiled()
     assert mf.Equation(text).compiled(["y"], ["v", "u"]).terms is first.terms
+
+
+def test_the_page_shows_what_is_printed(capsys):
+    """docs/equations.md: each block of text is what the Python before it prints."""
+    page = (Path(__file__).parents[2] / "docs" / "equations.md").read_text("utf-8")
+    shown = re.findall(r"```python\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL)
+    assert len(shown) > 4
+    for code, text in shown:
+        exec(code, {"__name__": "__main__"})
+        assert capsys.readouterr().out == text

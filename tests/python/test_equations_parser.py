@@ -58,7 +58,7 @@ def read(text):
         ("where(y > 0, y, 0)", sympy.Piecewise((y, y > 0), (0, True))),
         ("(y > 0)*y", sympy.Piecewise((1, y > 0), (0, True)) * y),
         ("step(y)", sympy.Heaviside(y, 1)),
-        ("y % 2", sympy.Mod(y, 2)),
+        ("y % 2", y - 2 * sympy.floor(y / 2)),
         ("min(3, 4)*y", 3 * y),
         ("y\n + a", y + a),
     ],

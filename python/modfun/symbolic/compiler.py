@@ -58,7 +58,7 @@ def compile_system(system: System, what: str) -> Compiled:
     terms: list[Term] = []
     for e, expr in enumerate(equations):
         try:
-            found, words = arrange(expr, moving, system.outputs)
+            found, words = arrange(_separated(expr, moving), moving, system.outputs)
         except NotExact as fault:
             raise SpecError(_outside(fault.term, moving, what)) from None
         own, more = _normal(_terms(e, found, moving, system.outputs), turn=bool(system.hidden))
@@ -131,6 +131,18 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
     """A coefficient with its factors apart where its terms are few: long sums take long."""
     expanded = sympy.expand(total)
     return expanded if len(sympy.Add.make_args(expanded)) > MOST_FACTORED else sympy.factor(expanded)
+
+
+def _separated(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
+    """sin(x + φ) as cos(φ) sin(x) + sin(φ) cos(x), and cos alike: the parameter leaves the signal."""
+    for found in sorted(expr.atoms(sympy.sin, sympy.cos), key=str):
+        parts = sympy.Add.make_args(sympy.expand(found.args[0]))
+        phase = sympy.Add(*(part for part in parts if not any(map(moving.is_moving, part.free_symbols))))
+        x = sympy.Add(*parts) - phase
+        if phase != 0 != x and not moving.parameters(x):
+            turned = sympy.cos(x) if found.func == sympy.sin else -sympy.sin(x)
+            expr = expr.xreplace({found: sympy.cos(phase) * found.func(x) + sympy.sin(phase) * turned})
+    return expr
 
 
 def _size(expr: sympy.Expr) -> int:

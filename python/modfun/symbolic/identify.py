@@ -99,8 +99,9 @@ def _words(
     points: list[dict[sympy.Symbol, sympy.Rational]],
 ) -> str:
     """What may change without changing the equations: factors, shifts, or a curve."""
-    cure = f'Hold one of them, as params={{"{lost[0]}": 1.0}}, or measure more.'
-    count = len(spaces[0])
+    count = min(map(len, spaces))
+    held = "one" if count == 1 else f"{count}"
+    cure = f'Hold {held} of them, as params={{"{lost[0]}": 1.0}}, or measure more.'
     if count == 1 and len(spaces[1]) == 1:
         ways = []
         for space, point in zip(spaces, points, strict=True):

@@ -11,7 +11,7 @@ from .compiled import Delayed, jet, time
 
 __all__ = ["Jump", "Moving", "base", "order", "tidy"]
 
-_STEPS = (sympy.Piecewise, sympy.floor, sympy.Mod)
+_STEPS = (sympy.Piecewise, sympy.floor)
 
 
 class Jump(ValueError):

@@ -41,7 +41,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": sympy.Min,
     "max": sympy.Max,
     "where": lambda c, a, b: sympy.Piecewise(
-        (a, c if isinstance(c, _BOOLEAN) else sympy.Ne(c, 0)), (b, True)
+        (a, c if isinstance(c, _BOOLEAN) else sympy.Abs(c) > 0), (b, True)
     ),
 }
 _COMPARE: dict[str, Callable[..., Any]] = {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}
@@ -126,7 +126,8 @@ class _Meaning:
             case "inverse":
                 return self.real(node, 1 / parts[0])
             case "mod":
-                return self.real(node, sympy.Mod(*self.floats(node, parts)))
+                left, right = self.floats(node, parts)
+                return self.real(node, left - right * sympy.floor(left / right))
             case "compare":
                 return _COMPARE[node.value](*self.floats(node, parts))
         if node.value in ("abs", "sign", "floor", "step", "min", "max"):
