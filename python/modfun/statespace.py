@@ -59,7 +59,7 @@ class StateSpace(Written):
     >>> m.outputs
     ('alpha', 'q')
     >>> m.param_names()
-    ('Za', 'Zd', 'Ma', 'Mq', 'Md')
+    ('Za', 'Ma', 'Mq', 'Zd', 'Md')
     """
 
     # Records are trimmed: each equation has a constant. Its matrices have poles.
@@ -68,7 +68,6 @@ class StateSpace(Written):
 
     __slots__ = ()
 
-    trend = "constant"
     A: Matrix
     B: Matrix
     C: Matrix
