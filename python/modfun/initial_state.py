@@ -53,54 +53,77 @@ def simulate_fit(
     """
     structure: Any = fit.structure
     model = model_of(structure.compiled(fit.outputs, fit.inputs), fit.params, structure)
-    n = len(model.states)
     if initial_state is None:
-        return find_state(model, rec)
-    state = given_state(initial_state, n)
-    simulated = model.respond(list(rec.u), rec.t, state, rec.intersample)
-    return simulated, InitialState(state, np.zeros((n, n)), np.zeros(0))
+        return find_state(model, rec, fit.trend)
+    return find_state(model, rec, fit.trend, given_state(initial_state, len(model.states)))
 
 
-def find_state(model: NonlinearModel, rec: Record) -> tuple[F64, InitialState]:
-    """The initial state from which a model follows a record best, and its response.
+def find_state(
+    model: NonlinearModel, rec: Record, trend: str | None = None, state: F64 | None = None
+) -> tuple[F64, InitialState]:
+    """The initial state, and the trend of each equation, with which a model follows a record best.
 
     Levenberg–Marquardt on the outputs over growing pieces of the record; derivatives of the response by
     differences of integrations on common steps. Outputs are weighted by their residuals.
+
+    Parameters
+    ----------
+    model : NonlinearModel
+    rec : Record
+    trend : {None, "constant", "linear"}
+        What is unknown in each equation.
+    state : (states,) array, optional
+        The initial state, where it is known.
+
+    Returns
+    -------
+    simulated : (output, time) array
+    initial : InitialState
+        `trend` holds the constant, or the constant and the slope by t, of each equation.
     """
-    search = _Search(model, rec)
-    n = len(model.states)
-    if n == 0:
-        y = model.respond(list(rec.u), rec.t, None, rec.intersample)
-        return y, InitialState(np.zeros(0), np.zeros((0, 0)), np.zeros(0))
-    count = rec.t.size
-    lengths = [max(int(h * count), min(count, 8 + 8 * n)) for h in HORIZONS]
-    tried = [search.refine(x, lengths[0], 5, 0.1) for x in search.starts(lengths[0])]
-    x, cost = min(tried, key=lambda one: one[1])
+    terms = {None: 0, "constant": 1, "linear": 2}[trend]
+    search = _Search(model, rec, terms, state)
+    n, count = len(model.states), rec.t.size
+    lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
+    tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
+    z, cost = min(tried, key=lambda one: one[1])
     if not np.isfinite(cost):
+        if state is not None:
+            model.respond(list(rec.u), rec.t, state, rec.intersample)  # says when it leaves
         raise DataError(
             "simulating the fit: the response leaves all bounds within the first "
             f"{rec.t[lengths[0] - 1] - rec.t[0]:.4g} s from every initial state tried; give "
             "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
-        x, _ = search.refine(x, length, ROUNDS, 1e-2)
+        z, _ = search.refine(z, length, ROUNDS, 1e-2)
     for rtol, tol in ((ROUGH, 1e-2), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
-        search.weigh(x)
+        search.weigh(z)
         search.rtol = rtol
-        x, cost = search.refine(x, count, ROUNDS, tol)
-    if not np.isfinite(cost):
-        model.respond(list(rec.u), rec.t, x, rec.intersample)  # says when it leaves
-    y, jacobian, residual = search.at(x, count)
-    freedom = max(int(np.count_nonzero(search.weights)) - n, 1)
+        z, _ = search.refine(z, count, ROUNDS, tol)
+    y, jacobian, residual = search.at(z, count)  # DataError: it leaves all bounds, and says when
+    freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
+    whole = np.zeros((n + z.size - search.found, n + z.size - search.found))
     cov = np.linalg.pinv(jacobian.T @ jacobian) * (residual @ residual / freedom)
-    return y, InitialState(x, cov, np.zeros(0))
+    whole[n - search.found :, n - search.found :] = cov
+    x, drift = search.split(z)
+    return y, InitialState(x, whole[:n, :n], drift)
 
 
 class _Search:
     """Residuals of a record over its first samples, and steps that make them smaller."""
 
-    def __init__(self, model: NonlinearModel, rec: Record) -> None:
-        self.model, self.rec, self.rtol = model, rec, ROUGH
+    def __init__(self, model: NonlinearModel, rec: Record, terms: int, state: F64 | None) -> None:
+        self.rec, self.rtol, self.state = rec, ROUGH, state
+        self.params = np.array(list(model.params.values()))
+        if terms:
+            from .symbolic.ode import with_trend
+
+            wider = with_trend(model.compiled, terms)
+            extra = len(wider.parameters) - self.params.size
+            model = model_of(wider, np.append(self.params, np.zeros(extra)))
+        self.model = model
+        self.found = len(model.states) if state is None else 0  # so many of the unknowns are states
         rows = [sample_weights(rec, i) for i in range(len(rec.outputs))]
         self.own = np.array([np.ones(rec.t.size) if row is None else row for row in rows])
         spread = np.std(rec.y, axis=1)
@@ -111,16 +134,17 @@ class _Search:
             name: max(float(np.abs(y).max()), 1e-300) for name, y in zip(rec.outputs, rec.y, strict=True)
         }
         typical = float(np.mean(list(rough.values())))
-        self.sizes = np.array(
-            [
-                rough.get(s.rstrip("'"), typical) * (10.0 / span) ** (len(s) - len(s.rstrip("'")))
-                for s in model.states
-            ]
-        )
+        known = [rough.get(x.rstrip("'"), typical) * (10.0 / span) ** x.count("'") for x in model.states]
+        drifts = [typical * 10.0 / span / (span**k) for _ in model.compiled.source for k in range(terms)]
+        self.sizes = np.array(known[: self.found] + drifts)
+
+    def split(self, z: F64) -> tuple[F64, F64]:
+        """Initial state and trend among the unknowns."""
+        return (z[: self.found] if self.state is None else self.state), z[self.found :]
 
     def starts(self, length: int) -> Iterator[F64]:
         """First guesses: what a polynomial through the first samples says, and multiples for the rest."""
-        x = np.full(self.sizes.size, np.nan)
+        x = np.full(len(self.model.states), np.nan)
         t = self.rec.t[:length] - self.rec.t[0]
         for name, y, weight in zip(self.rec.outputs, self.rec.y, self.own, strict=True):
             order = sum(s.rstrip("'") == name for s in self.model.states)
@@ -129,55 +153,67 @@ class _Search:
             for k in range(order):
                 slope = found.deriv(k) if k else found
                 x[self.model.states.index(name + "'" * k)] = slope(0.0)
-        unseen = np.isnan(x)
+        unseen, more = np.isnan(x), np.zeros(self.sizes.size - self.found)
+        if not self.found:
+            yield more
+            return
         for multiple in MULTIPLES if unseen.any() else (0.0,):
             derivative = np.array(["'" in s for s in self.model.states])
-            yield np.where(unseen, np.where(derivative, 0.0, multiple * self.sizes), x)
+            guess = np.where(derivative, 0.0, multiple * self.sizes[: self.found])
+            yield np.append(np.where(unseen, guess, x), more)
 
-    def weigh(self, x: F64) -> None:
-        """Weigh outputs by the residuals that x leaves."""
+    def weigh(self, z: F64) -> None:
+        """Weigh outputs by the residuals that z leaves."""
         try:
-            e = self.own * (self.rec.y - self.at(x, self.rec.t.size)[0])
+            e = self.own * (self.rec.y - self.at(z, self.rec.t.size)[0])
         except DataError:
             return
         level = np.sqrt(np.sum(e**2, axis=1) / np.maximum(np.count_nonzero(self.own, axis=1), 1))
         level = np.maximum(level, 1e-9 * np.max(np.abs(self.rec.y)))
         self.weights = self.own / level[:, None]
 
-    def at(self, x: F64, length: int) -> tuple[F64, F64, F64]:
+    def at(self, z: F64, length: int) -> tuple[F64, F64, F64]:
         """Response, Jacobian and residuals, weighted, over the first samples."""
-        rec, steps = self.rec, STEP * np.maximum(np.abs(x), self.sizes)
-        starts = x[:, None] + np.hstack([np.zeros((x.size, 1)), np.diag(steps)])
-        y, _ = self.model.family(list(rec.u), rec.t, starts, rec.intersample, self.rtol, length)
+        rec, steps = self.rec, STEP * np.maximum(np.abs(z), self.sizes)
+        moved = z[:, None] + np.hstack([np.zeros((z.size, 1)), np.diag(steps)])
+        starts = moved[: self.found] if self.state is None else np.tile(self.state[:, None], moved.shape[1])
+        params = None
+        if z.size > self.found:
+            same = np.tile(self.params[:, None], moved.shape[1])
+            params = np.vstack([same, moved[self.found :]])
+        y, _ = self.model.family(
+            list(rec.u), rec.t, np.ascontiguousarray(starts), rec.intersample, self.rtol, length, params
+        )
         w = self.weights[:, None, :length]
-        moved = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1).reshape(-1, x.size)
-        return y[:, 0], moved, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        jacobian = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1)
+        jacobian = jacobian.reshape(y.shape[0] * y.shape[2], z.size)
+        return y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
 
-    def refine(self, x: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
+    def refine(self, z: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
         """Levenberg–Marquardt steps until one gains less than `tol`; cost inf where there is no response."""
         try:
-            _, jacobian, residual = self.at(x, length)
+            _, jacobian, residual = self.at(z, length)
         except DataError:
-            return x, np.inf
+            return z, np.inf
         cost, damping = float(residual @ residual), 1e-6
-        for _ in range(rounds):
+        for _ in range(rounds if z.size else 0):
             size = np.linalg.norm(jacobian, axis=0)
             size = np.where(size > 0, size, 1.0)
-            rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(x.size)])
-            step = np.linalg.lstsq(rows, np.append(residual, np.zeros(x.size)), rcond=None)[0] / size
+            rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(z.size)])
+            step = np.linalg.lstsq(rows, np.append(residual, np.zeros(z.size)), rcond=None)[0] / size
             try:
-                _, new, left = self.at(x + step, length)
+                _, new, left = self.at(z + step, length)
                 less = float(left @ left)
             except DataError:
                 less = np.inf
             if less < cost:
                 done = cost - less <= tol * cost
-                x, jacobian, residual, cost = x + step, new, left, less
+                z, jacobian, residual, cost = z + step, new, left, less
                 damping = max(damping / 10, 1e-12)
                 if done:
                     break
-            elif damping > 1e8 or np.all(np.abs(step) <= tol * np.maximum(np.abs(x), self.sizes)):
+            elif damping > 1e8 or np.all(np.abs(step) <= tol * np.maximum(np.abs(z), self.sizes)):
                 break
             else:
                 damping = max(10 * damping, 1e-4)
-        return x, cost
+        return z, cost

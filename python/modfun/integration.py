@@ -184,6 +184,8 @@ def integrate(
     DataError
         The states leave all bounds; the text says when.
     """
+    if not x0.size:
+        return np.empty((0, grid.size))
     shift = [k * d for d in delays for k in range(1, RESTARTS + 1)]
     ends = _ends(grid, [*breaks, *(grid[0] + s for s in shift)])
     span = float(grid[-1] - grid[0])

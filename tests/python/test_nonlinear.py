@@ -249,7 +249,7 @@ def test_simulate_adds_the_addressed_noise_of_linear_systems():
 
 
 def test_the_initial_state_is_found_with_its_standard_error():
-    """Squared normalised errors of 2 states in 12 records are chi2(24): outside 7.45 to 53.5 once in 1,000."""
+    """Squared normalised errors of 2 states in 12 records: chi2(24), once in 1,000 outside 7.45 to 53.5."""
     m = DUFFING.model(NUMBERS)
     total = 0.0
     for replicate in range(12):
@@ -367,3 +367,27 @@ def test_the_bound_of_equations_stands_beside_a_study_of_them():
     alone = mf.crlb(STUDY["system"]["duffing"], rec, nsr=0.1, start=[0.5, 0.0])
     assert np.isfinite(alone.sd).all()
     assert bound.shape == (2, 2, 2, len(study.run().param_names))
+
+
+def test_equations_without_states_are_functions_of_their_inputs():
+    y = model("y = a*u + b*u**2", {"a": 2.0, "b": 0.5}).simulate(u=[0.0, 1.0, 2.0], dt=0.1)
+    assert np.allclose(y, [0.0, 2.5, 6.0])
+
+
+@pytest.mark.parametrize("state", [None, np.array([0.5, 0.2])], ids=["unknown", "known"])
+def test_a_constant_in_the_equation_is_found_beside_the_initial_state(state):
+    offset = model("y'' + d*y' + a*y + b*y**3 + 0.4 = u", NUMBERS)
+    rec = mf.simulate(offset, input=TONES, duration=10.0, intervals=200, initial_state=[0.5, 0.2])
+    simulated, found = find_state(DUFFING.model(NUMBERS), rec, "constant", state)
+    assert found.state == pytest.approx([0.5, 0.2], abs=1e-5)
+    assert found.trend == pytest.approx([0.4], abs=1e-5)
+    assert np.abs(simulated - rec.y).max() < 1e-5
+
+
+def test_a_given_state_is_taken_as_it_is():
+    m = DUFFING.model(NUMBERS)
+    rec = mf.simulate(m, input=TONES, duration=10.0, intervals=200, initial_state=[0.5, 0.2])
+    simulated, found = find_state(m, rec, None, np.array([0.1, 0.0]))
+    assert np.array_equal(found.state, [0.1, 0.0])
+    assert not found.cov.any()
+    assert np.allclose(simulated[0], m.simulate(u=rec.u, t=rec.t, x0=[0.1, 0.0]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from typing import Any, NamedTuple
 
@@ -11,9 +11,9 @@ import sympy
 from sympy.solvers.solveset import NonlinearError
 
 from ..errors import SpecError
-from .compiled import Delayed, jet, time
+from .compiled import Compiled, Delayed, jet, time
 
-__all__ = ["Drive", "FirstOrder", "first_order"]
+__all__ = ["Drive", "FirstOrder", "first_order", "with_trend"]
 
 CHANGES = 20  # of states, to take derivatives of inputs out of the right sides
 
@@ -144,6 +144,17 @@ def first_order(
         delays=_function([theta], late),
         feeds=any(e.free_symbols & set(drives) for e in g),
     )
+
+
+def with_trend(compiled: Compiled, terms: int) -> Compiled:
+    """The equations with a constant each, or a constant and a drift, as further parameters."""
+    source, names = [], list(compiled.parameters)
+    for k, e in enumerate(compiled.source):
+        for power in range(terms):
+            names.append(f"trend {k} {power}")
+            e = e + sympy.Symbol(names[-1], real=True) * time**power
+        source.append(e)
+    return replace(compiled, source=tuple(source), parameters=tuple(names))
 
 
 def _function(arguments: list[Any], values: list[Any]) -> Callable[..., Sequence[Any]]:
