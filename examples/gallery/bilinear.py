@@ -9,7 +9,7 @@ exchanger = mf.Equation("y' + a*y + c*y*u = b*u")
 truth = {"a": 0.5, "c": 0.4, "b": 2.0}
 rec = mf.simulate(
     exchanger.model(truth),
-    input="1 + sin(0.6*t) + 0.7*sin(1.7*t + 2)",
+    input="1 + sin(t**2/15) + 0.6*sin(0.5*t)",
     duration=30.0,
     intervals=600,
     nsr=0.05,

@@ -1,14 +1,23 @@
-"""Logistic growth: yeast in a closed vessel, from a spoonful to as much as the sugar feeds.
+"""Logistic growth: a stock of fish that is fished.
 
-y is the biomass, r the rate of growth, K what the vessel carries. The coefficient of y**2 is r/K.
+y is the stock in kilotonnes, r its rate of growth a year, K what the sea feeds, u the effort of the fleet, which
+takes q*y*u. The coefficient of y**2 is r/K. The effort changes from year to year, so that both can be told apart.
 """
 
 import modfun as mf
 
-yeast = mf.Equation("y' = r*y*(1 - y/K)", params={"K": mf.Free(10.0, min=0.1)})
-truth = {"r": 0.9, "K": 6.0}
-rec = mf.simulate(yeast.model(truth), duration=12.0, intervals=240, initial_state=[0.2], nsr=0.05, seed=1)
-fit = mf.fit(rec, yeast)
+stock = mf.Equation("y' = r*y*(1 - y/K) - q*y*u", params={"K": mf.Free(100.0, min=1.0)})
+truth = {"r": 0.9, "K": 120.0, "q": 0.5}
+rec = mf.simulate(
+    stock.model(truth),
+    input="0.8 + 0.6*sin(t**2/25) + 0.2*sin(0.7*t)",
+    duration=30.0,
+    intervals=600,
+    initial_state=[20.0],
+    nsr=0.05,
+    seed=1,
+)
+fit = mf.fit(rec, stock)
 
 for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True):
     print(f"{name} = {value:.4g} ± {error:.2g}   (true {truth[name]:g})")

@@ -1,14 +1,22 @@
-"""Michaelis-Menten: an enzyme uses up its substrate s, fast while there is plenty, slower when it gets rare.
+"""Michaelis-Menten: a reactor is fed with substrate, which an enzyme uses up, the slower the rarer it gets.
 
-s' = -V*s/(K + s), multiplied out: (K + s)*s' + V*s = 0, in which s*s' is (s**2)'/2. One progress curve tells
-both constants.
+s' = u - V*s/(K + s), multiplied out: (K + s)*(s' - u) + V*s = 0, in which s*s' is (s**2)'/2. s is the
+concentration of the substrate, u the feed in its units an hour.
 """
 
 import modfun as mf
 
-enzyme = mf.Equation("(K + s)*s' + V*s = 0", outputs=["s"])
-truth = {"K": 1.5, "V": 1.0}
-rec = mf.simulate(enzyme.model(truth), duration=12.0, intervals=480, initial_state=[5.0], nsr=0.01, seed=1)
+enzyme = mf.Equation("(K + s)*(s' - u) + V*s = 0", outputs=["s"])
+truth = {"K": 1.5, "V": 2.0}
+rec = mf.simulate(
+    enzyme.model(truth),
+    input="0.9 + 0.8*sin(t**2/20)",
+    duration=24.0,
+    intervals=720,
+    initial_state=[3.0],
+    nsr=0.03,
+    seed=1,
+)
 fit = mf.fit(rec, enzyme)
 
 for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True):

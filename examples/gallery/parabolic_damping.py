@@ -10,7 +10,7 @@ system = mf.Equation("y'' + c(t)*y' + k*y = b*u", varying={"c": ["1", "t", "t**2
 truth = {"c0": 2.0, "c1": -0.6, "c2": 0.06, "k": 4.0, "b": 3.0}
 rec = mf.simulate(
     system.model(truth),
-    input="sin(t**2/4) + 0.5*sin(1.3*t)",
+    input="sin(t**2/4) + sin((10 - t)**2/6)",
     duration=10.0,
     intervals=1000,
     nsr=0.05,

@@ -15,7 +15,7 @@ wing = mf.Equation(
 truth = {"b": 1.5, "k": 4.0, "a": 0.4, "c": -0.8}
 rec = mf.simulate(
     wing.model(truth),
-    input="0.35 + 0.3*sin(0.8*t) + 0.2*sin(2.3*t + 1)",
+    input="0.35 + 0.35*sin(t**2/10)",
     duration=20.0,
     intervals=800,
     initial_state=[0.5],

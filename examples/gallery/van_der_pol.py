@@ -10,7 +10,7 @@ valve = mf.Equation("y'' - mu*(1 - y**2)*y' + k*y = b*u")
 truth = {"mu": 0.8, "k": 1.0, "b": 0.7}
 rec = mf.simulate(
     valve.model(truth),
-    input="1.2*sin(0.7*t) + sin(1.9*t + 1)",
+    input="1.5*sin(t**2/20)",
     duration=30.0,
     intervals=1500,
     initial_state=[0.5, 0.0],

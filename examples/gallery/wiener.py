@@ -10,7 +10,7 @@ tank = mf.Equation("(y + c*y**3)'' + a1*(y + c*y**3)' + a2*(y + c*y**3) = b*u")
 truth = {"c": 0.4, "a1": 1.2, "a2": 2.0, "b": 3.0}
 rec = mf.simulate(
     tank.model(truth),
-    input="sin(t**2/12) + 0.6*sin(0.5*t)",
+    input="1.5*sin(t**2/12)",
     duration=20.0,
     intervals=800,
     nsr=0.03,
