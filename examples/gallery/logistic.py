@@ -1,7 +1,7 @@
 """Logistic growth: a stock of fish that is fished.
 
-y is the stock in kilotonnes, r its rate of growth a year, K what the sea feeds, u the effort of the fleet, which
-takes q*y*u. The coefficient of y**2 is r/K. The effort changes from year to year, so that both can be told apart.
+y is the stock in kilotonnes, r its rate of growth a year, K what the sea feeds, u the effort of the fleet,
+which takes q*y*u. The coefficient of y**2 is r/K. The effort always changes: that tells the three apart.
 """
 
 import modfun as mf

@@ -1,6 +1,6 @@
 """Drag of a bicycle: rolling resistance c0, and air that goes with the square of the speed.
 
-v is the speed in m/s, u the force on the pedals in units of the rider's usual one, b what that gives in m/s^2.
+v is the speed in m/s, u the force on the pedals in units of the rider's usual one, which gives b in m/s^2.
 """
 
 import modfun as mf

@@ -213,7 +213,8 @@ class EquationFit(Fit):
         """Not for equations; see `model`."""
         raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
 
-    def _simulated(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
+    def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
+        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
         from .initial_state import simulate_fit
 
         return simulate_fit(self, rec, initial_state)

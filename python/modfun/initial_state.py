@@ -16,7 +16,7 @@ from .records import Record
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["find_state", "simulate_fit"]
+__all__ = ["find_state", "simulate_fit", "slopes"]
 
 F64 = NDArray[np.float64]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
@@ -24,6 +24,7 @@ HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor st
 MULTIPLES = (0.0, 1.0, -1.0, 0.1, -0.1, 10.0, -10.0)
 ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
+SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
 TOL = 1e-10
 
@@ -108,6 +109,30 @@ def find_state(
     whole[n - search.found :, n - search.found :] = cov
     x, drift = search.split(z)
     return y, InitialState(x, whole[:n, :n], drift)
+
+
+def slopes(fit: Fit, rec: Record, initial: InitialState) -> F64:
+    """Derivatives of simulated outputs to parameters, initial state and trend, (unknown, output, time)."""
+    structure: Any = fit.structure
+    compiled = structure.compiled(fit.outputs, fit.inputs)
+    if initial.trend.size:
+        from .symbolic.ode import with_trend
+
+        compiled = with_trend(compiled, initial.trend.size // len(compiled.source))
+    z = np.concatenate([fit.params, initial.state, initial.trend])
+    errors = np.concatenate([fit.bse, initial.bse, np.zeros(initial.trend.size)])
+    p, n = fit.params.size, initial.state.size
+    found = []
+    for k in range(z.size):
+        step = SLOPE * (max(abs(z[k]), float(np.nan_to_num(errors[k]))) or 1.0)
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = z.copy()
+            moved[k] += sign * step
+            model = model_of(compiled, np.append(moved[:p], moved[p + n :]))
+            sides.append(model.respond(list(rec.u), rec.t, moved[p : p + n], rec.intersample))
+        found.append((sides[0] - sides[1]) / (2 * step))
+    return np.array(found)
 
 
 class _Search:

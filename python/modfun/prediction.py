@@ -12,7 +12,6 @@ from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .observer import observe
 from .records import Record
-from .structures import TransferFunction
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
@@ -77,10 +76,6 @@ def simulate_fit(
     simulated : (output, time) array
     initial : InitialState
     """
-    if not isinstance(fit.structure, TransferFunction):
-        from . import initial_state as search  # equations need SymPy
-
-        return search.simulate_fit(fit, rec, initial_state)
     orders = fit.layout.orders
     given = None if initial_state is None else given_state(initial_state, sum(orders))
     trend = trend_columns(rec.t, fit.trend)

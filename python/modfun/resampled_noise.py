@@ -11,22 +11,29 @@ from . import _core
 from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .noise import Noise as GivenNoise
+from .prediction import InitialState
 from .records import Record
 from .results import Fit
 from .simulation import _spectrum
+from .structures import TransferFunction
 from .validation import trend_columns
 
 __all__ = ["Noise", "white", "wild"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
+Simulated = tuple[F64, InitialState]
 # Noise of a replicate, by its number: an array (output, time) a record.
 Noise = Callable[[int], list[F64]]
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
-def white(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> Noise:
-    """Independent normal samples of the noise covariance that the fit found, times the records' sigma."""
+def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Noise:
+    """Independent normal samples of the noise covariance that the fit found, times the records' sigma.
+
+    Of log-normal noise they are those of the logarithms.
+    """
+    clean = [y for y, _ in found]
     noise = fit.options.noise
     _refuse_noisy_inputs(fit)
     if noise in ("equation", "coloured") or (isinstance(noise, GivenNoise) and _coloured(noise.y)):
@@ -37,22 +44,25 @@ def white(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) ->
         )
     root = _root(fit.noise_cov)
     if fit.options.method not in ("awls", "ml"):
-        errors = [rec.y[0] - y[0] for rec, y in zip(records, clean, strict=True)]
+        errors = [rec.y - y for rec, y in zip(records, clean, strict=True)]
         nuisance = fit.order + len(trend_columns(records[0].t, fit.trend))
-        freedom = sum(e.size for e in errors) - fit.params.size - nuisance * len(records)
-        root = np.sqrt([[sum(e @ e for e in errors) / freedom]])
+        freedom = sum(e.shape[1] for e in errors) - fit.params.size - nuisance * len(records)
+        root = np.diag(np.sqrt(sum(np.sum(e**2, axis=1) for e in errors) / freedom))
     sizes = [1.0 if rec.sigma is None else rec.sigma for rec in records]
 
     def draw(replicate: int) -> list[F64]:
-        return [
+        drawn = [
             root @ _core.normals(seed, "bootstrap", 0, replicate, k, y.size).reshape(y.shape) * size
             for k, (y, size) in enumerate(zip(clean, sizes, strict=True))
         ]
+        return (
+            [y * np.expm1(e) for y, e in zip(clean, drawn, strict=True)] if noise == "log-normal" else drawn
+        )
 
     return draw
 
 
-def wild(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> Noise:
+def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Noise:
     """The residuals with each line of their spectrum turned by a random angle, the same for all outputs."""
     _refuse_noisy_inputs(fit)
     for rec in records:
@@ -67,14 +77,11 @@ def wild(fit: Fit, records: tuple[Record, ...], clean: list[F64], seed: int) -> 
             "resample it, or use kind='parametric'"
         )
     leads = [rec.intervals - used for rec, used in zip(records, fit.intervals, strict=True)]
-    lines: list[C128] = []
-    for rec, y, lead in zip(records, clean, leads, strict=True):
-        e = (rec.y - y)[:, lead:]
-        ends = 0.5 * (
-            e[:, :1] + e[:, -1:]
-        )  # one period on the record's own lines, its ends counted half each
-        lines.append(np.fft.rfft(np.hstack([ends, e[:, 1:-1]])))
-    _unshrink(fit, records, clean, leads, lines)
+    lines = [_lines(rec.y - y, lead) for rec, (y, _), lead in zip(records, found, leads, strict=True)]
+    if isinstance(fit.structure, TransferFunction):
+        _unshrink(fit, records, [y for y, _ in found], leads, lines)
+    else:
+        _unshrink_equations(fit, records, [initial for _, initial in found], leads, lines)
 
     def draw(replicate: int) -> list[F64]:
         found = []
@@ -144,6 +151,13 @@ def _unshrink(
         errors.append(np.einsum("rom,om->rm", weight, lines[k][:, : high + 1])[:, low:].ravel())
         weights.append(weight[:, :, low:])
     whole = np.vstack(blocks) / np.sqrt(sum(sizes))
+    for line, part, weight, (low, high) in zip(lines, _grown(whole, errors), weights, fit.lines, strict=True):
+        back = np.linalg.inv(weight.transpose(2, 0, 1))  # (line, output, row)
+        line[:, low : high + 1] = np.einsum("mor,rm->om", back, part.reshape(outputs, -1))
+
+
+def _grown(whole: C128, errors: list[C128]) -> list[C128]:
+    """Errors e/(1 − h), h the leverage of the columns of `whole` on Re and Im of each row."""
     q, singular, _ = np.linalg.svd(np.vstack([whole.real, whole.imag]), full_matrices=False)
     q = q[:, singular > 1e-10 * singular[0]]  # an offset lives on the line 0, which may be left out
     both = np.concatenate(errors)
@@ -151,12 +165,43 @@ def _unshrink(
     h = np.sum(q**2, axis=1)
     e = np.where(h < 1 - 1e-6, (e - q @ (q.T @ e)) / (1 - h), 0.0)  # a line taken whole has no say
     grown = e[: both.size] + 1j * e[both.size :]
-    ends = np.cumsum([len(block) for block in blocks])
-    for line, part, weight, (low, high) in zip(
-        lines, np.split(grown, ends[:-1]), weights, fit.lines, strict=True
+    return np.split(grown, np.cumsum([one.size for one in errors])[:-1])
+
+
+def _lines(e: F64, lead: int) -> C128:
+    """Spectrum of signals (…, time): one period on the record's own lines, its ends counted half each."""
+    e = e[..., lead:]
+    ends = 0.5 * (e[..., :1] + e[..., -1:])
+    return np.asarray(np.fft.rfft(np.concatenate([ends, e[..., 1:-1]], axis=-1)))
+
+
+def _unshrink_equations(
+    fit: Fit, records: tuple[Record, ...], initial: list[InitialState], leads: list[int], lines: list[C128]
+) -> None:
+    """As `_unshrink`, for equations: the columns are the spectra of the responses' slopes."""
+    from .initial_state import slopes
+
+    p, level = fit.params.size, np.sqrt(np.diag(fit.noise_cov))[:, None]
+    columns = [
+        _lines(slopes(fit, rec, own), lead) for rec, own, lead in zip(records, initial, leads, strict=True)
+    ]
+    width = p + sum(len(one) - p for one in columns)
+    blocks, errors, at = [], [], p
+    for column, line, (low, high) in zip(columns, lines, fit.lines, strict=True):
+        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level
+        block = np.zeros((len(level), high - low + 1, width), complex)
+        shaped = (column[:, :, low : high + 1] * half).transpose(1, 2, 0)
+        block[:, :, :p], block[:, :, at : at + shaped.shape[2] - p] = shaped[:, :, :p], shaped[:, :, p:]
+        at += shaped.shape[2] - p
+        blocks.append(block.reshape(-1, width))
+        errors.append((line[:, low : high + 1] * half).ravel())
+    whole: C128 = np.vstack(blocks)
+    size = np.linalg.norm(whole, axis=0)
+    for line, part, (low, high) in zip(
+        lines, _grown(np.asarray(whole / np.where(size > 0, size, 1.0)), errors), fit.lines, strict=True
     ):
-        back = np.linalg.inv(weight.transpose(2, 0, 1))  # (line, output, row)
-        line[:, low : high + 1] = np.einsum("mor,rm->om", back, part.reshape(outputs, -1))
+        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level
+        line[:, low : high + 1] = part.reshape(len(level), -1) / half
 
 
 def _columns(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -> tuple[C128, C128, C128]:

@@ -12,7 +12,6 @@ from .errors import FitError, SpecError
 from .estimation import _fit, _threads, fit_many
 from .many import FitMany, collect
 from .options import Options
-from .prediction import simulate_fit
 from .progress import Progress
 from .records import Batch, Record
 from .resampled_noise import white, wild
@@ -231,8 +230,9 @@ def bootstrap(
     address = _whole("seed", seed, 0, 2**64 - 1)
     workers = _threads(threads)
     held = _held(fit)
-    clean = [simulate_fit(fit, rec, None)[0] for rec in records]
-    noise = (white if kind == "parametric" else wild)(fit, records, clean, address)
+    found = [fit.simulate(rec) for rec in records]
+    clean = [y for y, _ in found]
+    noise = (white if kind == "parametric" else wild)(fit, records, found, address)
 
     parts: list[FitMany] = []
     with Progress(progress, f"{kind} bootstrap") as bar:

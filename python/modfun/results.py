@@ -401,13 +401,13 @@ class Fit:
             The same inputs and times, the simulated output.
         """
         record = self._record(rec, "predict")
-        simulated, _ = self._simulated(record, initial_state)
+        simulated, _ = self.simulate(record, initial_state)
         return record._like(y=simulated, mask=None, sigma=None)
 
     def errors(self, rec: Record | int | None = None) -> F64:
         """Measured less simulated output in time, (output, time); nan where the record is masked."""
         record = self._record(rec, "errors")
-        errors = record.y - self._simulated(record, None)[0]
+        errors = record.y - self.simulate(record, None)[0]
         return errors if record.mask is None else np.where(record.mask, errors, np.nan)
 
     def initial_state(
@@ -451,7 +451,7 @@ class Fit:
             return self._observed(record, eigenvalues)
         if eigenvalues is not None:
             raise SpecError('initial_state: eigenvalues belong to method="observer"')
-        return self._simulated(record, None)[1]
+        return self.simulate(record, None)[1]
 
     def score(self, rec: Record | int | None = None) -> Table:
         """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
@@ -475,7 +475,7 @@ class Fit:
                 columns[name] = [value for _, part in parts for value in part[name].tolist()]
             return Table(columns)
         record = self._record(rec, "score")
-        simulated, _ = self._simulated(record, None)
+        simulated, _ = self.simulate(record, None)
         pairs = list(zip(record.y, simulated, strict=True))
         if record.mask is not None:
             pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]
@@ -489,7 +489,8 @@ class Fit:
             }
         )
 
-    def _simulated(self, rec: Record, initial_state: Any) -> tuple[F64, InitialState]:
+    def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
+        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
         return prediction.simulate_fit(self, rec, initial_state)
 
     def _observed(self, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:

@@ -51,11 +51,11 @@ class Experiment:
     free : ndarray, shape (states, output, time)
         Response to each state at 1 at t = 0, without input; of equations none, (0, output, time).
     inputs : tuple of Source
-        Inputs as given.
+        Inputs of equations as given.
     kinds : tuple of str
-        What they do between samples.
-    start : ndarray, shape (states,)
-        State at t = 0 of `y`.
+        What inputs do between samples.
+    start : ndarray, shape (states,), or None
+        State of equations at t = 0 of `y`.
     """
 
     system: LTI | NonlinearModel
@@ -65,9 +65,9 @@ class Experiment:
     rms: F64
     state_rms: F64
     free: F64
-    inputs: tuple[Any, ...]
-    kinds: tuple[str, ...]
-    start: F64
+    inputs: tuple[Any, ...] = ()
+    kinds: tuple[str, ...] = ()
+    start: F64 | None = None
 
     def response(self, state: F64) -> F64:
         """Noise-free outputs from another state at t = 0."""
@@ -104,13 +104,14 @@ def experiment(
     kinds = intersample_kinds(intersample, len(given))
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
-    held = (tuple(given), kinds)
     if isinstance(sys, NonlinearModel):
         state = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
         y, x = sys.trajectory(given, t, state, kinds)
         size = np.sqrt(np.mean(x**2, axis=1))
         none = np.zeros((0, *y.shape))
-        return Experiment(sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, *held, state)
+        return Experiment(
+            sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state
+        )
     y = sys.respond(given, dt, count, None, kinds)
     a, b, _, _, scale = sys.scaled()
     n = scale.size
@@ -130,9 +131,7 @@ def experiment(
         rms=np.sqrt(np.mean(y**2, axis=1)),
         state_rms=np.sqrt(np.mean(states**2, axis=1)),
         free=np.array(free).reshape(n, *y.shape),
-        inputs=held[0],
         kinds=kinds,
-        start=np.zeros(n),
     )
 
 

@@ -87,7 +87,9 @@ class Contender:
         if self.call is not None:
             return source(self.call)
         own = self.estimators[group.index]
-        return [repr(own.model), repr(own.options.settled())]
+        own_model = own.model
+        told = repr(own_model) if isinstance(own_model, TransferFunction) else own_model.to_dict()
+        return [told, repr(own.options.settled())]
 
 
 def contenders(

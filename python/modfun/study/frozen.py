@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -9,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..callables import address, at
-from ..errors import DataError
+from ..equations import Equation
+from ..errors import DataError, SpecError
 from ..estimation import Estimator
 from ..lti import LTI
+from ..nonlinear import NonlinearModel, model_of
 from ..options import Options
 from ..simulation import Experiment
+from ..statespace import StateSpace
 from ..structures import TransferFunction
 from .axes import Axis
 from .contenders import Contender
@@ -27,6 +31,8 @@ Arrays = dict[str, NDArray[Any]]
 
 # What a study is made of, by the name that stands in the file.
 _NAMED = (Axis, Contender, Estimator, Experiment, Generated, Group, LTI, Options, Plan, TransferFunction)
+_TEXTS = (Equation, StateSpace)
+_READ = {kind.__name__: kind for kind in _TEXTS}
 _KINDS: dict[str, type] = {kind.__name__: kind for kind in _NAMED}
 
 
@@ -55,7 +61,13 @@ def freeze(value: Any, arrays: Arrays) -> Any:
     if isinstance(value, dict):
         return {"dict": [[freeze(k, arrays), freeze(v, arrays)] for k, v in value.items()]}
     kind = type(value)
-    if kind is Estimator:
+    if kind in _TEXTS:
+        return {"is": kind.__name__, "text": json.dumps(value.to_dict())}
+    if kind is NonlinearModel:
+        if value.structure is None:
+            raise SpecError("run: a study directory keeps equations made by mf.Equation(...).model(...) only")
+        names = ["params", "structure"]
+    elif kind is Estimator:
         names = ["model", "options"]
     elif is_dataclass(value) and not isinstance(value, type):
         names = [f.name for f in fields(value)]
@@ -83,6 +95,11 @@ def thaw(value: Any, arrays: Arrays) -> Any:
     name = value["is"]
     if name == "Estimator":
         return Estimator(given["model"], **given["options"].given())
+    if name in _READ:
+        return _READ[name].from_dict(json.loads(given["text"]))
+    if name == "NonlinearModel":
+        structure = given["structure"]
+        return model_of(structure.compiled(), given["params"], structure)
     kind = _KINDS.get(name) or _imported(name)
     if isinstance(kind, Lost):
         return kind

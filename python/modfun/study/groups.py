@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -203,17 +203,18 @@ def groups(
                         "relative to it, says nothing; give an input that moves the output"
                     )
                 fixed, free = _state("zero" if callable(state) else state, rest)
+                drawn = not linear and isinstance(state, str) and state == "random"
                 found.append(
                     Group(
                         index=len(found),
                         system=system,
-                        rest=rest,
+                        rest=rest if drawn or callable(state) else replace(rest, inputs=()),
                         intersample=rest.kinds,
                         free=free,
                         y=np.ascontiguousarray(rest.response(fixed) if linear else rest.y),
                         state=state if callable(state) else None,
                         noise=noise,
-                        drawn=not linear and isinstance(state, str) and state == "random",
+                        drawn=drawn,
                     )
                 )
     return tuple(found)

@@ -1,0 +1,48 @@
+"""The gallery as a page: runs examples/gallery/*.py and writes docs/gallery.md.
+
+Usage: python benches/gallery.py
+"""
+
+import re
+import runpy
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+HEAD = """
+Equations of sixteen kinds, each simulated, fitted and compared with what it was made of. A script stands in
+`examples/gallery` and has no more than forty lines; `tests/python/test_gallery.py` runs all of them. Standard
+errors are HC3; the noise is white, nsr its standard deviation over the rms of the noise-free outputs. Below
+stand equation, truth and estimate; the rest is `mf.simulate(equation.model(truth), ...)` and
+`mf.fit(rec, equation)`. Written by `python benches/gallery.py`.
+"""
+ROW = "| `{}` | {:g} | {:.4g} ± {:.2g} | {:+.1f} |"
+
+
+def main():
+    """Write the page."""
+    parts = ["# Gallery\n\n", " ".join(HEAD.split()), "\n"]
+    for script in sorted((ROOT / "examples" / "gallery").glob("*.py")):
+        text = script.read_text(encoding="utf-8")
+        title, story = text.split('"""')[1].split("\n\n", 1)
+        title = title.strip().rstrip(".").replace("\n", " ")
+        equation = re.search(r"^\w+ = mf\.Equation\(.*?^(?=truth)", text, re.DOTALL | re.MULTILINE)[0].strip()
+        names = runpy.run_path(str(script))
+        fit, truth, rec = names["fit"], names["truth"], names["rec"]
+        nsr = re.search(r"nsr=([\d.]+)", text)[1]
+        rows = [
+            ROW.format(name, truth[name], value, error, (value - truth[name]) / error)
+            for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
+        ]
+        score = ", ".join(f"{level:.0f}" for level in fit.score()["signal_to_error"])
+        parts.append(
+            f"\n## {title}\n\n`examples/gallery/{script.name}`. {' '.join(story.split())}\n\n"
+            f"```python\nimport modfun as mf\n\n{equation}\n```\n\n"
+            f"{rec.intervals + 1} samples over {rec.duration:g} s, nsr {nsr}; lines up to "
+            f"{fit.band[1]:.3g} rad/s; simulation and record agree to {score} dB.\n\n"
+            "| parameter | true | found | errors off |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
+        )
+    (ROOT / "docs" / "gallery.md").write_text("".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
