@@ -217,7 +217,14 @@ class EquationFit(Fit):
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""
         from .initial_state import simulate_fit
 
-        return simulate_fit(self, rec, initial_state)
+        if initial_state is not None:
+            return simulate_fit(self, rec, initial_state)
+        kept = self.__dict__.get("_simulated")  # errors, scores and plots ask for the same again
+        if kept is None or kept[0] is not rec:
+            kept = rec, simulate_fit(self, rec, None)
+            self.__dict__["_simulated"] = kept
+        found: tuple[F64, InitialState] = kept[1]
+        return found
 
     def _observed(self, rec: Record, eigenvalues: Any) -> Never:
         raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')

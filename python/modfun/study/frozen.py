@@ -73,7 +73,8 @@ def freeze(value: Any, arrays: Arrays) -> Any:
         names = [f.name for f in fields(value)]
     else:
         return {"function": address(value)}
-    name = kind.__name__ if kind in _KINDS.values() else address(kind)
+    known = kind is NonlinearModel or kind in _KINDS.values()
+    name = kind.__name__ if known else address(kind)
     return {"is": name} | {f: freeze(getattr(value, f), arrays) for f in names}
 
 
