@@ -466,7 +466,7 @@ def test_a_study_fits_equations_in_batches_and_keeps_them_in_a_directory(tmp_pat
     assert here.failures.sum() == 0
     assert np.all(here.coverage[1] > 0.8)
     rec, fits = again.replicate(69)
-    assert fits["ml"].params == pytest.approx(here.samples[1, :, 69], rel=1e-9)
+    assert fits["ml"].params == pytest.approx(here.samples[1, 69], rel=1e-9)
     assert rec.outputs == ("y",)
     ratio = here.sd[1] / here.crlb[1]
     assert np.all((ratio > 0.75) & (ratio < 1.6))
