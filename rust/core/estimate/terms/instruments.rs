@@ -106,7 +106,8 @@ impl Problem<'_> {
             let step = self.step(&theta);
             nit += 1;
             if !step.full || !step.moved.is_finite() {
-                ended = if step.moved.is_finite() { Status::Rank } else { Status::NonFinite };
+                let sound = self.residual.iter().all(|x| x.is_finite());
+                ended = if sound { Status::Rank } else { Status::NonFinite };
                 break;
             }
             for (t, by) in theta.iter_mut().zip(&step.by) {

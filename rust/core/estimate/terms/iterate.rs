@@ -236,7 +236,8 @@ impl<'a> Problem<'a> {
             let step = self.step(&theta);
             at_bound = step.at_bound;
             if !step.full || !step.moved.is_finite() {
-                ended = if step.moved.is_finite() { Status::Rank } else { Status::NonFinite };
+                // Where the cost was finite, only dependent columns make a step that is not.
+                ended = Status::Rank;
                 break;
             }
             nit += 1;
