@@ -57,7 +57,7 @@ def message(fit: Fit) -> str:
 def warnings_of(fit: Fit) -> list[str]:
     """What deserves a warning when the fit is made."""
     if not fit.success:
-        return [f"fit: {message(fit)}"]
+        return [f"fit: {fit.message}"]
     found = [text for text in (_few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
         found.append(text)
@@ -132,9 +132,9 @@ def check(fit: Fit) -> Findings:
     """What is wrong or doubtful about a fit; see `Fit.check`."""
     title = f"Check of {one_line(fit)}"
     if fit.status in ("rank", "nonfinite") or not np.all(np.isfinite(fit.params)):
-        return Findings(title, [message(fit)])
+        return Findings(title, [fit.message])
     d = diagnose(fit)
-    found: list[str | None] = [None if fit.success else message(fit), _unstable(fit)]
+    found: list[str | None] = [None if fit.success else fit.message, _unstable(fit)]
     if d.chi2_p < UNLIKELY or d.level_ratio > LEVEL:
         found.append(
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
@@ -268,7 +268,7 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Model", f"{_path(fit)}: {fit.structure!r}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
-        ("Method", f"{fit.options.method}; {fit.status}. {message(fit)}"),
+        ("Method", f"{fit.options.method}; {fit.status}. {fit.message}"),
         ("Band", _band(fit)),
         (
             "Trend",
