@@ -216,6 +216,73 @@ def test_a_multiplier_makes_predator_and_prey_exact():
     assert "Multiplied by y**(-2)" in str(m.explain())
 
 
+MULTIPLIED = {
+    "exponential": (
+        "y'' + y'**2 + b*y = u",
+        lambda f, p: D(f.y, t, 2) + D(f.y, t) ** 2 + p.b * f.y - f.u,
+        lambda f, p: sympy.exp(f.y),
+    ),
+    "without parameters": (
+        "y''/(1 + y**2) + b*y' = u",
+        lambda f, p: D(f.y, t, 2) / (1 + f.y**2) + p.b * D(f.y, t) - f.u,
+        lambda f, p: 1 + f.y**2,
+    ),
+    "parameters in the multiplier": (
+        "(K + y)*y'' + 2*y'**2 + b*(K + y)*y' + y = (K + y)*u",
+        lambda f, p: (p.K + f.y) * (D(f.y, t, 2) + p.b * D(f.y, t) - f.u) + 2 * D(f.y, t) ** 2 + f.y,
+        lambda f, p: p.K + f.y,
+    ),
+    "two signals": (
+        "y1*y2' - y2*y1' + a*y1*y2 = u",
+        lambda f, p: f.y1 * D(f.y2, t) - f.y2 * D(f.y1, t) + p.a * f.y1 * f.y2 - f.u,
+        lambda f, p: f.y2**-2,
+    ),
+    "a parameter in another signal": (
+        "y*y'' - y'**2 + sin(k*y) = 0",
+        lambda f, p: f.y * D(f.y, t, 2) - D(f.y, t) ** 2 + sympy.sin(p.k * f.y),
+        lambda f, p: f.y**-2,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MULTIPLIED)
+def test_multipliers(name):
+    text, residuals, times = MULTIPLIED[name]
+    m = mf.Equation(text)
+    identity(m, residuals, times)
+    assert all(term.factor is None for term in m.compiled().terms)
+    assert "Multiplied by" in str(m.explain())
+
+
+def test_saturation_in_a_compartment_of_two():
+    """Eliminated to (K + x)² x'' + …; a multiplier with the parameter K in it spares products."""
+    texts = ["x' = p1*(z - x) - V*x/(K + x) + u", "z' = p2*(x - z)"]
+    m = mf.Equation(texts, outputs=["x"])
+    vanishes(
+        m,
+        "xz",
+        lambda x, u, p: (
+            {"x": p.p1 * (x.z - x.x) - p.V * x.x / (p.K + x.x) + u.u, "z": p.p2 * (x.x - x.z)},
+            {"x": x.x},
+        ),
+    )
+    assert all(term.factor is None for term in m.compiled().terms)
+
+
+def test_rosenfeld_and_groebner_say_the_same():
+    pytest.importorskip("DifferentialAlgebra")
+    from modfun.symbolic.elimination import eliminate
+    from modfun.symbolic.rosenfeld import rosenfeld
+    from modfun.symbolic.system import system_of
+
+    for name in ("prey only", "fitzhugh nagumo, v only", "four compartments"):
+        text, words, _, _ = HIDDEN[name]
+        system = system_of(mf.Equation(text, **words))
+        (theirs,) = rosenfeld(system.equations, system.hidden, system.outputs, system.moving)
+        (ours,), _ = eliminate(system.equations, system.hidden, system.moving)
+        assert sympy.cancel(theirs / ours).is_number
+
+
 def test_exact_equations_are_left_alone():
     """No multiplier and no product where every term is a derivative as it stands."""
     for name in ("duffing", "van der pol", "logistic", "lotka volterra", "mackey glass"):

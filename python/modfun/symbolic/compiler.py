@@ -9,12 +9,13 @@ import sympy
 
 from ..errors import SpecError
 from .compiled import Compiled, Term
-from .elimination import NotEliminated, eliminate
+from .elimination import NotEliminated, TooHard, eliminate
 from .exact import NotExact, Piece
 from .jets import Moving
 from .multipliers import arrange
+from .rosenfeld import available, rosenfeld
 from .system import System
-from .words import said
+from .words import listed, said
 
 __all__ = ["compile_system"]
 
@@ -48,7 +49,12 @@ def compile_system(system: System, what: str) -> Compiled:
         try:
             equations, gone = eliminate(equations, system.hidden, moving)
         except NotEliminated as fault:
-            raise SpecError(f"{what}: {fault}") from None
+            hard = isinstance(fault, TooHard) and available()
+            left = rosenfeld(equations, system.hidden, system.outputs, moving) if hard else None
+            if left is None:
+                raise SpecError(f"{what}: {fault}") from None
+            equations = left
+            gone = (f"{listed(system.hidden)}: eliminated by Rosenfeld and Gröbner's algorithm.",)
         if not equations:
             raise SpecError(
                 f"{what}: no equation is left without {', '.join(system.hidden)}; measure it, or write "

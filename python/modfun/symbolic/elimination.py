@@ -11,7 +11,7 @@ from .compiled import jet, time
 from .jets import Moving, base, order
 from .words import said
 
-__all__ = ["NotEliminated", "eliminate"]
+__all__ = ["NotEliminated", "TooHard", "eliminate"]
 
 MOST_SECONDS = 5.0
 MOST_OPERATIONS = 20_000
@@ -20,6 +20,10 @@ MOST_DEGREE = 4  # of a resultant
 
 class NotEliminated(ValueError):
     """A hidden signal that cannot be eliminated; the text says which and why."""
+
+
+class TooHard(NotEliminated):
+    """One that other algorithms may eliminate."""
 
 
 def eliminate(
@@ -107,7 +111,7 @@ def _without(f: sympy.Expr, g: sympy.Expr, z: str, moving: Moving, until: float)
         if min(low, high) < 0:
             return _simple(f if low < 0 else g, moving)
         if monotonic() > until or max(sympy.count_ops(f), sympy.count_ops(g)) > MOST_OPERATIONS:
-            raise NotEliminated(
+            raise TooHard(
                 f"{z} is not measured, and eliminating it grows beyond what is tried ({MOST_SECONDS:.0f} s, "
                 f"{MOST_OPERATIONS} operations); measure it, or hold parameters at numbers"
             )
@@ -122,7 +126,7 @@ def _without(f: sympy.Expr, g: sympy.Expr, z: str, moving: Moving, until: float)
         else:
             degrees = _degree(f, z, low), _degree(g, z, high)
             if not all(0 < d <= MOST_DEGREE for d in degrees):
-                raise NotEliminated(
+                raise TooHard(
                     f"{z} is not measured, and no equation can be solved for {top}: {said(f)} = 0; measure it"
                 )
             f, g = sympy.expand(sympy.resultant(f, g, top)), f

@@ -11,7 +11,7 @@ from .compiled import jet
 from .exact import Form, NotExact, Piece, form, pieces
 from .integrals import antiderivative
 from .jets import Moving
-from .words import said
+from .words import listed, said
 
 __all__ = ["arrange", "clear"]
 
@@ -54,11 +54,17 @@ def arrange(
         terms = terms if tidied is None else tidied
     if plain is not None:
         return plain, ()
+    mixed: tuple[list[Piece], tuple[str, ...]] | None = None
     for multiplier in _multipliers(terms or {}, outputs, moving):
-        times = {key: sympy.expand(multiplier * value) for key, value in (terms or {}).items()}
+        times = {key: _expanded(multiplier * value, moving) for key, value in (terms or {}).items()}
         found = _pieces(times, moving)
-        if found is not None and not _has_parameters(found, moving):
+        if found is None:
+            continue
+        mixed = mixed or (found, (*words, _multiplied(multiplier)))
+        if not _has_parameters(found, moving):
             return found, (*words, _multiplied(multiplier))
+    if mixed is not None:
+        return mixed
     found = pieces(form(expr, moving), moving, products=True)
     return found, (
         "No multiplier was found that makes every term the derivative of a signal: products of a signal and "
@@ -96,10 +102,18 @@ def _pieces(terms: Form, moving: Moving) -> list[Piece] | None:
 
 def _multiplied(multiplier: sympy.Expr) -> str:
     step = f"Multiplied by {said(multiplier)}, every term is the derivative of a signal."
-    if any(n.is_negative for n in multiplier.as_powers_dict().values()):
-        zeros = " and ".join(sorted(s.name for s in multiplier.free_symbols))
-        step += f" That takes a record in which {zeros} stays away from 0."
+    if zeros := sorted(said(b) for b, n in multiplier.as_powers_dict().items() if n.is_negative):
+        step += f" That takes a record in which {listed(zeros)} stays away from 0."
     return step
+
+
+def _expanded(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
+    """A coefficient as a sum; where denominators have parameters, of partial fractions."""
+    below = sympy.denom(expr)
+    symbols = moving.symbols(below)
+    if len(symbols) == 1 and any(b.is_Add and moving.parameters(b) for b in below.as_powers_dict()):
+        return sympy.apart(sympy.cancel(expr), symbols[0])
+    return sympy.expand(expr)
 
 
 def _multipliers(terms: Form, outputs: tuple[str, ...], moving: Moving) -> Iterator[sympy.Expr]:
@@ -121,10 +135,13 @@ def _solved(terms: Form, y: sympy.Symbol, moving: Moving) -> sympy.Expr | None:
     if h is None:
         return None
     ratio = sympy.cancel((q - sympy.diff(h, y)) / h)
-    if ratio == 0 or ratio.free_symbols - {y}:
+    if ratio == 0 or {s for s in ratio.free_symbols if moving.is_moving(s)} - {y}:
         return None
     integral = antiderivative(sympy.expand(ratio), y)
-    return None if integral is None else sympy.powsimp(sympy.exp(integral))
+    if integral is None:
+        return None
+    found = sympy.powsimp(sympy.exp(integral))
+    return None if moving.parameters(found) and not found.is_rational_function(y) else found
 
 
 def _has_parameters(found: list[Piece], moving: Moving) -> bool:
