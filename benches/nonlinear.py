@@ -1,0 +1,271 @@
+"""What fits of equations reach: the studies of docs/nonlinear.md, a table each.
+
+Usage: python benches/nonlinear.py [study ...] [--replicates 2000] [--figures DIRECTORY]
+"""
+
+import argparse
+from pathlib import Path
+
+import modfun as mf
+import numpy as np
+from fit_studies import Study, response, table
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+from weak_form import weak
+
+# ---------------------------------------------------------------- Duffing
+
+
+def duffing_input(t):
+    return 2 * np.sin(1.1 * t) + 1.5 * np.sin(2.3 * t + 1) + np.sin(0.45 * t)
+
+
+DUFFING = mf.Equation("y'' + d*y' + a*y + b*y**3 = u")
+DUFFING_TRUE = {"d": 0.3, "a": 1.0, "b": 0.5}
+
+
+def duffing_record(intervals=1024):
+    """(y (1, N+1), u (1, N+1), dt) of THEORY's example, free of noise."""
+    t = np.linspace(0, 20, intervals + 1)
+    y = response(
+        lambda s, x: [x[1], duffing_input(s) - 0.3 * x[1] - x[0] - 0.5 * x[0] ** 3],
+        [0.5, 0.0],
+        20.0,
+        intervals,
+    )[:1]
+    return y, duffing_input(t)[None], 20 / intervals
+
+
+def duffing(replicates, figures=None):
+    """y'' + .3 y' + y + .5 y³ = u, 20 s, N = 1024: bias with and without correction."""
+    y, u, dt = duffing_record()
+    table("NSR, lines, signals")
+    for nsr in (0.1, 0.3):
+        for harmonics in (13, None):
+            for correct in (True, False):
+                found = Study(
+                    DUFFING,
+                    DUFFING_TRUE,
+                    y,
+                    dt,
+                    nsr * np.sqrt(np.mean(y**2)),
+                    (["y"], ["u"]),
+                    replicates,
+                    u,
+                    harmonics=harmonics,
+                    correct=correct,
+                )
+                word = "corrected" if correct else "raw"
+                lines = "given" if harmonics else "default"
+                print(f"| {nsr:g}, {lines}, {word} | {found.cells()} |", flush=True)
+
+
+# ---------------------------------------------------------------- short period of an aircraft
+
+SHORT = {"Za": -0.8, "Zd": -0.1, "Ma": -4.0, "Mq": -1.2, "Md": -5.0}
+
+
+def elevator(t):
+    """3-2-1-1 of .7 s, .05 rad, edges of .1 s, from t = 1 s."""
+    edges = 1.0 + 0.7 * np.array([0, 3, 5, 6, 7])
+    signs = 0.05 * np.array([1, -2, 2, -2, 1])
+    return np.sum(signs * 0.5 * (1 + np.tanh((np.asarray(t)[..., None] - edges) / 0.05)), axis=-1)
+
+
+def aircraft():
+    """The state equations with α and q measured."""
+    return mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+
+
+def short_period_states(p, x0, t):
+    """α and q (2, N+1) for parameters in SHORT's order, exactly but for straight input between samples."""
+    from scipy.signal import StateSpace, lsim
+
+    za, zd, ma, mq, md = p
+    fine = np.linspace(t[0], t[-1], 4 * (t.size - 1) + 1)
+    system = StateSpace([[za, 1], [ma, mq]], [[zd], [md]], np.eye(2), np.zeros((2, 1)))
+    return lsim(system, elevator(fine), fine, x0)[1].T[:, ::4]
+
+
+def output_error(model, start, y, sigma):
+    """SciPy's least squares on the states of `model(unknowns)`, weighted by σ: rows of unknowns."""
+    out = []
+    scale = np.maximum(np.abs(start), 0.01)
+    for own in y:
+        found = least_squares(
+            lambda x, own=own: ((model(x * scale) - own) / sigma[:, None]).ravel(), start / scale, method="lm"
+        )
+        out.append(found.x * scale)
+    return np.array(out)
+
+
+def short_period(replicates, figures=None):
+    """α' = Zα α + q + Zδ δ, q' = Mα α + Mq q + Mδ δ; NSR .1; output error on the first 200 records."""
+    t = np.linspace(0, 12, 601)
+    true = np.array(list(SHORT.values()))
+    x0 = np.array([0.02, 0.0])
+    clean = short_period_states(true, x0, t)
+    sigma = 0.1 * np.sqrt(np.mean(clean**2, axis=1))
+    names = (["alpha", "q"], ["de"])
+    table("lines")
+    for harmonics in (None, 20):
+        found = Study(
+            aircraft(), SHORT, clean, t[1], sigma, names, replicates, elevator(t), harmonics=harmonics
+        )
+        print(f"| {'given' if harmonics else 'default'} | {found.cells()} |", flush=True)
+        if harmonics is None:
+            default = found
+    count = min(replicates, 200)
+    rng = np.random.default_rng(1)
+    y = [default.record(rng).y for _ in range(count)]
+    other = output_error(
+        lambda x: short_period_states(x[:5], x[5:], t), np.concatenate([true, x0]), y, sigma
+    )[:, :5]
+    order = [list(SHORT).index(name) for name in default.param_names]
+    ours = default.params
+    print(f"\nsd of each over that of output error with free initial state, the same {count} records:")
+    ratio = ours[:count].std(axis=0, ddof=1) / other[:, order].std(axis=0, ddof=1)
+    print(", ".join(f"{n} {r:.3f}" for n, r in zip(default.param_names, ratio, strict=True)), flush=True)
+
+
+def dropping(replicates, figures=None):
+    """α and q measured, q with NSR .05: what a noisy α is worth, against leaving it out."""
+    t = np.linspace(0, 12, 601)
+    clean = short_period_states(np.array(list(SHORT.values())), np.array([0.02, 0.0]), t)
+    rms = np.sqrt(np.mean(clean**2, axis=1))
+    full = aircraft()
+    held = {"Zd": SHORT["Zd"]}  # q alone tells four of five: this one is given to both
+    both = mf.StateSpace(
+        [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"], params=held
+    )
+    alone = both.without("alpha")
+    print(full.without("alpha").identifiable())
+    q_only = Study(alone, SHORT, clean[1:], t[1], 0.05 * rms[1], (["q"], ["de"]), replicates, elevator(t))
+    table("noise on α over its rms", "rms sd, α and q, % | rms bias, % | rms sd, q alone, % | rms bias, % |")
+    gone = q_only.relative()
+    for nsr in (0.01, 0.05, 0.1, 0.3, 1.0, 3.0):
+        found = Study(
+            both,
+            SHORT,
+            clean,
+            t[1],
+            np.array([nsr, 0.05]) * rms,
+            (["alpha", "q"], ["de"]),
+            replicates,
+            elevator(t),
+        )
+        kept = found.relative()
+        print(
+            f"| {nsr:g} | {kept[2]:.2f} | {kept[0]:.2f} ± {kept[1]:.2f} | {gone[2]:.2f} | "
+            f"{gone[0]:.2f} ± {gone[1]:.2f} |",
+            flush=True,
+        )
+
+
+# ---------------------------------------------------------------- prey only
+
+
+def prey(replicates, figures=None):
+    """Lotka–Volterra of weak_form with the prey alone counted, log-normal noise."""
+    a, c, d = 3.0, 6.0, 1.0
+    model = mf.Equation(["x' = a*x - x*z", "z' = d*x*z - c*z"], outputs=["x"])
+    clean = response(lambda t, v: [a * v[0] - v[0] * v[1], d * v[0] * v[1] - c * v[1]], [1.0, 1.0], 5.0, 512)[
+        :1
+    ]
+    print(f"prey from {clean.min():.2f} to {clean.max():.1f}\n")
+    table("noise of log prey")
+    for sigma in (0.02, 0.05, 0.1, 0.2):
+        found = Study(
+            model,
+            {"a": a, "c": c, "d": d},
+            clean,
+            5 / 512,
+            sigma,
+            (["x"], None),
+            replicates,
+            log=True,
+            noise="log-normal",
+        )
+        print(f"| {sigma:g} | {found.cells()} |", flush=True)
+
+
+# ---------------------------------------------------------------- parabolic damping
+
+
+def parabolic(replicates, figures=None):
+    """y'' + (c0 + c1 t + c2 t²) y' + k y = b u, NSR .05 and .2: the damping and its pointwise band."""
+    truth = {"c0": 2.0, "c1": -0.6, "c2": 0.06, "k": 4.0, "b": 3.0}
+    model = mf.Equation("y'' + c(t)*y' + k*y = b*u", varying={"c": ["1", "t", "t**2"]})
+    t = np.linspace(0, 10, 513)
+
+    def u(s):
+        return np.sin(s**2 / 4) + 0.5 * np.sin(1.3 * s)
+
+    def damping(s):
+        return truth["c0"] + truth["c1"] * s + truth["c2"] * s**2
+
+    y = response(lambda s, x: [x[1], 3 * u(s) - damping(s) * x[1] - 4 * x[0]], [0.3, 0.0], 10.0, 512)[:1]
+    rms = np.sqrt(np.mean(y**2))
+    table("NSR")
+    for nsr in (0.05, 0.2):
+        found = Study(model, truth, y, t[1], nsr * rms, (["y"], ["u"]), replicates, u(t))
+        print(f"| {nsr:g} | {found.cells()} |", flush=True)
+    rng = np.random.default_rng(2)
+    inside, count, at = np.zeros(t.size), min(replicates, 1000), damping(t)
+    for _ in range(count):
+        noisy = y + 0.05 * rms * rng.standard_normal(y.shape)
+        fit = mf.fit(mf.Record(y=noisy, u=u(t), dt=t[1]), model)
+        value, bse = fit.varying("c", t)
+        inside += np.abs(value - at) <= student.ppf(0.975, fit.df_resid) * bse
+    cover = 100 * inside / count
+    print(
+        f"\npointwise 95 % band of c(t), NSR .05, {count} records: covers {cover.mean():.1f} % on average, "
+        f"{cover.min():.1f} to {cover.max():.1f} % over t (Monte Carlo error "
+        f"{100 * np.sqrt(0.05 * 0.95 / count):.1f})"
+    )
+    if figures:
+        draw_damping(t, at, value, student.ppf(0.975, fit.df_resid) * bse, figures)
+
+
+def draw_damping(t, true, value, half, figures):
+    """One record's damping coefficient with its band."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    fig, axis = plt.subplots(figsize=(7, 3.6), layout="constrained")
+    axis.fill_between(t, value - half, value + half, alpha=0.25, lw=0, label="95 % band")
+    axis.plot(t, value, label="estimate")
+    axis.plot(t, true, "k--", label="true")
+    axis.set(
+        xlabel="time (s)", ylabel="damping c(t) (1/s)", title="Parabolic damping from one record, NSR .05"
+    )
+    axis.legend()
+    fig.savefig(Path(figures) / "damping.png", dpi=130)
+
+
+STUDIES = {
+    "duffing": duffing,
+    "short-period": short_period,
+    "dropping": dropping,
+    "prey": prey,
+    "parabolic": parabolic,
+    "weak": weak,
+}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("studies", nargs="*", default=list(STUDIES), metavar="study", help=", ".join(STUDIES))
+    parser.add_argument("--replicates", type=int, default=2000)
+    parser.add_argument("--figures", help="directory for figures")
+    given = parser.parse_args()
+    for name in given.studies:
+        own = STUDIES[name]
+        print(f"\n## {name}, {given.replicates} records\n\n{own.__doc__}\n", flush=True)
+        own(given.replicates, given.figures)
+
+
+if __name__ == "__main__":
+    main()
