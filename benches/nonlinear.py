@@ -72,9 +72,11 @@ def elevator(t):
     return np.sum(signs * 0.5 * (1 + np.tanh((np.asarray(t)[..., None] - edges) / 0.05)), axis=-1)
 
 
-def aircraft():
+def aircraft(**options):
     """The state equations with α and q measured."""
-    return mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+    return mf.StateSpace(
+        [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"], **options
+    )
 
 
 def short_period_states(p, x0, t):
@@ -99,67 +101,58 @@ def output_error(model, start, y, sigma):
     return np.array(out)
 
 
+def aircraft_record():
+    """(times, true parameters, initial state, noise-free α and q)."""
+    t, true, x0 = np.linspace(0, 12, 601), np.array(list(SHORT.values())), np.array([0.02, 0.0])
+    return t, true, x0, short_period_states(true, x0, t)
+
+
 def short_period(replicates, figures=None):
-    """α' = Zα α + q + Zδ δ, q' = Mα α + Mq q + Mδ δ; NSR .1; output error on the first 200 records."""
-    t = np.linspace(0, 12, 601)
-    true = np.array(list(SHORT.values()))
-    x0 = np.array([0.02, 0.0])
-    clean = short_period_states(true, x0, t)
+    """α' = Zα α + q + Zδ δ, q' = Mα α + Mq q + Mδ δ; NSR .1; output error on the first 500 records."""
+    t, true, x0, clean = aircraft_record()
     sigma = 0.1 * np.sqrt(np.mean(clean**2, axis=1))
-    names = (["alpha", "q"], ["de"])
+    names, u = (["alpha", "q"], ["de"]), elevator(t)
     table("lines")
-    for harmonics in (None, 20):
-        found = Study(
-            aircraft(), SHORT, clean, t[1], sigma, names, replicates, elevator(t), harmonics=harmonics
-        )
-        print(f"| {'given' if harmonics else 'default'} | {found.cells()} |", flush=True)
-        if harmonics is None:
-            default = found
-    count = min(replicates, 200)
+    given = Study(aircraft(), SHORT, clean, t[1], sigma, names, replicates, u, harmonics=20, trend=None)
+    print(f"| given | {given.cells()} |", flush=True)
+    found = Study(aircraft(), SHORT, clean, t[1], sigma, names, replicates, u, trend=None)
+    print(f"| default | {found.cells()} |", flush=True)
     rng = np.random.default_rng(1)
-    y = [default.record(rng).y for _ in range(count)]
-    other = output_error(
-        lambda x: short_period_states(x[:5], x[5:], t), np.concatenate([true, x0]), y, sigma
-    )[:, :5]
-    order = [list(SHORT).index(name) for name in default.param_names]
-    ours = default.params
-    print(f"\nsd of each over that of output error with free initial state, the same {count} records:")
-    ratio = ours[:count].std(axis=0, ddof=1) / other[:, order].std(axis=0, ddof=1)
-    print(", ".join(f"{n} {r:.3f}" for n, r in zip(default.param_names, ratio, strict=True)), flush=True)
+    y = [found.record(rng).y for _ in range(min(replicates, 500))]
+    start = np.concatenate([true, x0])
+    other = output_error(lambda x: short_period_states(x[:5], x[5:], t), start, y, sigma)
+    order = [list(SHORT).index(name) for name in found.param_names]
+    print(f"\nsd of each over that of output error with free initial state, the same {len(y)} records:")
+    for word, own in (("given", given), ("default", found)):
+        ratio = own.params[: len(y)].std(axis=0, ddof=1) / other[:, order].std(axis=0, ddof=1)
+        parts = ", ".join(f"{n} {r:.3f}" for n, r in zip(found.param_names, ratio, strict=True))
+        print(f"{word}: {parts}", flush=True)
 
 
 def dropping(replicates, figures=None):
-    """α and q measured, q with NSR .05: what a noisy α is worth, against leaving it out."""
-    t = np.linspace(0, 12, 601)
-    clean = short_period_states(np.array(list(SHORT.values())), np.array([0.02, 0.0]), t)
+    """α and q measured, q with NSR .05: what a noisy α is worth, against leaving it out; Zδ known."""
+    t, _, _, clean = aircraft_record()
     rms = np.sqrt(np.mean(clean**2, axis=1))
-    full = aircraft()
-    held = {"Zd": SHORT["Zd"]}  # q alone tells four of five: this one is given to both
-    both = mf.StateSpace(
-        [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"], params=held
-    )
-    alone = both.without("alpha")
-    print(full.without("alpha").identifiable())
-    q_only = Study(alone, SHORT, clean[1:], t[1], 0.05 * rms[1], (["q"], ["de"]), replicates, elevator(t))
+    both = aircraft(params={"Zd": SHORT["Zd"]})  # q alone tells four of five
+    print(f"{aircraft().without('alpha').identifiable()}\n")
+    alone = Study(
+        both.without("alpha"),
+        SHORT,
+        clean[1:],
+        t[1],
+        0.05 * rms[1],
+        (["q"], ["de"]),
+        replicates,
+        elevator(t),
+        trend=None,
+    ).relative()
     table("noise on α over its rms", "rms sd, α and q, % | rms bias, % | rms sd, q alone, % | rms bias, % |")
-    gone = q_only.relative()
     for nsr in (0.01, 0.05, 0.1, 0.3, 1.0, 3.0):
-        found = Study(
-            both,
-            SHORT,
-            clean,
-            t[1],
-            np.array([nsr, 0.05]) * rms,
-            (["alpha", "q"], ["de"]),
-            replicates,
-            elevator(t),
-        )
-        kept = found.relative()
-        print(
-            f"| {nsr:g} | {kept[2]:.2f} | {kept[0]:.2f} ± {kept[1]:.2f} | {gone[2]:.2f} | "
-            f"{gone[0]:.2f} ± {gone[1]:.2f} |",
-            flush=True,
-        )
+        sigma = np.array([nsr, 0.05]) * rms
+        names = (["alpha", "q"], ["de"])
+        kept = Study(both, SHORT, clean, t[1], sigma, names, replicates, elevator(t), trend=None).relative()
+        cells = [f"{sd:.2f} | {bias:.2f} ± {error:.2f}" for bias, error, sd in (kept, alone)]
+        print(f"| {nsr:g} | {' | '.join(cells)} |", flush=True)
 
 
 # ---------------------------------------------------------------- prey only
