@@ -133,7 +133,7 @@ def dropping(replicates, figures=None):
     """α and q measured, q with NSR .05: what a noisy α is worth, against leaving it out; Zδ known."""
     t, _, _, clean = aircraft_record()
     rms = np.sqrt(np.mean(clean**2, axis=1))
-    # q alone tells four of five parameters, and those by a quadratic equation: its other root has Za near -50.
+    # q alone tells four of five, and Za by a quadratic equation: its other root is near -50.
     both = aircraft(params={"Zd": SHORT["Zd"], "Za": mf.Free(-1.0, min=-5.0, max=5.0)})
     print(f"{aircraft().without('alpha').identifiable()}\n")
     alone = Study(
