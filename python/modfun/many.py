@@ -49,6 +49,8 @@ class FitMany:
         Lowest and highest frequency used, rad/s.
     structure : TransferFunction, Equation or StateSpace
     options : Options
+    df_hc3 : (replicate, p) array or None
+        Degrees of freedom of each HC3 standard error, where equations were fitted.
     """
 
     params: F64
@@ -61,6 +63,12 @@ class FitMany:
     band: tuple[float, float]
     structure: Any
     options: Options
+    df_hc3: F64 | None = None
+
+    @property
+    def degrees(self) -> Any:
+        """Degrees of freedom of the intervals params ± t·bse: `df_resid`, of equations with HC3 `df_hc3`."""
+        return self.df_hc3 if self.df_hc3 is not None and self.options.cov_type == "HC3" else self.df_resid
 
     @property
     def success(self) -> NDArray[np.bool_]:
@@ -185,6 +193,7 @@ def _made(found: dict[str, Any], names: tuple[str, ...], structure: Any, options
         nit=found["nit"],
         param_names=names,
         df_resid=found["df_resid"],
+        df_hc3=found.get("df_hc3"),
         band=(low * omega0, high * omega0),
         structure=structure,
         options=options,
@@ -214,6 +223,7 @@ def collect(fits: list[Fit], structure: Any, options: Options) -> FitMany:
         nit=np.array([f.nit for f in fits]),
         param_names=fits[0].param_names,
         df_resid=fits[0].df_resid,
+        df_hc3=np.array([getattr(f, "df_hc3", None) for f in fits]) if hasattr(fits[0], "df_hc3") else None,
         band=fits[0].band,
         structure=structure,
         options=options,

@@ -248,6 +248,7 @@ def bootstrap(
         nit=np.concatenate([part.nit for part in parts]),
         param_names=fit.param_names,
         df_resid=fit.df_resid,
+        df_hc3=None if parts[0].df_hc3 is None else np.concatenate([part.df_hc3 for part in parts]),
         band=fit.band,
         structure=fit.structure,
         options=held,

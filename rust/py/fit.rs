@@ -350,6 +350,9 @@ pub fn many_dictionary(
     out.set_item("cost", vector(py, many.cost))?;
     out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
     out.set_item("df_resid", df_resid)?;
+    if !many.hc3_degrees.is_empty() {
+        out.set_item("df_hc3", matrix(py, many.hc3_degrees, rows)?)?;
+    }
     out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
     out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     Ok(out)

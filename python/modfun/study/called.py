@@ -142,7 +142,7 @@ class _Cell:
         if isinstance(answer, Fit):
             self.status[row] = STATUS.index(answer.status)
             self.fits, self.iterations = self.fits + 1, self.iterations + answer.nit
-            self._cover(np.array([row]), answer.bse[None], answer.df_resid)
+            self._cover(np.array([row]), answer.bse[None], answer.degrees)
         if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
             self.status[row] = STATUS.index("nonfinite")
         if self.status[row] < USED:
@@ -170,15 +170,15 @@ class _Cell:
                 continue
             self.theta[mine], self.status[mine] = found.params, [STATUS.index(w) for w in found.status]
             self.fits, self.iterations = self.fits + mine.size, self.iterations + int(found.nit.sum())
-            self._cover(mine, found.bse, found.df_resid)
+            self._cover(mine, found.bse, found.degrees)
         self._waiting = []
         self.seconds += time.perf_counter() - start
 
-    def _cover(self, rows: I64, bse: F64, df_resid: int) -> None:
+    def _cover(self, rows: I64, bse: F64, degrees: Any) -> None:
         from scipy.special import stdtrit  # scipy.stats takes seconds to load
 
-        factor = float(stdtrit(df_resid, 0.5 + LEVEL / 2)) if df_resid > 0 else np.nan
         with np.errstate(invalid="ignore"):
+            factor = np.where(np.asarray(degrees) > 0, stdtrit(degrees, 0.5 + LEVEL / 2), np.nan)
             off, reach = np.abs(self.theta[rows] - self.truth), factor * bse
             self.covered[rows] = np.where(np.isnan(off) | np.isnan(reach), np.nan, off <= reach)
 

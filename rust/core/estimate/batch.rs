@@ -42,6 +42,8 @@ pub struct Many {
     pub cost: Vec<f64>,
     /// Iterations.
     pub nit: Vec<u32>,
+    /// Degrees of freedom of each HC3 standard error, of equations alone.
+    pub hc3_degrees: Vec<f64>,
 }
 
 /// The problem all replicates share: lines, design and how samples become coefficients.
@@ -232,5 +234,6 @@ impl Many {
         self.status.append(&mut other.status);
         self.cost.append(&mut other.cost);
         self.nit.append(&mut other.nit);
+        self.hc3_degrees.append(&mut other.hc3_degrees);
     }
 }

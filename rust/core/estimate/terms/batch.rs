@@ -93,5 +93,6 @@ impl Many {
         self.status.push(fit.status);
         self.cost.push(fit.cost);
         self.nit.push(fit.nit);
+        self.hc3_degrees.extend(&fit.hc3_degrees);
     }
 }

@@ -254,11 +254,7 @@ impl RecordPlan {
         for (s, own) in pairs.noisy.iter().zip(sources.chunks_exact(count.max(1))) {
             wave.fill(0.0);
             for (at, source) in own.iter().enumerate() {
-                let line = (first + at) as u64;
-                for (k, w) in wave.iter_mut().enumerate() {
-                    let (cos, sin) = self.phase(line, k);
-                    *w += source.0 * cos - source.1 * sin;
-                }
+                self.add_wave(first + at, *source, &mut wave);
             }
             let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
             for (at, (_, c)) in each {
@@ -272,15 +268,26 @@ impl RecordPlan {
         clean
     }
 
-    /// cos and sin of a line's phase at sample `k` of the window.
-    fn phase(&self, line: u64, k: usize) -> (f64, f64) {
+    /// Adds Re of `source` times e^{imω₀t} to every sample of the window.
+    fn add_wave(&self, line: usize, source: C, wave: &mut [f64]) {
         match &self.noise {
             NoisePlan::Even { roots, .. } => {
-                roots[(line * k as u64 % (roots.len() as u64)) as usize]
+                // The phase of sample k is the root number line·k, counted modulo their number.
+                let (step, mut at) = (line % roots.len(), 0);
+                for w in wave {
+                    let (cos, sin) = roots[at];
+                    *w += source.0 * cos - source.1 * sin;
+                    at += step;
+                    if at >= roots.len() {
+                        at -= roots.len();
+                    }
+                }
             }
             NoisePlan::Uneven { turns, .. } => {
-                let (sin, cos) = sin_cos_turns_1(line as f64 * turns[k]);
-                (cos, sin)
+                for (w, turn) in wave.iter_mut().zip(turns) {
+                    let (sin, cos) = sin_cos_turns_1(line as f64 * turn);
+                    *w += source.0 * cos - source.1 * sin;
+                }
             }
         }
     }

@@ -6,8 +6,9 @@
 use super::iterate::{Problem, factored};
 use crate::linalg::qr::solve_square;
 
-/// Leaves (1 − h) of a row that determines a parameter alone above zero.
-const LEVERAGE: f64 = 1e-6;
+/// A row with less than this left of it beside its leverage is fitted exactly: what it shows of noise is
+/// nothing, and the classical variance stands for it.
+const LEVERAGE: f64 = 1e-8;
 
 /// What an estimate is worth.
 #[derive(Debug, Clone)]
@@ -33,7 +34,7 @@ impl Problem<'_> {
             (i.max(j)..n).map(|k| inverse[i * n + k] * inverse[j * n + k]).sum()
         };
         let normal: Vec<f64> = (0..n * n).map(|k| h(k / n, k % n)).collect();
-        let meat = self.meat(&free, &inverse);
+        let meat = self.meat(&free, &inverse, variance);
         let mut out = Worth {
             nonrobust: vec![0.0; p * p],
             hc3: vec![0.0; p * p],
@@ -78,20 +79,25 @@ impl Problem<'_> {
                     |k: usize| -> f64 { (0..=k).map(|l| own[l] * inverse[l * n + k]).sum() };
                 let hat: f64 = (0..n).map(|k| through(k) * through(k)).sum::<f64>()
                     + spot.base().iter().map(|b| b[i] * b[i]).sum::<f64>();
-                let left = (1.0 - hat).max(LEVERAGE);
+                let left = 1.0 - hat;
                 for (k, sum) in sums.iter_mut().enumerate() {
                     let weight: f64 = (0..n).map(|l| normal[k * n + l] * own[l]).sum();
-                    let a = weight * weight / left;
-                    *sum = (sum.0 + a, sum.1 + a * a);
+                    if left < LEVERAGE {
+                        // A variance that is taken as known is as good as many.
+                        sum.0 += weight * weight;
+                    } else {
+                        let a = weight * weight / left;
+                        *sum = (sum.0 + a, sum.1 + a * a);
+                    }
                 }
             }
             at += spot.rows.len();
         }
-        sums.iter().map(|(a, squares)| a * a / squares).collect()
+        sums.iter().map(|(a, squares)| a * a / squares.max(f64::MIN_POSITIVE)).collect()
     }
 
     /// Σ over clusters of (Jᵀ(I − H)⁻¹e)(…)ᵀ.
-    fn meat(&self, free: &[usize], inverse: &[f64]) -> Vec<f64> {
+    fn meat(&self, free: &[usize], inverse: &[f64], variance: f64) -> Vec<f64> {
         let n = free.len();
         let mut meat = vec![0.0; n * n];
         let mut at = 0;
@@ -115,9 +121,23 @@ impl Problem<'_> {
                 for i in 0..size {
                     for j in 0..size {
                         let hat = super::rows::dot(&rows[i], &rows[j]);
-                        a.push(if i == j { (1.0 - hat).max(LEVERAGE) } else { -hat });
+                        a.push(if i == j { 1.0 - hat } else { -hat });
                     }
                     a.push(self.residual[at + from + i]);
+                }
+                let width = size + 1;
+                let exact = (0..size).any(|i| a[i * width + i] < LEVERAGE);
+                for i in (0..size).filter(|_| exact) {
+                    // Rows of the cluster by themselves, each at least as large as noise makes it.
+                    let own = a[i * width + i];
+                    a[i * width..i * width + size].fill(0.0);
+                    a[i * width + i] = 1.0;
+                    let sign = self.residual[at + from + i].signum();
+                    if own < LEVERAGE {
+                        a[i * width + size] = sign * variance.sqrt();
+                    } else {
+                        a[i * width + size] /= own;
+                    }
                 }
                 x.clear();
                 x.resize(size, 0.0);
