@@ -6,6 +6,8 @@ import sympy
 
 __all__ = ["antiderivative"]
 
+MOST_DEGREE = 4  # of quotients of polynomials that SymPy integrates
+
 _LINEAR = {
     sympy.sin: lambda x: -sympy.cos(x),
     sympy.cos: sympy.sin,
@@ -51,13 +53,27 @@ def _of_product(f: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
             return (sympy.log(inner) if n == -1 else inner ** (n + 1) / (n + 1)) / slope
         if f.func in _LINEAR and (slope := _slope(f.args[0], x)) is not None:
             return _LINEAR[f.func](f.args[0]) / slope
-    if f.is_rational_function(x) and sympy.count_ops(f) < 60:
-        try:
-            found = sympy.integrals.rationaltools.ratint(f, x)
-        except (NotImplementedError, sympy.PolynomialError):
-            return None
-        return None if found.has(sympy.Integral, sympy.RootSum, sympy.I) else found
-    return _by_parts(f, x)
+    return _of_rational(f, x) if f.is_rational_function(x) else _by_parts(f, x)
+
+
+def _of_rational(f: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """∫ of c d'/d^n, of partial fractions with linear denominators, and of low degrees with numbers."""
+    over, below = sympy.fraction(sympy.factor(f))
+    if not below.has(x):
+        return None
+    root, n = below.as_independent(x, as_Add=False)[1].as_base_exp()
+    scale = sympy.cancel(over / below * root**n / sympy.diff(root, x))
+    if not scale.has(x):
+        return scale * (sympy.log(root) if n == 1 else root ** (1 - n) / (1 - n))
+    parts = sympy.Add.make_args(sympy.apart(f, x))
+    if len(parts) > 1:
+        found = [_of_product(p.as_independent(x, as_Add=False)[1], x) for p in parts]
+        stills = [p.as_independent(x, as_Add=False)[0] for p in parts]
+        return None if None in found else sympy.Add(*(s * p for s, p in zip(stills, found, strict=True)))
+    if f.free_symbols != {x} or max(sympy.degree(over, x), sympy.degree(below, x)) > MOST_DEGREE:
+        return None
+    found = sympy.integrals.rationaltools.ratint(f, x)
+    return None if found.has(sympy.Integral, sympy.RootSum, sympy.I) else found
 
 
 def _of_powers(powers: dict[sympy.Expr, sympy.Expr], x: sympy.Symbol) -> sympy.Expr:

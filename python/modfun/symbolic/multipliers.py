@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import product
 
 import sympy
@@ -112,7 +113,8 @@ def _expanded(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
     below = sympy.denom(expr)
     symbols = moving.symbols(below)
     if len(symbols) == 1 and any(b.is_Add and moving.parameters(b) for b in below.as_powers_dict()):
-        return sympy.apart(sympy.cancel(expr), symbols[0])
+        with suppress(sympy.PolynomialError):
+            return sympy.apart(sympy.cancel(expr), symbols[0])
     return sympy.expand(expr)
 
 
@@ -137,11 +139,10 @@ def _solved(terms: Form, y: sympy.Symbol, moving: Moving) -> sympy.Expr | None:
     ratio = sympy.cancel((q - sympy.diff(h, y)) / h)
     if ratio == 0 or {s for s in ratio.free_symbols if moving.is_moving(s)} - {y}:
         return None
-    integral = antiderivative(sympy.expand(ratio), y)
-    if integral is None:
-        return None
-    found = sympy.powsimp(sympy.exp(integral))
-    return None if moving.parameters(found) and not found.is_rational_function(y) else found
+    if (slope := sympy.diff(h, y)) != 0 and (power := sympy.cancel(ratio * h / slope)).is_Rational:
+        return sympy.factor(h) ** power
+    integral = None if moving.parameters(ratio) else antiderivative(sympy.expand(ratio), y)
+    return None if integral is None else sympy.powsimp(sympy.exp(integral))
 
 
 def _has_parameters(found: list[Piece], moving: Moving) -> bool:
