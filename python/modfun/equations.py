@@ -99,8 +99,8 @@ class Equation(Written):
         names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in RESERVED))
         coefficients = _varying(varying)
         given = [
-            None if names is None else channel_names("Equation", what, names)
-            for what, names in (("outputs", outputs), ("inputs", inputs), ("hidden", hidden))
+            None if signals is None else channel_names("Equation", what, signals)
+            for what, signals in (("outputs", outputs), ("inputs", inputs), ("hidden", hidden))
         ]
         for k, (what, default) in enumerate((("outputs", _OUTPUT), ("inputs", _INPUT))):
             if given[k] is None:

@@ -254,6 +254,15 @@ def test_multipliers(name):
     assert "Multiplied by" in str(m.explain())
 
 
+def test_factors_of_products_have_no_parameters():
+    m = mf.Equation("y'' + y'*u/(K + y) = u")
+    identity(m, lambda f, p: D(f.y, t, 2) + D(f.y, t) * f.u / (p.K + f.y) - f.u, lambda f, p: p.K + f.y)
+    factors = {str(term.factor) for term in m.compiled().terms if term.factor is not None}
+    assert factors == {"y", "u"}
+    with pytest.raises(mf.SpecError, match="hold k at a number"):
+        mf.Equation("y'' + sin(k*u)*y' = u").compiled()
+
+
 def test_saturation_in_a_compartment_of_two():
     """Eliminated to (K + x)² x'' + …; a multiplier with the parameter K in it spares products."""
     texts = ["x' = p1*(z - x) - V*x/(K + x) + u", "z' = p2*(x - z)"]

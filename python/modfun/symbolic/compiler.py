@@ -66,7 +66,7 @@ def compile_system(system: System, what: str) -> Compiled:
         try:
             found, words = arrange(_separated(expr, moving), moving, system.outputs)
         except NotExact as fault:
-            raise SpecError(_outside(fault.term, moving, what)) from None
+            raise SpecError(_outside(fault, moving, what)) from None
         own, more = _normal(_terms(e, found, moving, system.outputs), turn=bool(system.hidden))
         if not own:
             raise SpecError(f"{what}: equation {e + 1} says 0 = 0; there is nothing to fit")
@@ -165,14 +165,18 @@ def _size(expr: sympy.Expr) -> int:
     return 1
 
 
-def _outside(term: sympy.Expr, moving: Moving, what: str) -> str:
+def _outside(fault: NotExact, moving: Moving, what: str) -> str:
+    term = fault.term
     derivatives = sorted(
         {s.name for s in moving.symbols(term) if "'" in s.name}, key=lambda name: (len(name), name)
     )
     lower = derivatives[0].replace("'", "", 1) if derivatives else "y"
     shown = derivatives[0] if derivatives else "y'"
+    cure = fault.cure or (
+        f"measure {shown} and call it an output of its own: a signal v, the equation {lower}' = v, and v in "
+        f"place of {shown}"
+    )
     return (
         f"{what}: the term {said(moving.public(term))} is neither the derivative of a signal nor the product "
-        f"of a signal and one; measure {shown} and call it an output of its own: a signal v, the equation "
-        f"{lower}' = v, and v in place of {shown}"
+        f"of a signal and one; {cure}"
     )

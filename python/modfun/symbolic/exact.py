@@ -30,11 +30,13 @@ class NotExact(ValueError):
     ----------
     term : sympy.Expr
         What is at fault.
+    cure : str
+        What to change, where that is not to measure a derivative.
     """
 
-    def __init__(self, term: sympy.Expr) -> None:
+    def __init__(self, term: sympy.Expr, cure: str = "") -> None:
         super().__init__(term)
-        self.term = term
+        self.term, self.cure = term, cure
 
 
 @dataclass(frozen=True)

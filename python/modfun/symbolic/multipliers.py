@@ -14,8 +14,9 @@ from .integrals import antiderivative
 from .jets import Moving
 from .words import listed, said
 
-__all__ = ["arrange", "clear"]
+__all__ = ["arrange"]
 
+CLEARED = "The equation was multiplied by its denominators, to free signals of parameters."
 _POWERS = (0, -1, -2, 1)
 
 
@@ -42,13 +43,13 @@ def arrange(
     In this order: as it stands; times its denominators, if that takes parameters out of signals; times powers
     of the outputs; with products (Property 2).
     """
-    cleared = clear(expr, moving)
+    cleared = _clear(expr, moving)
     words: tuple[str, ...] = ()
     terms, plain = _exact(expr, moving)
     if plain is not None and not _has_parameters(plain, moving):
         return plain, ()
     if cleared is not None:
-        words = ("The equation was multiplied by its denominators, to free signals of parameters.",)
+        words = (CLEARED,)
         tidied, found = _exact(cleared, moving)
         if found is not None and (plain is None or not _has_parameters(found, moving)):
             return found, words
@@ -61,19 +62,29 @@ def arrange(
         found = _pieces(times, moving)
         if found is None:
             continue
-        mixed = mixed or (found, (*words, _multiplied(multiplier)))
+        made = found, (*words, _multiplied(multiplier))
         if not _has_parameters(found, moving):
-            return found, (*words, _multiplied(multiplier))
+            return made
+        mixed = mixed or made
     if mixed is not None:
         return mixed
-    found = pieces(form(expr, moving), moving, products=True)
+    found, words = pieces(form(expr, moving), moving, products=True), ()
+    if cleared is not None and _mixed_factor(found, moving):
+        found, words = pieces(form(cleared, moving), moving, products=True), (CLEARED,)
+    if (fault := _mixed_factor(found, moving)) is not None:
+        term = fault.factor * jet(str(fault.signal), fault.order)
+        names = sorted(s.name for s in moving.parameters(moving.split(fault.factor)[1]))
+        raise NotExact(
+            term, f"hold {listed(names)} at a number, params={{...}}: a factor has no parameters inside"
+        )
     return found, (
+        *words,
         "No multiplier was found that makes every term the derivative of a signal: products of a signal and "
         "a derivative are left, which are convolutions in the harmonic index (Property 2) and amplify noise.",
     )
 
 
-def clear(expr: sympy.Expr, moving: Moving) -> sympy.Expr | None:
+def _clear(expr: sympy.Expr, moving: Moving) -> sympy.Expr | None:
     """An equation times the denominators that mix parameters and signals; None: there are none."""
     terms = sympy.Add.make_args(sympy.expand(expr))
     most: dict[sympy.Expr, sympy.Expr] = {}
@@ -143,6 +154,12 @@ def _solved(terms: Form, y: sympy.Symbol, moving: Moving) -> sympy.Expr | None:
         return sympy.factor(h) ** power
     integral = None if moving.parameters(ratio) else antiderivative(sympy.expand(ratio), y)
     return None if integral is None else sympy.powsimp(sympy.exp(integral))
+
+
+def _mixed_factor(found: list[Piece], moving: Moving) -> Piece | None:
+    """A piece whose factor holds a parameter in a function of signals."""
+    factors = ((piece, piece.factor) for piece in found if piece.factor is not None)
+    return next((piece for piece, factor in factors if moving.parameters(moving.split(factor)[1])), None)
 
 
 def _has_parameters(found: list[Piece], moving: Moving) -> bool:
