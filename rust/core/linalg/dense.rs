@@ -1,6 +1,6 @@
 //! Cholesky factors of a dense covariance and what they whiten: rows of a panel, eight columns a register.
 
-use crate::simd::{Kernel, LANES, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
 /// A matrix in row-major order whose rows are filled up to whole registers.
 #[derive(Debug, Clone, Default)]
@@ -45,16 +45,27 @@ impl Panel {
 /// Pivots are not taken below this fraction of what stood there first.
 const FLOOR: f64 = 1e-13;
 
-/// Replaces the upper triangle of C in `covariance` by its factor R, C = RᵀR, and the rows beside it by R⁻ᵀ
-/// of them.
+/// Replaces the upper triangle of C in `panel` by its factor R, C = RᵀR, and the columns beside it by R⁻ᵀ of
+/// them.
 ///
-/// `covariance` is rows × (rows + more columns): what stands right of C is whitened on the way. Pivots below
-/// `least` times their size are lifted to it.
-pub struct Whiten<'a> {
-    /// \[C | columns\].
-    pub panel: &'a mut Panel,
-    /// Smallest pivot of each row.
-    pub least: &'a [f64],
+/// `panel` is \[C | columns\]; pivots below `least` (one a row) are lifted to it.
+pub fn whiten(isa: Isa, panel: &mut Panel, least: &[f64]) {
+    across(isa).run(Whiten { panel, least });
+}
+
+/// Replaces `columns` by R⁻ᵀ of them, R the factor that [`whiten`] left in `factor`.
+pub fn whiten_more(isa: Isa, factor: &Panel, columns: &mut Panel) {
+    across(isa).run(WhitenMore { factor, columns });
+}
+
+/// Lanes are columns here, so that one lane will not do.
+fn across(isa: Isa) -> Isa {
+    if isa == Isa::One { Isa::Plain } else { isa }
+}
+
+struct Whiten<'a> {
+    panel: &'a mut Panel,
+    least: &'a [f64],
 }
 
 impl Kernel for Whiten<'_> {
@@ -88,19 +99,16 @@ impl Kernel for Whiten<'_> {
 }
 
 impl Panel {
-    /// Floors for [`Whiten`]: a fraction of what stands on the diagonal.
+    /// Floors for [`whiten`]: a fraction of what stands on the diagonal.
     pub fn floors(&self, out: &mut Vec<f64>) {
         out.clear();
         out.extend((0..self.rows).map(|j| (self.get(j, j) * FLOOR).max(f64::MIN_POSITIVE)));
     }
 }
 
-/// Replaces the rows of `columns` by R⁻ᵀ of them, R the factor in `factor`.
-pub struct WhitenMore<'a> {
-    /// As [`Whiten`] left it.
-    pub factor: &'a Panel,
-    /// What is whitened.
-    pub columns: &'a mut Panel,
+struct WhitenMore<'a> {
+    factor: &'a Panel,
+    columns: &'a mut Panel,
 }
 
 impl Kernel for WhitenMore<'_> {
@@ -129,7 +137,7 @@ impl Kernel for WhitenMore<'_> {
 }
 
 impl Panel {
-    /// Solves Rx = b in place, R the factor that [`Whiten`] left here.
+    /// Solves Rx = b in place, R the factor that [`whiten`] left here.
     pub fn back(&self, b: &mut [f64]) {
         for j in (0..b.len()).rev() {
             let sum = (j + 1..b.len()).fold(b[j], |s, i| s - self.get(j, i) * b[i]);
@@ -141,7 +149,6 @@ impl Panel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Isa;
 
     fn value(k: usize) -> f64 {
         ((k * 2_654_435_761) % 1009) as f64 / 1009.0 - 0.5
@@ -170,8 +177,8 @@ mod tests {
                 }
             }
             p.floors(&mut least);
-            isa.run(Whiten { panel: &mut p, least: &least });
-            isa.run(WhitenMore { factor: &p, columns: &mut more });
+            whiten(isa, &mut p, &least);
+            whiten_more(isa, &p, &mut more);
             for j in 0..c {
                 // R⁻¹R⁻ᵀb = C⁻¹b.
                 let mut x: Vec<f64> = (0..n).map(|i| p.get(i, n + j)).collect();
@@ -199,7 +206,7 @@ mod tests {
         }
         p.set(1, 2, 1.0);
         p.floors(&mut least);
-        Isa::Plain.run(Whiten { panel: &mut p, least: &least });
+        whiten(Isa::Plain, &mut p, &least);
         assert!(p.get(1, 2).is_finite());
     }
 }

@@ -7,7 +7,7 @@
 use super::complex::C;
 use super::equations::Equations;
 use super::lines::{Pairs, Spectra};
-use crate::linalg::dense::{Panel, Whiten, WhitenMore};
+use crate::linalg::dense::{Panel, whiten, whiten_more};
 use crate::modulation::Lines;
 use crate::simd::Isa;
 use crate::structure::Trend;
@@ -190,7 +190,7 @@ impl Spot {
                 self.covariance(e, pairs);
                 self.fill_columns(rows);
                 self.panel.floors(&mut self.least);
-                isa.run(Whiten { panel: &mut self.panel, least: &self.least });
+                whiten(isa, &mut self.panel, &self.least);
                 self.take_out(rows);
             }
         }
@@ -249,34 +249,36 @@ impl Spot {
     fn covariance(&mut self, e: &Equations, pairs: &Pairs) {
         let (count, first) = (self.count(), self.lines.first);
         let (equations, own) = (e.orders.len(), pairs.noisy.len());
+        // E[Q(m) Q(l)*] and E[Q(m) Q(l)] of one m, equation and other equation, over l.
+        let (mut direct, mut mirrored) = (vec![C::default(); count], vec![C::default(); count]);
         for m in 0..count {
-            for l in m..count {
-                let (gap, sum) = (l - m, m + l + 2 * first);
-                for a in 0..equations {
-                    for b in 0..equations {
-                        // E[Q(m) Q(l)*] and E[Q(m) Q(l)].
-                        let (mut direct, mut mirrored) = (C::default(), C::default());
-                        for (i, s) in pairs.noisy.iter().enumerate() {
-                            let from = self.loads[(a * own + i) * count + m];
-                            if from == C::default() {
-                                continue;
+            for a in 0..equations {
+                for b in 0..equations {
+                    direct[m..].fill(C::default());
+                    mirrored[m..].fill(C::default());
+                    for (i, s) in pairs.noisy.iter().enumerate() {
+                        let from = self.loads[(a * own + i) * count + m];
+                        for j in 0..own {
+                            let Some(pair) = pairs.place[*s][j] else { continue };
+                            let to = &self.loads[(b * own + j) * count..][m..count];
+                            let r = &self.spectra.pairs[pair];
+                            let (near, far) = (&r[..count - m], &r[2 * (m + first)..]);
+                            let sums = direct[m..].iter_mut().zip(&mut mirrored[m..]);
+                            for ((d, x), ((to, near), far)) in
+                                sums.zip(to.iter().zip(near).zip(far))
+                            {
+                                *d += from * (*to * *near).conj();
+                                *x += from * (*to * *far);
                             }
-                            let (mut near, mut far) = (C::default(), C::default());
-                            for j in 0..own {
-                                let Some(pair) = pairs.place[*s][j] else { continue };
-                                let to = self.loads[(b * own + j) * count + l];
-                                let r = &self.spectra.pairs[pair];
-                                near += to.conj() * r[gap].conj();
-                                far += to * r[sum];
-                            }
-                            direct += from * near;
-                            mirrored += from * far;
                         }
+                    }
+                    for l in m..count {
+                        let (d, x) = (direct[l], mirrored[l]);
                         let entries = [
-                            (false, false, direct.0 + mirrored.0),
-                            (true, true, direct.0 - mirrored.0),
-                            (false, true, mirrored.1 - direct.1),
-                            (true, false, mirrored.1 + direct.1),
+                            (false, false, d.0 + x.0),
+                            (true, true, d.0 - x.0),
+                            (false, true, x.1 - d.1),
+                            (true, false, x.1 + d.1),
                         ];
                         for (im_a, im_b, value) in entries {
                             let i = self.place[(m * 2 + usize::from(im_a)) * equations + a];
@@ -361,7 +363,7 @@ impl Spot {
                     }
                 }
             }
-            Weights::Noise => isa.run(WhitenMore { factor: &self.panel, columns: &mut self.more }),
+            Weights::Noise => whiten_more(isa, &self.panel, &mut self.more),
         }
         for (k, column) in self.columns.iter_mut().enumerate() {
             for (i, to) in column.iter_mut().enumerate() {
@@ -390,9 +392,15 @@ impl Spot {
                 let z = &z[j * count..][..count];
                 for m in 0..count {
                     let mut sum = C::default();
-                    for (l, z) in z.iter().enumerate() {
-                        let near = if m >= l { r[m - l] } else { r[l - m].conj() };
-                        sum += near * *z + r[m + l + 2 * first] * z.conj();
+                    // R(m − l) for l ≤ m, its conjugate beyond.
+                    for (z, near) in z[..=m].iter().zip(r[..=m].iter().rev()) {
+                        sum += *near * *z;
+                    }
+                    for (z, near) in z[m + 1..].iter().zip(&r[1..]) {
+                        sum += near.conj() * *z;
+                    }
+                    for (z, far) in z.iter().zip(&r[m + 2 * first..]) {
+                        sum += *far * z.conj();
                     }
                     let mut noise = sum * 0.5;
                     if *late_by != 0.0 {
