@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError
+from .linear_state import linear_state
+from .lti import ss
 from .nonlinear import NonlinearModel, model_of
 from .prediction import InitialState, given_state, sample_weights
 from .records import Record
@@ -26,6 +28,7 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
+TERMS = {None: 0, "constant": 1, "linear": 2}  # unknowns of a trend
 TOL = 1e-10
 
 
@@ -53,10 +56,28 @@ def simulate_fit(
         The response leaves all bounds from every initial state tried, or from the one given.
     """
     structure: Any = fit.structure
+    if structure.linear and rec.dt is not None:
+        state = None if initial_state is None else given_state(initial_state, len(structure.states))
+        return _linear(fit, rec, structure, state)
     model = model_of(structure.compiled(fit.outputs, fit.inputs), fit.params, structure)
-    if initial_state is None:
-        return find_state(model, rec, fit.trend)
-    return find_state(model, rec, fit.trend, given_state(initial_state, len(model.states)))
+    state = None if initial_state is None else given_state(initial_state, len(model.states))
+    if not structure.linear:
+        return find_state(model, rec, fit.trend, state)
+    place = [model.states.index(name) for name in structure.states]  # the user's order
+    back = np.argsort(place)
+    simulated, found = find_state(model, rec, fit.trend, None if state is None else state[back])
+    return simulated, InitialState(found.state[place], found.cov[np.ix_(place, place)], found.trend)
+
+
+def _linear(fit: Fit, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
+    """As `simulate_fit`, for a StateSpace: its channels by name, as the record has them."""
+    a, b, c, d = fit.model.matrices  # type: ignore[misc]  # of a state space there are
+    rows = [structure.outputs.index(name) for name in rec.outputs]
+    pick = np.array([[float(own == name) for name in rec.inputs] for own in structure.inputs])
+    pick = pick.reshape(len(structure.inputs), len(rec.inputs))
+    algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
+    system = ss(a, b @ pick, c[rows], d[rows] @ pick)
+    return linear_state(system, rec, TERMS[fit.trend], algebraic, state)
 
 
 def find_state(
@@ -82,8 +103,7 @@ def find_state(
     initial : InitialState
         `trend` holds the constant, or the constant and the slope by t, of each equation.
     """
-    terms = {None: 0, "constant": 1, "linear": 2}[trend]
-    search = _Search(model, rec, terms, state)
+    search = _Search(model, rec, TERMS[trend], state)
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
     tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
