@@ -19,6 +19,7 @@ __all__ = [
     "count_errors",
     "figures",
     "gauss_legendre",
+    "integrate",
     "merge_moments",
     "noise_level",
     "normals",
@@ -62,6 +63,17 @@ def simulate(
     kind: str,
     nodes: _F64 | None,
 ) -> _F64: ...
+def integrate(
+    formulas: tuple[list[tuple[str, float, int, int]], list[int]],
+    grid: _F64,
+    drives: _F64,
+    starts: _F64,
+    theta: _F64,
+    relative: float,
+    absolute: _F64,
+    most: int,
+    tableau: tuple[_F64, _F64, _F64, _F64, _F64],
+) -> tuple[_F64 | None, float | None]: ...
 
 # Random streams --------------------------------------------------------------------------------
 

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _core
 from .errors import DataError, SpecError
 from .signals import Source, evaluate, function, is_samples
 
-__all__ = ["History", "Signal", "integrate", "signal"]
+__all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]
 
 F64 = NDArray[np.float64]
+CORE = (200_000, 50)  # the core may take so many steps and so many a sample; then the system is stiff
 STEPS = (3000, 6)  # the explicit method may take so many and so many a sample; then the system is stiff
 AHEAD = 64  # parts of the time, or 8 samples, that a step may go at most: none shall pass over a pulse
 RESTARTS = 8  # multiples of a delay at which a derivative of the response, of rising order, may jump
@@ -51,6 +53,14 @@ class Signal:
     ) -> None:
         self.knots, self.pieces, self.before, self.delay = knots, pieces, before, delay
         self.breaks = [b + delay for b in breaks]
+
+    @classmethod
+    def of(cls, values: F64, grid: F64) -> Signal:
+        """The cubic spline through samples."""
+        from scipy.interpolate import CubicSpline
+
+        rows = CubicSpline(grid, values).c.T
+        return cls(grid.tolist(), rows.tolist(), float(values[0]), [], 0.0)
 
     def __call__(self, t: float, inside: float) -> float:
         """Value at t, of the piece in which `inside` lies: on a break the two sides differ."""
@@ -146,6 +156,66 @@ class _Stiff(Exception):
     """The explicit method takes too many steps."""
 
 
+def integrate_pieces(
+    tape: tuple[list[Any], list[int]], starts: F64, grid: F64, drives: F64, theta: F64, rtol: float
+) -> F64 | None:
+    """States (state, start, time) by the compiled core; None where the system is stiff.
+
+    Parameters
+    ----------
+    tape : tuple
+        Slopes as the core reads them.
+    starts : ndarray, shape (state, start)
+    grid : ndarray, shape (time,)
+    drives : ndarray, shape (drive, interval, power)
+        As from `pieces.pieces`.
+    theta : ndarray, shape (parameter, start)
+    rtol : float
+
+    Raises
+    ------
+    DataError
+        The states leave all bounds; the text says when.
+    """
+    from scipy.integrate import DOP853
+
+    a, b, c, e5, e3 = map(np.ascontiguousarray, (DOP853.A, DOP853.B, DOP853.C, DOP853.E5, DOP853.E3))
+    absolute = np.full(len(starts), rtol * 1e-3)
+    first, own = np.ascontiguousarray(starts.T), np.ascontiguousarray(theta.T)
+    most = CORE[0] + CORE[1] * grid.size
+    x = starts[:, :, None]
+    for _ in range(3):
+        found, left = _core.integrate(tape, grid, drives, first, own, rtol, absolute, most, (a, b, c, e5, e3))
+        if left is not None:
+            raise _outside(left, float(grid[0]))
+        if found is None:
+            return None
+        x = np.ascontiguousarray(found.transpose(2, 1, 0))
+        finer = _finer(absolute, rtol, np.abs(x).max(axis=(1, 2)))
+        if finer is None:
+            break
+        absolute = finer
+    return x
+
+
+def _finer(absolute: F64, rtol: float, peak: F64) -> F64 | None:
+    """Absolute errors that are small beside states of these sizes; None where they are already."""
+    coarse = (peak > 0) & (absolute > rtol * peak)
+    return np.where(coarse, rtol * 1e-3 * peak, absolute) if coarse.any() else None
+
+
+def _outside(t: float, start: float) -> DataError:
+    if t == start:
+        return DataError(
+            f"simulating: at t = {t:g} s the equation has no finite highest derivative (a division by zero, "
+            "or the logarithm or root of a negative number); give another initial state"
+        )
+    return DataError(
+        f"simulating: the response leaves all bounds at t = {t:.6g} s (finite escape, or a derivative that "
+        "does not exist there); simulate a shorter time, or check the parameters and the initial state"
+    )
+
+
 def integrate(
     rate: Callable[[float, F64, float, History | None], F64],
     x0: F64,
@@ -154,6 +224,7 @@ def integrate(
     breaks: Sequence[float] = (),
     delays: Sequence[float] = (),
     driven: bool = True,
+    stiff: bool = False,
     rtol: float = 1e-9,
 ) -> F64:
     """States at the samples.
@@ -172,6 +243,8 @@ def integrate(
         Of states; the history before grid[0] is x0.
     driven : bool
         Whether anything comes from outside that a long step could pass over.
+    stiff : bool
+        Whether an explicit method need not be tried.
     rtol : float
         Relative error of a step.
 
@@ -196,15 +269,13 @@ def integrate(
         warnings.simplefilter("ignore", UserWarning)  # what LSODA says in Fortran's words is said in ours
         for _ in range(3):
             try:
-                x = _march(rate, x0, grid, ends, longest, rtol, absolute, bool(delays), True)
+                x = _march(rate, x0, grid, ends, longest, rtol, absolute, bool(delays), not stiff)
             except _Stiff:
                 x = _march(rate, x0, grid, ends, longest, rtol, absolute, bool(delays), False)
-            # Absolute errors must be small beside states whatever their units.
-            peak = np.abs(x).max(axis=1)
-            coarse = (peak > 0) & (absolute > rtol * peak)
-            if not coarse.any():
+            finer = _finer(absolute, rtol, np.abs(x).max(axis=1))
+            if finer is None:
                 break
-            absolute = np.where(coarse, rtol * 1e-3 * peak, absolute)
+            absolute = finer
     return x
 
 
@@ -244,10 +315,7 @@ def _march(
         return rate(t, x, inside, history)
 
     if not np.all(np.isfinite(f(piece[0], x0))):
-        raise DataError(
-            f"simulating: at t = {piece[0]:g} s the equation has no finite highest derivative (a division by "
-            "zero, or the logarithm or root of a negative number); give another initial state"
-        )
+        raise _outside(piece[0], piece[0])
     most = STEPS[0] + STEPS[1] * grid.size if explicit else np.inf
     words: dict[str, Any] = {"rtol": rtol, "atol": absolute, "max_step": longest}
     solver: Any = None
@@ -265,11 +333,7 @@ def _march(
             solver.step()
             steps += 1
             if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
-                raise DataError(
-                    f"simulating: the response leaves all bounds at t = {solver.t:.6g} s (finite escape, or "
-                    "a derivative that does not exist there); simulate a shorter time, or check the "
-                    "parameters and the initial state"
-                )
+                raise _outside(solver.t, np.nan)
             if steps > most:
                 raise _Stiff
             last = done

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
-from .integration import History, integrate, signal
+from .integration import Function, History, Signal, integrate, integrate_pieces, signal
+from .pieces import pieces
 from .propagate import intersample_kinds
 from .signals import Source, is_samples, sources
 
@@ -72,13 +73,17 @@ class NonlinearModel:
         from .symbolic.ode import first_order
 
         c = self.compiled
-        return first_order(c.source, c.outputs, c.hidden, c.inputs, c.parameters, tuple(c.known))
+        return first_order(c.source, c.outputs, c.hidden, c.inputs, c.parameters, self._names)
 
     @property
     def _known(self) -> list[Any]:
-        """Known functions of time, None where only the fit needs them."""
+        """Known functions of time that stand in the equations."""
+        return [self.compiled.known[symbol] for symbol in self._names]
+
+    @property
+    def _names(self) -> tuple[Any, ...]:
         used = set().union(*(e.free_symbols for e in self.compiled.source))
-        return [given if symbol in used else None for symbol, given in self.compiled.known.items()]
+        return tuple(symbol for symbol in self.compiled.known if symbol in used)
 
     def simulate(
         self,
@@ -191,7 +196,7 @@ class NonlinearModel:
             signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input])
             for d, delay in zip(form.drives, late, strict=False)
         ]
-        known = [_at_instants(given, grid) for given in self._known]
+        known = [_known(given, grid) for given in self._known]
         pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
         n, count = starts.shape
 
@@ -201,7 +206,7 @@ class NonlinearModel:
                 past = x if history is None or delay == 0 else history(t - delay)
                 row = past.reshape(n, count)[state]
                 v.append(row if count > 1 else float(row[0]))
-            return v, [one(t) for one in known]
+            return v, [one(t, inside) for one in known]
 
         def rate(t: float, x: F64, inside: float, history: History | None) -> F64:
             v, k = external(t, inside, x, history)
@@ -216,11 +221,25 @@ class NonlinearModel:
             except (ArithmeticError, ValueError, TypeError):  # overflow, a root of a negative number
                 return np.full(x.size, np.nan)
 
-        grid = grid[:length]
-        x = integrate(
-            rate, starts.ravel(), grid, breaks=[b for one in drives for b in one.breaks],
-            delays=[d for _, d in pasts if d > 0], driven=bool(drives or known), rtol=rtol,
-        ).reshape(n, count, grid.size)  # fmt: skip
+        columns = np.tile(np.array(theta)[:, None], count) if params is None else params
+        shaped = None
+        if form.tape is not None and n:
+            shaped = pieces([*drives, *known], grid)
+        grid, x = grid[:length], None
+        if form.tape is not None and shaped is not None:
+            shaped = np.ascontiguousarray(shaped[:, : grid.size - 1])
+            x = integrate_pieces(form.tape, starts, grid, shaped, columns, rtol)
+        if x is None:
+            x = integrate(
+                rate,
+                starts.ravel(),
+                grid,
+                breaks=[b for one in drives for b in one.breaks],
+                delays=[d for _, d in pasts if d > 0],
+                driven=bool(drives or known),
+                stiff=shaped is not None,
+                rtol=rtol,
+            ).reshape(n, count, grid.size)
         return self._measured(grid, x, drives, known, params), x
 
     def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], params: F64 | None) -> F64:
@@ -228,7 +247,7 @@ class NonlinearModel:
         v: list[Any] = [0.0] * (len(drives) + len(self.form.pasts))
         if self.form.feeds:
             v[: len(drives)] = [np.array([one(t, t) for t in times]) for one in drives]
-        k = [np.array([one(t) for t in times]) for one in known]
+        k = [np.array([one(t, t) for t in times]) if self.form.feeds else 0.0 for one in known]
         values = list(self.params.values()) if params is None else list(params[:, :, None])
         found = self.form.outputs(grid, x, v, k, values)
         y = np.empty((len(self.outputs), *x.shape[1:]))
@@ -314,19 +333,16 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
     return np.arange(intervals + 1.0) * float(dt)
 
 
-def _at_instants(given: Any, grid: F64) -> Callable[[float], float]:
-    """A known function of time as one of a single instant; what is known by samples through a spline."""
+def _known(given: Any, grid: F64) -> Signal | Function:
+    """A known function of time; what is known by samples as a spline through them."""
     from .symbolic.known import Derivative, Samples
 
-    if given is None:
-        return lambda t: 0.0
     if callable(given) and not isinstance(given, Derivative | Samples):
-        return lambda t: float(np.asarray(given(np.array([t]))).reshape(-1)[0])
+        return Function(given, 1.0, 0, 0.0)
     values = np.asarray(given(grid) if callable(given) else given, dtype=np.float64)
     if values.shape != grid.shape:
         raise DataError(
             f"simulating: a varying coefficient has {values.size} samples where the record has {grid.size}; "
             "give one a sample, or a function of t"
         )
-    found = signal(values, grid, "smooth", 0, 0.0, "a varying coefficient")
-    return lambda t: found(t, t)
+    return Signal.of(values, grid)

@@ -22,7 +22,7 @@
 //!
 //! [`quadrature`] weights and [`spectrum`] sums turn samples into coefficients; [`modulation`] says
 //! which columns the lines have; `covariance` weighs them; [`estimate`] solves; [`simulate`] and
-//! [`model`] predict. [`monte_carlo`] does the same for many replicates with noise from [`rng`]. Eight
+//! [`model`] predict, [`integrate`] what is not linear. [`monte_carlo`] does the same for many replicates with noise from [`rng`]. Eight
 //! replicates travel together in the registers of [`simd`]; a single fit is one live lane of the same
 //! kernels and gives the same bits.
 
@@ -31,6 +31,7 @@
 mod covariance;
 mod error;
 pub mod estimate;
+pub mod integrate;
 pub mod linalg;
 pub mod math;
 pub mod model;

@@ -4,6 +4,7 @@ mod arrays;
 mod enter;
 mod errors;
 mod fit;
+mod integrate;
 mod joint;
 mod random;
 mod signals;
@@ -27,6 +28,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tally::count_errors, module)?)?;
     module.add_function(wrap_pyfunction!(tally::quantiles, module)?)?;
     signals::register(module)?;
+    module.add_function(wrap_pyfunction!(integrate::integrate, module)?)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;
     module.add_function(wrap_pyfunction!(enter::_panic_for_tests, module)?)?;

@@ -12,6 +12,7 @@ from sympy.solvers.solveset import NonlinearError
 
 from ..errors import SpecError
 from .compiled import Compiled, Delayed, jet, time
+from .tape import Operation, tape
 
 __all__ = ["Drive", "FirstOrder", "first_order", "with_trend"]
 
@@ -51,7 +52,10 @@ class FirstOrder:
     delays : callable
         Delays of drives, then of pasts, in s, of θ.
     feeds : bool
-        Whether g needs the drives.
+        Whether g needs drives or known functions.
+    tape : tuple or None
+        f for the compiled core, of t, x, v, known and θ; None where it looks back, or holds what the core
+        does not know.
     """
 
     states: tuple[str, ...]
@@ -61,6 +65,7 @@ class FirstOrder:
     outputs: Callable[..., Sequence[Any]]
     delays: Callable[..., Sequence[Any]]
     feeds: bool
+    tape: tuple[list[Operation], list[int]] | None
 
 
 @lru_cache(maxsize=64)
@@ -142,7 +147,8 @@ def first_order(
         rates=_function(arguments, f),
         outputs=_function(arguments, g),
         delays=_function([theta], late),
-        feeds=any(e.free_symbols & set(drives) for e in g),
+        feeds=any(e.free_symbols & {*drives, *known} for e in g),
+        tape=None if pasts else _tape(f, [time, *x, *v, *known, *theta]),
     )
 
 
@@ -155,6 +161,13 @@ def with_trend(compiled: Compiled, terms: int) -> Compiled:
             e = e + sympy.Symbol(names[-1], real=True) * time**power
         source.append(e)
     return replace(compiled, source=tuple(source), parameters=tuple(names))
+
+
+def _tape(rates: list[Any], arguments: list[Any]) -> tuple[list[Operation], list[int]] | None:
+    try:
+        return tape(rates, arguments)
+    except SpecError:
+        return None
 
 
 def _function(arguments: list[Any], values: list[Any]) -> Callable[..., Sequence[Any]]:
