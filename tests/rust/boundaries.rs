@@ -22,6 +22,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("covariance", &["error", "simd", "spectrum"]),
     ("model", &["error", "linalg", "math"]),
     ("simulate", &["error", "model", "quadrature"]),
+    ("integrate", &["error", "tape"]),
     (
         "estimate",
         &[
