@@ -40,6 +40,13 @@ def simulated(k: float, gain: float, u: np.ndarray, upper: float, lower: float) 
     return out
 
 
+def levels(fit: mf.Fit, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The lower level over the whole record; the upper tank begins where the lower one's slope says."""
+    k, gain = fit.params[[fit.param_names.index(n) for n in ("k", "k4")]]
+    slope = np.polyfit(DT * np.arange(10), y[:10], 1)[0]
+    return simulated(k, gain, u, (slope / k + np.sqrt(y[0])) ** 2, y[0])
+
+
 def main(folder: Path) -> tuple[mf.Fit, float]:
     """Fit the start of the record, simulate all of it; the fit and the rest's error in V."""
     u, y = read(folder)
@@ -51,10 +58,7 @@ def main(folder: Path) -> tuple[mf.Fit, float]:
     fit = mf.fit(mf.Record(y=y[: FITTED + 1], u=u[: FITTED + 1], dt=DT), tanks)
     for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True):
         print(f"{name} = {value:.3g} ± {error:.1g}")
-    k, gain = fit.params[[fit.param_names.index(n) for n in ("k", "k4")]]
-    # The upper tank begins where the lower one's slope says.
-    slope = np.polyfit(DT * np.arange(10), y[:10], 1)[0]
-    found = simulated(k, gain, u, (slope / k + np.sqrt(y[0])) ** 2, y[0])
+    found = levels(fit, u, y)
     rms = float(np.sqrt(np.mean((y - found)[FITTED:] ** 2)))
     print(f"simulated, the rest of the record: error {rms:.2f} V rms of {np.std(y[FITTED:]):.2f} V")
     return fit, rms
