@@ -211,21 +211,23 @@ def parabolic(replicates, figures=None):
     for nsr in (0.05, 0.2):
         found = Study(model, truth, y, t[1], nsr * rms, (["y"], ["u"]), replicates, u(t))
         print(f"| {nsr:g} | {found.cells()} |", flush=True)
-    rng = np.random.default_rng(2)
-    inside, count, at = np.zeros(t.size), min(replicates, 1000), damping(t)
-    for _ in range(count):
-        noisy = y + 0.05 * rms * rng.standard_normal(y.shape)
-        fit = mf.fit(mf.Record(y=noisy, u=u(t), dt=t[1]), model)
-        value, bse = fit.varying("c", t)
-        inside += np.abs(value - at) <= student.ppf(0.975, fit.df_resid) * bse
-    cover = 100 * inside / count
-    print(
-        f"\npointwise 95 % band of c(t), NSR .05, {count} records: covers {cover.mean():.1f} % on average, "
-        f"{cover.min():.1f} to {cover.max():.1f} % over t (Monte Carlo error "
-        f"{100 * np.sqrt(0.05 * 0.95 / count):.1f})"
-    )
+    count, at = min(replicates, 1000), damping(t)
+    print(f"\nPointwise 95 % band of c(t), NSR .05, {count} records, over t:")
+    for cov_type in ("HC3", "nonrobust"):
+        rng = np.random.default_rng(2)
+        inside = np.zeros(t.size)
+        for _ in range(count):
+            noisy = y + 0.05 * rms * rng.standard_normal(y.shape)
+            fit = mf.fit(mf.Record(y=noisy, u=u(t), dt=t[1]), model, cov_type=cov_type)
+            value, bse = fit.varying("c", t)
+            half = student.ppf(0.975, fit.df_resid) * bse
+            inside += 100 / count * (np.abs(value - at) <= half)
+        error = 100 * np.sqrt(0.05 * 0.95 / count)
+        print(
+            f"{cov_type} covers {inside.mean():.1f} ({inside.min():.1f}–{inside.max():.1f}) ± {error:.1f} %"
+        )
     if figures:
-        draw_damping(t, at, value, student.ppf(0.975, fit.df_resid) * bse, figures)
+        draw_damping(t, at, value, half, figures)
 
 
 def draw_damping(t, true, value, half, figures):
