@@ -486,3 +486,44 @@ def test_the_band_of_a_study_of_equations_is_chosen_on_the_first_response():
     )  # fmt: skip
     own = study.plan.contenders[0].estimators[0].options
     assert own.harmonics is not None
+
+
+SHORT = mf.StateSpace(
+    [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], C=[[0, 1], [1, 0.5]], states=["alpha", "q"], inputs=["de"],
+    outputs=["q", "nz"],
+)  # fmt: skip
+
+
+def flight(trend):
+    system = mf.ss([[-1.2, 1.0], [-6.0, -1.5]], [[-0.1], [-8.0]], [[0, 1], [1, 0.5]], [[0.0], [0.0]])
+    rec = mf.simulate(
+        system, input="0.1*sin(t**2/2)", duration=10.0, intervals=200, nsr=0.02, initial_state=[0.05, 0.1],
+        outputs=["q", "nz"], inputs=["de"], seed=1,
+    )  # fmt: skip
+    trimmed = rec if trend is None else rec.assign(nz=rec["nz"] + 0.2)
+    return mf.fit(trimmed, SHORT, trend=trend, harmonics=18), rec
+
+
+@pytest.mark.parametrize("trend", [None, "constant", "linear"])
+def test_the_closed_form_of_linear_equations_is_what_the_search_finds(trend):
+    fit, _ = flight(trend)
+    rec = fit.records[0]
+    simulated, initial = fit.simulate(rec)
+    other, found = find_state(model_of(SHORT.compiled(), fit.params, SHORT), rec, trend)
+    assert SHORT.states == ("alpha", "q")  # of the search: q first, which is an output
+    assert np.abs(simulated - other).max() < 1e-5 * np.abs(rec.y).max()
+    if trend is None:
+        assert found.state[::-1] == pytest.approx(initial.state, rel=1e-3)
+        assert found.bse[::-1] == pytest.approx(initial.bse, rel=0.02)
+
+
+def test_a_linear_record_of_uneven_steps_has_the_states_in_the_users_order():
+    fit, rec = flight(None)
+    keep = np.flatnonzero(np.arange(201) % 7 != 3)
+    uneven = mf.Record(
+        y=fit.records[0].y[:, keep], u=rec.u[:, keep], t=rec.t[keep], outputs=["q", "nz"], inputs=["de"]
+    )
+    even, own = fit.initial_state(), fit.initial_state(uneven)
+    assert own.state == pytest.approx(even.state, abs=0.005)
+    again = fit.predict(uneven, initial_state=own)
+    assert np.abs(again.y - fit.predict(uneven).y).max() < 0.02 * np.abs(rec.y).max()
