@@ -175,16 +175,30 @@ class NonlinearModel:
         length: int | None = None,
         params: F64 | None = None,
     ) -> tuple[F64, F64]:
-        """Responses from several initial states, (state, start), on the same steps.
+        """Responses from several initial states, on common steps.
 
-        `length` ends them after so many samples of the inputs; `params`, (parameter, start), gives each
-        parameters of its own (delays aside).
+        Common steps make differences of the responses smooth in the starts.
+
+        Parameters
+        ----------
+        inputs : sequence of Source
+            One signal an input.
+        grid : ndarray, shape (time,)
+            Instants of the samples, s.
+        starts : ndarray, shape (state, start)
+        intersample : {"smooth", "zoh", "foh"} or a sequence of them
+            What the input does between samples.
+        rtol : float, default 1e-9
+            Relative error of a step.
+        length : int, optional
+            So many samples of the inputs are run through; default: all.
+        params : ndarray, shape (parameter, start), optional
+            Parameters of each start's own, delays aside.
 
         Returns
         -------
         y : ndarray, shape (output, start, time)
         x : ndarray, shape (state, start, time)
-            Common steps make differences of them smooth in the starts.
         """
         form, theta = self.form, list(self.params.values())
         kinds = intersample_kinds(intersample, len(inputs))
