@@ -137,10 +137,27 @@ class EquationFit(Fit):
     @property
     def message(self) -> str:
         """The status in words, with the cure."""
-        said = super().message
         if self.status == "rank":
-            said += " fit.structure.identifiable() says what no record could tell apart."
-        return said
+            return (
+                "The samples cannot tell the parameters apart: hold one, or take a record that moves more or "
+                "longer. fit.structure.identifiable() says what no record could tell apart."
+            )
+        if self.status == "maxiter" and self.nit < self.options.maxiter:
+            return (
+                f"Stopped after {self.nit} iterations where no step lowers the cost any more, and not at a "
+                "minimum: give starts and bounds with mf.Free, or a narrower band."
+            )
+        if self.status == "maxiter":
+            return (
+                f"Not settled after {self.nit} iterations: raise maxiter, hold a parameter or take a narrower "
+                "band."
+            )
+        if self.status == "nonfinite":
+            return (
+                "The numbers left the range of floating point: look for samples at which a signal has no "
+                "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
+            )
+        return super().message
 
     @property
     def has_poles(self) -> bool:
@@ -303,7 +320,11 @@ class PreparedEquation:
 
 
 def prepare_equation(
-    structure: Any, options: Options, data: Batch | Sequence[Record], uneven: Sequence[F64 | None] = (None,)
+    structure: Any,
+    options: Options,
+    data: Batch | Sequence[Record],
+    uneven: Sequence[F64 | None] = (None,),
+    levels: list[float] | None = None,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
@@ -327,7 +348,7 @@ def prepare_equation(
         list(uneven),
         **layout.formulas.words,
         flat=options.noise == "equation",
-        levels=_levels(options.noise, len(first.outputs), len(first.inputs)),
+        levels=levels or _levels(options.noise, len(first.outputs), len(first.inputs)),
         **{**options.core(), "trend": trend, "intersample": []},
     )
     late = layout.longest_delay
@@ -342,8 +363,9 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     whole = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, order) for rec, _, off in whole]
-    capped = [None if v is None else np.where(np.isfinite(v), v, IGNORED * _most(v)) for v in uneven]
-    made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped])
+    capped = [None if v is None else _relative(v) for v in uneven]
+    seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
+    made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
     rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in whole]
     _refuse_not_finite(layout, rows, options)
     found = made.core.fit(rows)
@@ -379,8 +401,22 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     )
 
 
-def _most(values: F64) -> float:
-    return float(np.max(values[np.isfinite(values)], initial=1.0))
+def _relative(variance: F64) -> F64:
+    """Variances of samples over the median of their channel; what tells nothing has a large one."""
+    usual = np.array([np.median(row[np.isfinite(row)]) for row in variance])[:, None]
+    return np.asarray(np.minimum(variance / usual, IGNORED))
+
+
+def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:
+    """Noise levels of masked records, which only their good samples show; None where none is masked."""
+    if all(rec.mask is None for rec in records) or not layout.formulas.needs_levels:
+        return None
+    order = max(layout.orders)
+    tables = [
+        dict(zip(table["channel"], table["noise_sd"], strict=True))
+        for table in (rec.noise_level(order) for rec in records)
+    ]
+    return [float(np.sqrt(np.mean([table[name] ** 2 for table in tables]))) for name in layout.formulas.noisy]
 
 
 def _all_noisy(layout: EquationLayout, variance: F64 | None) -> F64 | None:

@@ -93,7 +93,7 @@ def _unstable(fit: Fit) -> str | None:
 
 def _minima(fit: Fit) -> str | None:
     rule = fit.band_rule
-    if rule is None:
+    if rule is None or not hasattr(fit.layout, "places"):
         return None
     wide, narrow = rule["cost_wide"], rule["cost_narrow"]
     # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
@@ -283,7 +283,7 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
 
 def _degrees(fit: Fit) -> str:
     """One number, or the range of those of the parameters, few where few lines carry one."""
-    free = np.atleast_1d(fit.degrees)
+    free = np.append(fit.degrees, fit.df_resid) if not fit.params.size else np.atleast_1d(fit.degrees)
     few, many = float(np.min(free)), float(np.max(free))
     return f"{few:.4g}" if few == many or not np.isfinite(many) else f"{few:.3g} to {many:.3g}"
 

@@ -422,10 +422,8 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
 def _poles_of_output(here: Any, fit: Fit, output: int, color: str, label: str) -> None:
     from scipy.special import fdtri
 
-    from .derived import poles as poles_of
-
     turn = np.exp(2j * np.pi * np.arange(181) / 180)
-    found, gradients = poles_of(fit, output)
+    found, gradients = fit._poles(output)
     cov = fit.cov_params()
     here.plot(found.real, found.imag, "x", color=color, markersize=8, markeredgewidth=1.8, label=label)
     for pole, gradient in zip(found, gradients, strict=True):
@@ -620,7 +618,7 @@ def _paths(system: Any, omega: Any) -> Any:
         cov = system.cov_params()
         inside = (omega >= system.band[0]) & (omega <= system.band[1])
         half = system.interval(np.zeros(omega.size), np.ones(omega.size))[1]
-        for i, k in np.argwhere([[d is not None for d in row] for row in system.layout.numerators]):
+        for i, k in np.argwhere(np.any(response != 0, axis=2)):
             gain = response[i, k]
             with np.errstate(divide="ignore", invalid="ignore"):
                 relative = gradient[:, i, k] / gain

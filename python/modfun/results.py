@@ -245,6 +245,8 @@ class Fit:
         """Condition number of the whitened, column-scaled regressors (transient projected out)."""
         if not np.all(np.isfinite(self.gram)):
             return float("inf")
+        if not self.params.size:
+            return 1.0
         eigenvalues = np.linalg.eigvalsh(self.gram)
         return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else float("inf")
 

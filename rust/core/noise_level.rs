@@ -28,7 +28,7 @@ pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
     let (low, top) = (piece.div_ceil(4), piece / 2);
     if (top + 1).saturating_sub(low + LEAST) < q {
         return Err(Error::Data(format!(
-            "the noise level at order {order} needs at least {} samples, the record has {}; take a longer record or give the noise",
+            "the noise level at order {order} needs at least {} samples, the record has {}; take a longer record, or give the noise, noise=mf.Noise(y=...)",
             q.saturating_add(LEAST).saturating_mul(4) - 3,
             samples.len()
         )));

@@ -18,6 +18,7 @@ from ..extras import optional
 from ..lti import LTI
 from ..records import Record
 from ..tables import Table
+from ..written import Written
 from .axes import Axis
 from .contenders import Contender
 from .groups import Group
@@ -335,6 +336,8 @@ class Results:
 def _bound(group: Group, contender: Contender, rec: Record) -> F64:
     """Cramér–Rao bound for noise of unit standard deviation."""
     structure, system = contender.structures[group.index], group.system
+    if isinstance(system, LTI) and isinstance(structure, Written):
+        raise SpecError("crlb: for a linear system the bound is that of a TransferFunction's coefficients")
     if isinstance(system, LTI):
         return crlb(system, rec, sigma=1.0, trend=contender.trend, model=structure).sd
     if structure != system.structure or group.drawn or group.state is not None:

@@ -21,6 +21,8 @@ use crate::structure::{Method, Trend};
 const SAME: f64 = 1e-9;
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
+/// A band of more than so many times the lines that tell the unknowns is wide.
+const WIDE: usize = 2;
 /// Precision of an estimate that slopes are taken at.
 const START: f64 = 1e-4;
 /// Most lines of the wide band: beyond, dense factors cost more than they tell.
@@ -169,8 +171,12 @@ impl TermsFitter {
         desk: Desk,
     ) -> Result<(TermsFit, Desk), Error> {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
+        let from = match &chosen.theta {
+            Some(theta) => Some(theta.clone()),
+            None => self.first_guess(records, &variances, &chosen.ranges)?,
+        };
         let mut problem = self.problem(records, variances, &chosen.ranges, desk)?;
-        let ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
+        let ended = self.estimate(&mut problem, from.as_deref())?;
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
         Ok((fit, problem.into_desk()))
@@ -272,6 +278,27 @@ impl TermsFitter {
             }
         }
         Ok(problem)
+    }
+
+    /// An estimate on few lines, where a wide band of nonlinear signals was given: there unweighted rows are
+    /// ruled by noise, and what they say is no start.
+    fn first_guess(
+        &self,
+        records: &[TermsRecord<'_>],
+        variances: &[f64],
+        ranges: &[Range],
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
+        if !wide || !self.refines() {
+            return Ok(None);
+        }
+        let Ok(mut few) =
+            self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+        else {
+            return Ok(None); // too few lines for the unknowns
+        };
+        let guess = self.estimate(&mut few, None)?;
+        Ok(Some(guess.theta).filter(|_| guess.status == Status::Ok))
     }
 
     fn weights(&self) -> (Weights, Factors) {
@@ -417,6 +444,8 @@ impl TermsFitter {
             (false, Method::Ls) => problem.differenced_worth(scale, degrees),
             _ => problem.worth(scale, &ended.at_bound),
         };
+        // No variance is known better than the noise that scales it.
+        let hc3_degrees = worth.degrees.iter().map(|d| d.min(degrees as f64)).collect();
         let by = 1.0 / scale.sqrt();
         let residuals = problem
             .spots
@@ -436,7 +465,7 @@ impl TermsFitter {
             cov_nonrobust: worth.nonrobust,
             cov_hc3: worth.hc3,
             gram: worth.gram,
-            hc3_degrees: worth.degrees,
+            hc3_degrees,
             cost,
             scale,
             levels,

@@ -6,9 +6,6 @@ use crate::error::{Error, Status};
 use crate::modulation::{difference_weights, rows};
 use crate::structure::Trend;
 
-/// Leaves (1 − h) of a row well above zero: these rows are not the residuals that are minimised.
-const LEVERAGE: f64 = 0.25;
-
 /// Δⁿ of the rows of one record: a row of (row, factor) each; the drift's columns behind those of line 0.
 struct Differences {
     rows: Vec<Vec<(usize, f64)>>,
@@ -163,9 +160,6 @@ impl Problem<'_> {
         }
         out
     }
-
-    /// Leverage below which (1 − h) is not taken.
-    pub(crate) const OBLIQUE: f64 = LEVERAGE;
 }
 
 /// A column of the lines before it was divided by its rows' standard deviations.

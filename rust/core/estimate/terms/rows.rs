@@ -30,6 +30,8 @@ pub(crate) enum Factors {
     Denoised,
 }
 
+/// Variance of a row on which noise has no say, over that of its neighbours.
+const SILENT: f64 = 1e-9;
 /// Columns whose part beside the ones before is smaller than this fraction are dependent.
 const DEPENDENT: f64 = 1e-10;
 
@@ -189,7 +191,7 @@ impl Spot {
                 self.load_lines(e, pairs, g, lags);
                 self.covariance(e, pairs);
                 self.fill_columns(rows);
-                self.panel.floors(&mut self.least);
+                self.floors(e.orders.len());
                 whiten(isa, &mut self.panel, &self.least);
                 self.take_out(rows);
             }
@@ -290,6 +292,19 @@ impl Spot {
                     }
                 }
             }
+        }
+    }
+
+    /// The least that a row's pivot may be: what rounding leaves, and next to nothing of what it is on the
+    /// neighbouring lines, so that a row on which the noise has no say keeps a finite weight.
+    fn floors(&mut self, equations: usize) {
+        self.panel.floors(&mut self.least);
+        for (k, row) in self.rows.iter().enumerate() {
+            let at = |line: usize| (line * 2 + usize::from(row.im)) * equations + row.equation;
+            let near = [row.line.checked_sub(1), Some(row.line + 1)].into_iter().flatten();
+            let places = near.filter_map(|line| self.place.get(at(line)).copied().flatten());
+            let most = places.map(|i| self.panel.get(i, i)).fold(0.0, f64::max);
+            self.least[k] = self.least[k].max(SILENT * most);
         }
     }
 

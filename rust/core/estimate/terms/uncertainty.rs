@@ -6,9 +6,12 @@
 use super::iterate::{Problem, factored};
 use crate::linalg::qr::solve_square;
 
-/// A row with less than this left of it beside its leverage is fitted exactly: what it shows of noise is
-/// nothing, and the classical variance stands for it.
-const LEVERAGE: f64 = 1e-8;
+/// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
+/// noise is nothing, and the classical variance stands for it.
+const LEVERAGE: f64 = 0.01;
+
+/// Leaves (1 − h) well above zero in `ls`: its rows are not the residuals that are minimised.
+const OBLIQUE_LEVERAGE: f64 = 0.25;
 
 /// What an estimate is worth.
 #[derive(Debug, Clone)]
@@ -185,7 +188,7 @@ impl Problem<'_> {
             let through = |k: usize| (0..p).map(|l| h[k * p + l] * z[l][i]).sum::<f64>();
             let effect: Vec<f64> = (0..p).map(through).collect();
             let leverage: f64 = effect.iter().zip(&self.columns).map(|(x, c)| x * c[i]).sum();
-            let left = e / (1.0 - leverage).max(Self::OBLIQUE);
+            let left = e / (1.0 - leverage).max(OBLIQUE_LEVERAGE);
             for a in 0..p {
                 for b in 0..p {
                     plain[a * p + b] += variance * effect[a] * effect[b];
