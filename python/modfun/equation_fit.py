@@ -149,8 +149,8 @@ class EquationFit(Fit):
             )
         if self.status == "maxiter":
             return (
-                f"Not settled after {self.nit} iterations: raise maxiter, hold a parameter or take a narrower "
-                "band."
+                f"Not settled after {self.nit} iterations: raise maxiter, hold a parameter or take a "
+                "narrower band."
             )
         if self.status == "nonfinite":
             return (

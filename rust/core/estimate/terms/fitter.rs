@@ -292,8 +292,7 @@ impl TermsFitter {
         if !wide || !self.refines() {
             return Ok(None);
         }
-        let Ok(mut few) =
-            self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+        let Ok(mut few) = self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
         else {
             return Ok(None); // too few lines for the unknowns
         };

@@ -8,7 +8,7 @@ use crate::linalg::qr::solve_square;
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
 /// noise is nothing, and the classical variance stands for it.
-const LEVERAGE: f64 = 0.01;
+const LEVERAGE: f64 = 1e-3;
 
 /// Leaves (1 − h) well above zero in `ls`: its rows are not the residuals that are minimised.
 const OBLIQUE_LEVERAGE: f64 = 0.25;
