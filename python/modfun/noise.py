@@ -104,6 +104,11 @@ def weighting(
     DataError, SpecError
         Levels that are not to be had, or for another number of channels.
     """
+    if options.noise == "log-normal":
+        raise SpecError(
+            'fit: noise="log-normal" is for equations: mf.Equation("y\' + a*y = b*u") takes what a '
+            "TransferFunction does"
+        )
     outputs, inputs = len(layout.outputs), len(layout.inputs)
     found: dict[str, Any] = {
         "equation": options.noise == "equation",

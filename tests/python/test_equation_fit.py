@@ -303,6 +303,46 @@ def test_what_does_not_fit_is_refused_in_words(options, message):
         mf.fit(rec, DUFFING, **options)
 
 
+def test_a_transfer_function_has_no_logarithm():
+    with pytest.raises(mf.SpecError, match='noise="log-normal" is for equations'):
+        mf.fit(chirp(), mf.TransferFunction(poles=2, zeros=0), noise="log-normal")
+
+
+def test_a_constant_that_nothing_shows_is_of_no_rank():
+    rec, _, _ = duffing()
+    for options in ({"trend": "constant"}, {"band": (0.5, 4.0)}):
+        with pytest.warns(mf.ModfunWarning, match="cannot tell the parameters apart"):
+            fit = mf.fit(rec, mf.Equation("y'' + d*y' + a*y + b*y**3 + c = u"), **options)
+        assert fit.status == "rank"
+
+
+def test_free_fall():
+    """On line 0 the noise has no say: y'' + G = 0 leaves it without variance."""
+    t = np.linspace(0, 15, 751)
+    y = 0.5 + 0.3 * t - 0.5 * 9.8 * t**2 + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    fit = mf.fit(mf.Record(y=y, dt=t[1]), mf.Equation("y'' = -G"))
+    assert fit["G"] == pytest.approx(9.8, abs=4 * fit.bse[0])
+    assert 0 < fit.bse[0] < 1e-3
+
+
+def test_nothing_to_estimate_is_a_fit():
+    rec, _, _ = duffing()
+    model = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
+    fit = mf.fit(rec, model, harmonics=11)
+    assert fit.params.size == 0
+    assert "Checks" in str(fit.summary())
+
+
+def test_wide_bands_given_start_from_a_narrow_one():
+    """Unweighted rows of 104 lines at NSR .3 are ruled by noise; five standard errors, all of 20 records."""
+    _, case, _ = duffing()
+    sigma = 0.3 * np.sqrt(np.mean(case.v[0] ** 2))
+    ys = case.v[0] + sigma * np.random.default_rng(13).standard_normal((20, case.t.size))
+    many = mf.fit_many(mf.Batch(y=ys[:, None], u=case.u(case.t), dt=case.t[1]), DUFFING, harmonics=102)
+    assert np.all(many.success)
+    assert np.all(np.abs(many.params - case.true) < 5 * many.bse)
+
+
 def test_uneven_samples_need_a_noise_level():
     _, case, sigma = duffing()
     t = case.t + 0.3 * case.t[1] * np.sin(np.arange(case.t.size))
