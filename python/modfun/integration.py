@@ -19,6 +19,7 @@ __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "si
 F64 = NDArray[np.float64]
 CORE = (200_000, 50)  # the core may take so many steps and so many a sample; then the system is stiff
 STEPS = (3000, 6)  # the explicit method may take so many and so many a sample; then the system is stiff
+STIFF_STEPS = (6000, 6)  # the implicit method may take so many; beyond, there is nothing to be had
 AHEAD = 64  # parts of the time, or 8 samples, that a step may go at most: none shall pass over a pulse
 RESTARTS = 8  # multiples of a delay at which a derivative of the response, of rising order, may jump
 
@@ -316,7 +317,8 @@ def _march(
 
     if not np.all(np.isfinite(f(piece[0], x0))):
         raise _outside(piece[0], piece[0])
-    most = STEPS[0] + STEPS[1] * grid.size if explicit else np.inf
+    limit = STEPS if explicit else STIFF_STEPS
+    most = limit[0] + limit[1] * grid.size
     words: dict[str, Any] = {"rtol": rtol, "atol": absolute, "max_step": longest}
     solver: Any = None
     done, steps = 1, 0
@@ -334,8 +336,14 @@ def _march(
             steps += 1
             if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
                 raise _outside(solver.t, np.nan)
-            if steps > most:
+            if steps > most and explicit:
                 raise _Stiff
+            if steps > most:
+                raise DataError(
+                    f"simulating: {steps} steps lead no further than t = {solver.t:.6g} s, where the states "
+                    f"are as large as {np.abs(solver.y).max():.3g} and change ever faster; take other "
+                    "parameters, or a shorter piece"
+                )
             last = done
             while last < grid.size and grid[last] <= solver.t:
                 last += 1

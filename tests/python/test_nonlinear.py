@@ -527,3 +527,11 @@ def test_a_linear_record_of_uneven_steps_has_the_states_in_the_users_order():
     assert own.state == pytest.approx(even.state, abs=0.005)
     again = fit.predict(uneven, initial_state=own)
     assert np.abs(again.y - fit.predict(uneven).y).max() < 0.02 * np.abs(rec.y).max()
+
+
+def test_a_response_that_changes_ever_faster_ends_in_words():
+    """Negative damping and a hardening spring: what grows turns faster, and would take steps for ever."""
+    rec = mf.simulate(mf.tf([2], [1, 1]), input="sin(0.9*t)", duration=15.0, intervals=300, nsr=0.05, seed=3)
+    model = mf.Equation("y'' + d*y' + a*y + b*y**3 = c*u", params={"d": -8.0})
+    with pytest.raises(mf.DataError, match="simulating"):
+        model.model({"a": -8.0, "b": 0.43, "c": -16.0}).simulate(u=rec.u[0], dt=rec.dt, x0=[0.1, 0.0])
