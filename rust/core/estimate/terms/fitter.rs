@@ -171,12 +171,18 @@ impl TermsFitter {
         desk: Desk,
     ) -> Result<(TermsFit, Desk), Error> {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
-        let from = match &chosen.theta {
-            Some(theta) => Some(theta.clone()),
-            None => self.first_guess(records, &variances, &chosen.ranges)?,
+        let other = match &chosen.theta {
+            Some(_) => None,
+            None => self.narrow_guess(records, &variances, &chosen.ranges)?,
         };
         let mut problem = self.problem(records, variances, &chosen.ranges, desk)?;
-        let ended = self.estimate(&mut problem, from.as_deref())?;
+        let mut ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
+        if let Some(theta) = other {
+            let second = self.estimate(&mut problem, Some(&theta))?;
+            if usable(&second) && !(usable(&ended) && ended.cost <= second.cost) {
+                ended = second;
+            }
+        }
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
         Ok((fit, problem.into_desk()))
@@ -280,9 +286,9 @@ impl TermsFitter {
         Ok(problem)
     }
 
-    /// An estimate on few lines, where a wide band of nonlinear signals was given: there unweighted rows are
+    /// An estimate on few lines, where a wide band of nonlinear signals was given: there unweighted rows may be
     /// ruled by noise, and what they say is no start.
-    fn first_guess(
+    fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
         variances: &[f64],
@@ -297,7 +303,7 @@ impl TermsFitter {
             return Ok(None); // too few lines for the unknowns
         };
         let guess = self.estimate(&mut few, None)?;
-        Ok(Some(guess.theta).filter(|_| guess.status == Status::Ok))
+        Ok(usable(&guess).then_some(guess.theta))
     }
 
     fn weights(&self) -> (Weights, Factors) {
@@ -331,9 +337,8 @@ impl TermsFitter {
 
     /// The estimate once more, with slopes at channels that the first one's noise was taken from.
     fn again(&self, problem: &mut Problem<'_>, first: Ended) -> Result<Ended, Error> {
-        let usable = matches!(first.status, Status::Ok | Status::MaxIter);
         let (weights, factors) = self.weights();
-        if !usable || !self.refines() {
+        if !usable(&first) || !self.refines() {
             return Ok(first);
         }
         problem.relinearise(&first.theta)?;
@@ -365,7 +370,7 @@ impl TermsFitter {
             costs: [first.cost, f64::INFINITY],
             chosen: last(&wide),
         };
-        let mut best = Some(first).filter(usable);
+        let mut best = Some(first).filter(|e| usable(e));
         if self.narrow != wide
             && let Ok(mut few) =
                 self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
@@ -477,4 +482,9 @@ impl TermsFitter {
             band_rule,
         })
     }
+}
+
+/// Whether an estimate is one.
+fn usable(e: &Ended) -> bool {
+    matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
 }
