@@ -29,6 +29,8 @@ from .storage import load
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
 from .tables import Table
+from .tone_results import Sinusoids, SinusoidsMany
+from .tones import sinusoids
 
 __all__ = [
     "LTI",
@@ -53,6 +55,8 @@ __all__ = [
     "OrderSelection",
     "Record",
     "Results",
+    "Sinusoids",
+    "SinusoidsMany",
     "SpecError",
     "StateSpace",
     "Table",
@@ -77,6 +81,7 @@ __all__ = [
     "select_order",
     "signals",
     "simulate",
+    "sinusoids",
     "ss",
     "tf",
 ]

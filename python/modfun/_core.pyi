@@ -26,6 +26,7 @@ __all__ = [
     "quadrature_weights",
     "quantiles",
     "simulate",
+    "sinusoids",
     "thread_count",
 ]
 
@@ -78,6 +79,22 @@ def integrate(
 # Random streams --------------------------------------------------------------------------------
 
 def normals(seed: int, purpose: str, channel: int, replicate: int, group: int, count: int) -> _F64: ...
+
+# Sinusoids -------------------------------------------------------------------------------------
+
+def sinusoids(
+    records: _F64,
+    weights: _F64,
+    *,
+    count: int,
+    choose: bool,
+    damped: bool,
+    complex: bool,
+    trend: int,
+    band: tuple[float, float],
+    threads: int | None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]: ...
 
 # Estimation ------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from .results import Fit
 from .structures import TransferFunction
 from .tables import Table, nearest
 
-__all__ = ["FitMany"]
+__all__ = ["FitMany", "shown"]
 
 F64 = NDArray[np.float64]
 STATUS = ("ok", "maxiter", "rank", "nonfinite")
@@ -152,7 +152,7 @@ def fit_batch(
     made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
     y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
     refuse_standing(made.layout, [y[0]], [u[0]])
-    show = _shown(len(y), progress)
+    show = shown(len(y), progress)
     found = made.core.fit_many(y, u, threads=threads, progress=show)
     if show is not None:
         show.end()
@@ -172,14 +172,15 @@ def _equations(
 
     made = prepare_equation(structure, options, data if isinstance(data, Batch) else data[:1])
     own, shared = batch_of(made, data)
-    show = _shown(len(own), progress)
+    show = shown(len(own), progress)
     found = made.core.fit_many(own, shared, threads=threads, progress=show)
     if show is not None:
         show.end()
     return _made(found, made.layout.param_names, structure, options)
 
 
-def _shown(count: int, progress: str | bool) -> _Progress | None:
+def shown(count: int, progress: str | bool) -> _Progress | None:
+    """The line on standard error that was asked for, if any."""
     return _Progress(count) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
 
 

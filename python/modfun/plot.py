@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .results import Fit
     from .spectra import Spectrum
     from .study.results import Results
+    from .tone_results import Sinusoids
 
 __all__ = [
     "bode",
@@ -28,6 +29,7 @@ __all__ = [
     "record",
     "residuals",
     "response",
+    "sinusoids",
     "spectrum",
     "study",
 ]
@@ -87,6 +89,44 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
             here.set_yscale("log")
     _label(axes, spec.channels, spec.units, label)
     return _returned(ax, axes)
+
+
+def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
+    """Draw the spectrum of a record and of what its tones leave, in dB, the tones as dots.
+
+    Zero-padded, without a window: a tone that does not decay stands at its amplitude.
+
+    Parameters
+    ----------
+    found : Sinusoids
+    ax : Axes, optional
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+
+    Returns
+    -------
+    Axes
+    """
+    here = _axes(ax, 1, height=3.0)[0]
+    scale, label = _frequency(hz)
+    size = 8 * found.y.size
+    omega = 2 * np.pi / found.dt * np.fft.fftfreq(size)
+    shown = np.argsort(omega) if np.iscomplexobj(found.y) else slice(0, size // 2)
+    gain = (1.0 if np.iscomplexobj(found.y) else 2.0) / np.sum(found.weights > 0)
+    left = np.where(found.weights > 0, found.errors(), 0.0)
+    for values, name, style in (
+        (np.where(found.weights > 0, found.y, 0.0), "record", {"color": "C0", "linewidth": 1.2}),
+        (left, "without the tones", {"color": "0.6", "linewidth": 0.8}),
+    ):
+        lines = gain * np.abs(np.fft.fft(values, size)[shown])
+        here.plot(scale * omega[shown], _decibels(lines), label=name, **style)
+    here.plot(scale * found.omega, _decibels(found.amplitude), "C3o", markersize=5, label="tones")
+    for omega_i, reach in zip(found.omega, 1.96 * found.bse[: len(found)], strict=True):
+        here.axvspan(scale * (omega_i - reach), scale * (omega_i + reach), color="C3", alpha=0.2, linewidth=0)
+    here.set(xlabel=label, ylabel="amplitude (dB)")
+    here.grid(True, alpha=0.3)
+    here.legend(frameon=False)
+    return here
 
 
 def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, output: str | None = None) -> Any:
@@ -591,6 +631,10 @@ def _bridge(here: Any, rec: Record, name: str, label: str) -> None:
 def _frequency(hz: bool) -> tuple[float, str]:
     """Return the factor from rad/s to the unit drawn, and the label of the axis."""
     return (0.5 / np.pi, "frequency (Hz)") if hz else (1.0, "frequency (rad/s)")
+
+
+def _decibels(size: Any) -> Any:
+    return 20 * np.log10(np.maximum(size, 1e-300))
 
 
 def _range(systems: Sequence[Any]) -> tuple[float, float]:

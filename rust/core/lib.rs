@@ -46,5 +46,6 @@ pub mod spectrum;
 pub mod structure;
 pub mod tape;
 pub mod threads;
+pub mod tones;
 
 pub use error::{Error, Status};

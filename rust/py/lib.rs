@@ -11,6 +11,7 @@ mod signals;
 mod study;
 mod tally;
 mod terms;
+mod tones;
 
 use pyo3::prelude::*;
 
@@ -30,6 +31,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(integrate::integrate, module)?)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
+    module.add_function(wrap_pyfunction!(tones::sinusoids, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;
     module.add_function(wrap_pyfunction!(enter::_panic_for_tests, module)?)?;
     module.add_function(wrap_pyfunction!(enter::_wait_for_tests, module)?)?;

@@ -23,6 +23,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("model", &["error", "linalg", "math"]),
     ("simulate", &["error", "model", "quadrature"]),
     ("integrate", &["error", "tape"]),
+    ("tones", &["error", "linalg", "math", "simd", "spectrum", "threads"]),
     (
         "estimate",
         &[

@@ -1,5 +1,6 @@
 //! Small systems of equations: eight at once without pivoting, and one at a time by Householder QR.
 
+pub mod columns;
 pub(crate) mod condition;
 pub mod dense;
 pub mod lanes;

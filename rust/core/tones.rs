@@ -1,0 +1,214 @@
+//! Sinusoids in noise (report, section 4.10): frequencies, dampings, amplitudes and phases of a record.
+//!
+//! y(k) = trend + Σ A_i e^{−d_i k} cos(ω_i k + φ_i) + noise, k = 0…n−1. Tones are found one after another on
+//! a zero-padded spectrum of what the others leave (`search`) and settled together by Gauss–Newton steps on the
+//! samples, amplitudes and trend eliminated (`refine`): the maximum likelihood estimate for white noise. Time is
+//! counted in samples here, frequencies in turns a sample.
+
+mod refine;
+mod search;
+
+use std::sync::atomic::AtomicBool;
+
+use crate::math::ln_1;
+use crate::simd::{Isa, LANES};
+use crate::threads::{self, Control};
+use crate::{Error, Status};
+use refine::Refiner;
+use search::{Search, State};
+
+/// Records a thread takes at a time.
+const CHUNK: usize = 8;
+
+/// What is looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Number of tones, or the largest number.
+    pub count: usize,
+    /// Whether the number is chosen, by BIC.
+    pub choose: bool,
+    /// Whether tones may decay or grow.
+    pub damped: bool,
+    /// Whether samples are complex: all real parts, then all imaginary parts.
+    pub complex: bool,
+    /// Unknowns of the trend: 0, 1 (constant) or 2 (linear).
+    pub trend: usize,
+    /// Where tones are looked for, turns a sample.
+    pub band: (f64, f64),
+}
+
+/// One tone: frequency (turns a sample) and damping (a sample).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tone {
+    /// Turns a sample.
+    pub frequency: f64,
+    /// d of e^{−dk}.
+    pub damping: f64,
+}
+
+/// The outcome for one record.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Ok, or why not.
+    pub status: Status,
+    /// Tones, by frequency.
+    pub tones: Vec<Tone>,
+    /// Amplitudes at the first sample.
+    pub amplitude: Vec<f64>,
+    /// Phases at the first sample, radians.
+    pub phase: Vec<f64>,
+    /// Coefficients of 1 and (k − (n−1)/2)/n; complex records: real and imaginary part of each.
+    pub trend: Vec<f64>,
+    /// Covariance of angular frequencies (radians a sample), dampings (where free), amplitudes and phases, row major.
+    pub cov: Vec<f64>,
+    /// Weighted sum of squares of what is left.
+    pub cost: f64,
+    /// Variance of the noise.
+    pub variance: f64,
+    /// Degrees of freedom of `variance`.
+    pub df: usize,
+    /// Costs of 0, 1, … tones as the search found them.
+    pub costs: Vec<f64>,
+    /// Gauss–Newton steps of the last refinement.
+    pub nit: usize,
+}
+
+/// What the samples of a record do not change.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    options: Options,
+    weights: Vec<f64>,
+    good: usize,
+    search: Search,
+    isa: Isa,
+}
+
+impl Plan {
+    /// For records of `weights.len()` samples, each counted with its weight (0: left out).
+    ///
+    /// # Errors
+    /// [`Error::Data`] where there are too few samples for the unknowns.
+    pub fn new(weights: &[f64], options: Options, isa: Isa) -> Result<Plan, Error> {
+        let good =
+            weights.iter().filter(|w| **w > 0.0).count() * if options.complex { 2 } else { 1 };
+        let needs = unknowns(&options, options.count);
+        if good < needs + 1 {
+            return Err(Error::Data(format!(
+                "sinusoids: {} tones and the trend have {needs} unknowns, and there are {good} real numbers to find \
+                 them from; look for fewer tones, or give a longer record",
+                options.count
+            )));
+        }
+        let search = Search::new(weights, &options);
+        Ok(Plan { options, weights: weights.to_vec(), good, search, isa })
+    }
+
+    /// Real numbers in a record.
+    #[must_use]
+    pub fn length(&self) -> usize {
+        self.weights.len() * if self.options.complex { 2 } else { 1 }
+    }
+
+    /// Finds the tones of records, each of [`Plan::length`] numbers.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] where `progress` says so.
+    pub fn run_many(
+        &self,
+        records: &[&[f64]],
+        threads: usize,
+        progress: &mut dyn FnMut(usize, usize) -> Control,
+    ) -> Result<Vec<Found>, Error> {
+        let chunks = records.len().div_ceil(CHUNK);
+        let few = if records.len() == 1 { 0 } else { threads };
+        let work = |refiner: &mut Refiner, chunk: usize, stop: &AtomicBool| {
+            let mut found = Vec::with_capacity(CHUNK);
+            for record in records.iter().skip(chunk * CHUNK).take(CHUNK) {
+                if stop.load(std::sync::atomic::Ordering::Relaxed) {
+                    break;
+                }
+                found.push(self.run(record, refiner));
+            }
+            found
+        };
+        let report =
+            &mut |done: usize, _: usize| progress((done * CHUNK).min(records.len()), records.len());
+        let found = threads::run(few, chunks, report, || self.refiner(), work)?;
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    fn refiner(&self) -> Refiner {
+        Refiner::new(&self.weights, &self.options, self.length().next_multiple_of(LANES), self.isa)
+    }
+
+    fn run(&self, samples: &[f64], refiner: &mut Refiner) -> Found {
+        if samples.iter().any(|x| !x.is_finite()) {
+            return self.nothing(Status::NonFinite);
+        }
+        refiner.take(samples);
+        let levels = self.search.run(refiner);
+        let costs: Vec<f64> = levels.iter().map(|state| state.cost).collect();
+        let count = if self.options.choose { self.chosen(&costs) } else { self.options.count };
+        let Some(state) = levels.get(count) else {
+            // Nothing was left to find a further tone in.
+            return Found { costs, ..self.nothing(Status::Rank) };
+        };
+        self.settled(state, costs, refiner)
+    }
+
+    fn settled(&self, state: &State, costs: Vec<f64>, refiner: &mut Refiner) -> Found {
+        let (mut tones, (cost, nit, status)) = (state.tones.clone(), (state.cost, 0, Status::Ok));
+        let (cost, nit, status) =
+            if tones.is_empty() { (cost, nit, status) } else { refiner.settle(&mut tones) };
+        tones.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+        let df = self.good - unknowns(&self.options, tones.len());
+        let variance = cost / df as f64;
+        let solved = refiner.solve(&tones, variance);
+        let status = if solved.independent { status } else { Status::Rank };
+        Found {
+            status,
+            amplitude: solved.amplitude,
+            phase: solved.phase,
+            trend: solved.trend,
+            cov: solved.cov,
+            tones,
+            cost,
+            variance,
+            df,
+            costs,
+            nit,
+        }
+    }
+
+    /// n log cost + Σ log of what grows with the record: BIC in which a frequency (and a damping) counts three
+    /// times, since what a record tells of it grows as n³.
+    fn chosen(&self, costs: &[f64]) -> usize {
+        let n = self.good as f64;
+        let frees = if self.options.damped { 8.0 } else { 5.0 };
+        let penalty = frees * ln_1(n);
+        // Nothing at all is left where tones are free of noise.
+        let score = |k: usize| n * ln_1(costs[k].max(f64::MIN_POSITIVE)) + penalty * k as f64;
+        (0..costs.len()).fold(0, |best, k| if score(k) < score(best) { k } else { best })
+    }
+
+    fn nothing(&self, status: Status) -> Found {
+        Found {
+            status,
+            tones: Vec::new(),
+            amplitude: Vec::new(),
+            phase: Vec::new(),
+            trend: Vec::new(),
+            cov: Vec::new(),
+            cost: f64::NAN,
+            variance: f64::NAN,
+            df: 0,
+            costs: Vec::new(),
+            nit: 0,
+        }
+    }
+}
+
+/// Real unknowns of `count` tones and the trend.
+fn unknowns(options: &Options, count: usize) -> usize {
+    count * if options.damped { 4 } else { 3 } + options.trend * if options.complex { 2 } else { 1 }
+}
