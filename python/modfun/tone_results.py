@@ -87,6 +87,8 @@ class Sinusoids(_Tones):
         Estimates in the order of `param_names`: also as `omega`, `damping`, `amplitude`, `phase`.
     bse : (p,) array
         Standard errors for white noise.
+    kinds : tuple of str
+        What the parameters are, in this order: "omega", "damping" (where free), "amplitude", "phase".
     cov : (p, p) array
     sigma : float
         Standard deviation of the noise (complex records: of the real and of the imaginary part).
@@ -99,6 +101,9 @@ class Sinusoids(_Tones):
     status, nit : str, int
         "ok", "maxiter", "rank" or "nonfinite"; Gauss-Newton steps.
     trend : str or None
+    offset : array
+        Coefficients of the trend: of 1 and of (k - (n - 1)/2)/n, k the sample; complex records: real and
+        imaginary part of each.
     y : (time,) array
         The samples, real or complex.
     weights : (time,) array
@@ -196,6 +201,8 @@ class SinusoidsMany(_Tones):
     ----------
     params, bse : (replicate, p) array
         Estimates and standard errors in the order of `param_names`; nan behind the tones that were chosen.
+    kinds : tuple of str
+        What the parameters are, in this order: "omega", "damping" (where free), "amplitude", "phase".
     count : (replicate,) array of int
         Tones found.
     sigma, cost : (replicate,) array
