@@ -3,7 +3,7 @@
 Units are seconds and rad/s, arrays are (channel, time).
 """
 
-from . import plot, rivals, signals
+from . import plot, rivals, signals, timelag
 from ._core import __version__
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
@@ -84,4 +84,5 @@ __all__ = [
     "sinusoids",
     "ss",
     "tf",
+    "timelag",
 ]

@@ -1,0 +1,1 @@
+"""Parts of `mf.timelag`: roots, reducing transformation, design, simulation, structured uncertainty, fits."""

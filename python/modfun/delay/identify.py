@@ -1,0 +1,193 @@
+"""From data to delay systems: the equations to fit, and what a fit says as matrices, errors included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..equations import Equation
+from ..errors import SpecError
+from ..lti import LTI
+from ..nonlinear import NonlinearModel
+from ..timelag import DelaySystem, Uncertainty
+from ..written import channel_names
+
+if TYPE_CHECKING:
+    from ..results import Fit
+
+__all__ = ["equations", "errors_of", "system_of"]
+
+F64 = NDArray[np.float64]
+LINEAR = 1e-9  # part of its size by which a linear right side may miss the sum of its parts
+
+
+def equations(
+    a: Mapping[Any, Any],
+    b: Mapping[Any, Any] | None,
+    states: Sequence[str] | None,
+    inputs: Sequence[str] | None,
+    params: Any,
+) -> Equation:
+    """`mf.timelag.equation`."""
+    if not isinstance(a, Mapping) or not a or not isinstance(b, Mapping | None):
+        raise SpecError('timelag.equation: A and B map lags to matrices, as {0: [["a"]], "h": [["c"]]}')
+    first = _table("A", next(iter(a.values())), None)
+    n = len(first)
+    width = 0 if b is None else len(_table("B", next(iter(b.values())), n)[0])
+    own = channel_names("timelag.equation", "states", states, n, "x", always=True)
+    drives = channel_names("timelag.equation", "inputs", inputs, width, "u")
+    lines = [[] for _ in range(n)]  # type: list[list[str]]
+    for name, given, signals in (("A", a, own), ("B", b or {}, drives)):
+        for lag, matrix in given.items():
+            late = f"(t - {lag})" if isinstance(lag, str) or lag else ""
+            for line, row in zip(lines, _table(name, matrix, n, len(signals)), strict=True):
+                line += [f"({e})*{s}{late}" for e, s in zip(row, signals, strict=True) if e != 0]
+    text = [f"{x}' = {' + '.join(line) or '0'}" for x, line in zip(own, lines, strict=True)]
+    return Equation(text, outputs=own, inputs=drives, params=params)
+
+
+def _table(name: str, given: Any, rows: int | None, columns: int | None = None) -> list[list[Any]]:
+    """A matrix of names and numbers; an entry alone is 1 by 1, a list of entries a column."""
+    if isinstance(given, str) or np.ndim(given) == 0:
+        given = [given]
+    table = [[row] if isinstance(row, str) or np.ndim(row) == 0 else list(row) for row in given]
+    rows = len(table) if rows is None else rows
+    columns = columns if columns is not None else rows if name == "A" else len(table[0])
+    if len(table) != rows or any(len(row) != columns for row in table):
+        raise SpecError(
+            f"timelag.equation: {name} has a matrix of {len(table)} rows of {[len(row) for row in table]} "
+            f"entries; beside the others it must be {rows} by {columns}"
+        )
+    return table
+
+
+def system_of(fit: Any) -> DelaySystem:
+    """`mf.timelag.from_fit`."""
+    model = fit if isinstance(fit, LTI | NonlinearModel) else getattr(fit, "model", None)
+    if isinstance(model, LTI):
+        sys = model.to_ss()
+        late: dict[float, F64] = {}
+        for k, lag in enumerate(sys.delays):
+            late.setdefault(lag, np.zeros_like(sys.B))[:, k] = sys.B[:, k]
+        return DelaySystem({0: sys.A}, late, sys.C)
+    if not isinstance(model, NonlinearModel):
+        raise SpecError(
+            f"timelag.from_fit: {type(fit).__name__} has no model with numbers; give a fit of "
+            "mf.timelag.equation(...), mf.Equation or mf.StateSpace, or its .model"
+        )
+    form, theta = model.form, list(model.params.values())
+    lags = [float(h) for h in form.delays(theta)]
+    x, v, c = _parts(model, theta)
+    n, first = len(form.states), len(form.drives)
+    a: dict[float, F64] = {0.0: x}
+    b: dict[float, F64] = {0.0: np.zeros((n, len(model.inputs)))}
+    for k, (lag, column) in enumerate(zip(lags, v.T, strict=True)):
+        if k < first:
+            b.setdefault(lag, np.zeros((n, len(model.inputs))))[:, form.drives[k].input] += column
+        else:
+            a.setdefault(lag, np.zeros((n, n)))[:, form.pasts[k - first].state] += column
+    named = all(s.isidentifier() for s in form.states)
+    return DelaySystem(
+        a,
+        b,
+        None if np.array_equal(c, np.eye(n)) else c,
+        states=form.states if named else None,
+        inputs=model.inputs or None,
+    )
+
+
+def errors_of(fit: Fit, level: float) -> list[Uncertainty]:
+    """`mf.timelag.errors`."""
+    from scipy.stats import chi2
+
+    if not (isinstance(level, int | float) and 0 < level < 1):
+        raise SpecError(f"timelag.errors: level={level!r} must lie between 0 and 1")
+    model = fit.model
+    if not isinstance(model, NonlinearModel):
+        raise SpecError("timelag.errors: give a fit of mf.timelag.equation(...) or of a linear mf.Equation")
+    plant = system_of(fit)
+    names = list(fit.param_names)
+    held = {str(d) for d in _lag_names(model)}
+    free = [k for k, name in enumerate(names) if name not in held]
+    cov = np.asarray(fit.cov_params())[np.ix_(free, free)]
+    if not np.all(np.isfinite(cov)):
+        raise SpecError("timelag.errors: the fit has no finite standard errors")
+    slopes = []
+    for k in free:
+        size = 1e-4 * max(abs(fit.params[k]), float(fit.bse[k]), 1e-6)
+        sides = []
+        for sign in (1.0, -1.0):
+            values = dict(model.params)
+            values[names[k]] += sign * size
+            x, v, _ = _parts(model, list(values.values()))
+            sides.append(np.concatenate([x, v], axis=1))
+        slopes.append((sides[0] - sides[1]) / (2 * size))
+    sizes, axes = np.linalg.eigh(cov)
+    reach = np.sqrt(float(chi2.ppf(level, len(free))) * np.maximum(sizes, 0))
+    blocks = []
+    for axis, own in zip(axes.T, reach, strict=True):
+        change = own * np.tensordot(axis, np.array(slopes), axes=1)
+        if np.abs(change).max() > 1e-12:
+            blocks.append(_block(model, plant, change))
+    return blocks
+
+
+def _block(model: NonlinearModel, plant: DelaySystem, change: F64) -> Uncertainty:
+    """A change of the coefficients of x, inputs and the past as matrices by lag."""
+    form = model.form
+    n, first = plant.order, len(form.drives)
+    lags = [float(h) for h in form.delays(list(model.params.values()))]
+    a: dict[float, F64] = {0.0: change[:, :n].copy()}
+    b: dict[float, F64] = {}
+    for k, (lag, column) in enumerate(zip(lags, change[:, n:].T, strict=True)):
+        if k < first:
+            b.setdefault(lag, np.zeros((n, plant.shape[1])))[:, form.drives[k].input] += column
+        else:
+            a.setdefault(lag, np.zeros((n, n)))[:, form.pasts[k - first].state] += column
+    return Uncertainty(A=a, B=b)
+
+
+def _lag_names(model: NonlinearModel) -> set[Any]:
+    delays = [d.delay for d in model.form.drives] + [p.delay for p in model.form.pasts]
+    return {s for delay in delays for s in delay.free_symbols}
+
+
+def _parts(model: NonlinearModel, theta: list[float]) -> tuple[F64, F64, F64]:
+    """Coefficients of x and of v in x', and of x in y.
+
+    Raises
+    ------
+    SpecError
+        The equations are not linear, vary with time, or hold derivatives of inputs.
+    """
+    form = model.form
+    n, m = len(form.states), len(form.drives) + len(form.pasts)
+    known = [0.0] * len(model._known)
+
+    def rates(x: F64, v: F64, t: float = 0.0) -> F64:
+        return np.array(form.rates(t, x.tolist(), v.tolist(), known, theta), dtype=np.float64)
+
+    def outputs(x: F64, v: F64) -> F64:
+        return np.array(form.outputs(0.0, x.tolist(), v.tolist(), known, theta), dtype=np.float64)
+
+    rest = rates(np.zeros(n), np.zeros(m))
+    a = np.array([rates(unit, np.zeros(m)) - rest for unit in np.eye(n)]).T
+    b = np.array([rates(np.zeros(n), unit) - rest for unit in np.eye(m)]).reshape(m, n).T
+    c = np.array([outputs(unit, np.zeros(m)) - outputs(np.zeros(n), np.zeros(m)) for unit in np.eye(n)]).T
+    fed = [outputs(np.zeros(n), unit) - outputs(np.zeros(n), np.zeros(m)) for unit in np.eye(m)]
+    if any(d.order for d in form.drives) or model._known or np.any(fed):
+        raise SpecError(
+            "timelag.from_fit: derivatives of inputs, inputs that feed through at once, or coefficients that "
+            "vary with time stand in the equations; a DelaySystem has none"
+        )
+    x, v = np.linspace(0.7, -1.3, n), np.linspace(-0.9, 1.1, m)
+    found, wanted = rates(x, v, 0.37), rest + a @ x + b @ v
+    if not np.allclose(found, wanted, rtol=0, atol=LINEAR * (np.abs(a).sum() + np.abs(b).sum() + 1)):
+        raise SpecError(
+            "timelag.from_fit: the equations are not linear in states and inputs with constant coefficients; "
+            "a DelaySystem is"
+        )
+    return a, b, c

@@ -1,0 +1,147 @@
+"""A delay system simulated, open loop or with a sampled law."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import DataError, ModfunWarning, SpecError
+from ..propagate import intersample_kinds
+from ..signals import is_samples, sources
+from .design import Controller, as_design, sampled_words, seconds
+from .motion import History, Motion, Trajectory, drive, history
+
+if TYPE_CHECKING:
+    from ..timelag import DelaySystem
+
+__all__ = ["simulated"]
+
+F64 = NDArray[np.float64]
+
+
+def simulated(
+    plant: DelaySystem,
+    feedback: Any,
+    duration: float,
+    dt: float,
+    past: Any,
+    x0: ArrayLike | None,
+    u: Any,
+    input_past: Any,
+    intersample: str | Sequence[str],
+) -> Trajectory:
+    """`DelaySystem.simulate`."""
+    dt = seconds(dt)
+    intervals = int(np.floor(duration / dt * (1 + 1e-12) + 1e-9)) if np.isfinite(duration) else 0
+    if intervals < 1:
+        raise SpecError(f"simulating: duration={duration!r} must be at least one interval dt = {dt:g} s")
+    n, inputs = plant.order, plant.shape[1]
+    before = history(past, n, "history")
+    start = before(np.zeros(1))[:, 0] if x0 is None else np.asarray(x0, dtype=np.float64)
+    if start.shape != (n,) or not np.all(np.isfinite(start)):
+        raise SpecError(f"simulating: x0 has shape {start.shape}; give {n} finite numbers")
+    grid: F64 = np.arange(intervals + 1.0) * dt
+    outside = _outside(u, inputs, grid, intersample)
+    motion = Motion(plant, dt, intervals)
+    memory = np.zeros((motion.back, inputs))
+    given = history(input_past, inputs, "input_history")
+    if feedback is None and (input_past is not None or u is None):
+        outside = _joined(given, outside)
+    elif feedback is not None:
+        memory = given(dt * np.arange(-motion.back, 0.0)).T.copy()
+        outside = _joined(lambda t: np.zeros((inputs, t.size)), outside)
+    seen: list[F64] = []
+    law = None if feedback is None else _law(plant, feedback, motion, before, memory, seen)
+    pieces, held = motion.run(before, start, outside, law, memory)
+
+    first = motion.back * motion.pieces
+    x = np.concatenate([start[:, None], pieces[first + motion.pieces - 1 :: motion.pieces, -1].T], axis=1)
+    driven = _steps(held, motion.back, dt, outside)
+    return Trajectory(
+        plant=plant,
+        t=grid,
+        x=x,
+        u=driven(grid),
+        y=plant.C @ x,
+        z=np.array(seen).T if seen else None,
+        state=motion.between(pieces, before, intervals),
+        input=driven,
+    )
+
+
+Law = Callable[[int, F64, F64, F64], F64]
+
+
+def _outside(u: Any, inputs: int, grid: F64, intersample: str | Sequence[str]) -> History:
+    """Inputs from outside at any instant."""
+    if u is None:
+        return lambda t: np.zeros((inputs, np.size(t)))
+    found = sources(u, inputs)
+    kinds = intersample_kinds(intersample, len(found))
+    for source in found:
+        if is_samples(source) and np.ndim(source) and np.size(source) != grid.size:  # type: ignore[arg-type]
+            raise DataError(
+                f"simulating: u has {np.size(source)} samples for {grid.size} instants (duration/dt + 1)"  # type: ignore[arg-type]
+            )
+    own = [drive(source, kind, grid) for source, kind in zip(found, kinds, strict=True)]
+    return lambda t: np.reshape([one(t) for one in own], (inputs, np.size(t)))
+
+
+def _joined(past: History, then: History) -> History:
+    return lambda t: np.where(t < 0, past(t), then(t))
+
+
+def _steps(held: F64, back: int, dt: float, outside: History) -> History:
+    """What is held from sample to sample, and what comes from outside."""
+
+    def at(t: ArrayLike) -> F64:
+        t = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        place = np.clip(np.floor(t / dt + 1e-9).astype(int) + back, 0, len(held) - 1)
+        found: F64 = outside(t) + held[place].T
+        return found
+
+    return at
+
+
+def _law(
+    plant: DelaySystem, feedback: Any, motion: Motion, before: History, memory: F64, seen: list[F64]
+) -> Law:
+    """The feedback at a sample; z goes to `seen`."""
+    inputs, dt, back = plant.shape[1], motion.dt, motion.back
+    if not inputs:
+        raise SpecError("simulating: the system has no inputs to feed back to; give B")
+    if callable(feedback):
+
+        def own(k: int, x: F64, pieces: F64, held: F64) -> F64:
+            done = motion.between(pieces, before, k)
+
+            def state(t: ArrayLike) -> F64:
+                t = np.atleast_1d(np.asarray(t, dtype=np.float64))
+                return np.where(t >= k * dt * (1 - 1e-12), x[:, None], done(t))
+
+            steps = _steps(held[: back + k], back, dt, lambda t: np.zeros((inputs, t.size)))
+            u = np.atleast_1d(np.asarray(feedback(k * dt, state, steps), dtype=np.float64))
+            if u.shape != (inputs,) or not np.all(np.isfinite(u)):
+                raise DataError(
+                    f"simulating: at t = {k * dt:g} s the law gives {u}; {inputs} finite number(s) are needed"
+                )
+            return u
+
+        return own
+    k, transformation = as_design(plant, feedback)
+    controller = Controller(transformation, k, dt)
+    if (poles := controller.poles())[0].real >= 0:
+        warnings.warn(sampled_words(poles, dt), ModfunWarning, stacklevel=4)
+    reach = np.arange(1.0, len(controller.states) + 1)
+    controller.reset(before(-dt * reach), memory[::-1].T)
+
+    def law(_: int, x: F64, pieces: F64, held: F64) -> F64:
+        u = controller.step(x)
+        seen.append(controller.z)
+        return u
+
+    return law
