@@ -20,6 +20,7 @@ from .nonlinear import NonlinearModel
 from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records import Batch, Record
+from .reduction import Reduction, reduce
 from .resampling import bootstrap
 from .response import FrequencyResponse
 from .results import Fit
@@ -54,6 +55,7 @@ __all__ = [
     "NonlinearModel",
     "OrderSelection",
     "Record",
+    "Reduction",
     "Results",
     "Sinusoids",
     "SinusoidsMany",
@@ -76,6 +78,7 @@ __all__ = [
     "plot",
     "rank_test",
     "read",
+    "reduce",
     "regressors",
     "rivals",
     "select_order",

@@ -206,6 +206,6 @@ def mirrored(poles: C128, unstable: int | None) -> C128:
         if p.real >= 0 and size <= unstable:
             unstable -= size
         elif p.real >= 0:
-            p = complex(-max(p.real, 1e-9 * abs(p)), p.imag)
+            p = complex(-max(p.real, 1e-9 * abs(p), 1e-12), p.imag)
         kept += [p, p.conjugate()][:size]
     return np.array(kept, dtype=np.complex128)

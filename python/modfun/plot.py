@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .comparison import Comparison, CrossValidation
     from .order import OrderSelection
     from .records import Record
+    from .reduction import Reduction
     from .results import Fit
     from .spectra import Spectrum
     from .study.results import Results
@@ -27,6 +28,7 @@ __all__ = [
     "order",
     "poles",
     "record",
+    "reduction",
     "residuals",
     "response",
     "sinusoids",
@@ -350,6 +352,33 @@ def bode(
     above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "fontsize": "small"}
     upper.legend(frameon=False, **(above if color > 4 else {}))  # many names would hide the lines
     return _returned(ax, [upper, lower])
+
+
+def reduction(red: Reduction, ax: Any = None, *, hz: bool = False) -> Any:
+    """Draw the gains of a system, of its reduced model and of their difference over frequency.
+
+    Parameters
+    ----------
+    red : Reduction
+    ax : Axes, optional
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+
+    Returns
+    -------
+    Axes
+        With several channels the largest gain over directions is drawn.
+    """
+    axes = _axes(ax, 1, height=3.2)
+    scale, label = _frequency(hz)
+    omega, curves = red.gains()
+    for (name, values), style in zip(curves.items(), ("-", "--", ":", ":"), strict=False):
+        axes[0].plot(scale * omega, values, style, label=name, linewidth=1.2)
+    axes[0].set_xscale("log")
+    axes[0].set_yscale("log")
+    axes[0].set(xlabel=label, ylabel="gain", xlim=(scale * omega[0], scale * omega[-1]))
+    axes[0].legend()
+    return _returned(ax, axes)
 
 
 def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:

@@ -62,6 +62,11 @@ class RationalFit:
         """True where the numbers allowed an answer."""
         return self.status == "ok"
 
+    @property
+    def free_poles(self) -> list[C128]:
+        """`poles` without held integrators, as `start` of another fit takes them."""
+        return [own * self._problem.unit for own in self._point.poles]
+
     @cached_property
     def _tangent(self) -> tuple[F64, F64]:
         """Rows and parameters over the same independent directions."""

@@ -228,7 +228,9 @@ class Problem:
             basis = Numerators(np.concatenate([poles[g], np.zeros(self.integrators[g])]), degree)
             numerators.append(basis)
             values.append(basis.values(self.s) * self.wait(delays, p)[:, None])
-        at_zero = [Fractions(own).values(np.zeros(1, np.complex128))[0].real for own in poles]
+        tied = bool(np.any(np.isfinite(self.gain)))
+        zero = np.zeros(1, np.complex128)
+        at_zero = [Fractions(own).values(zero)[0].real if tied else np.zeros(own.size) for own in poles]
         response = np.zeros_like(self.data)
         blocks = []
         for block in self.blocks:

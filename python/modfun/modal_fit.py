@@ -1,0 +1,229 @@
+"""State-space models of a given order fitted to frequency responses: modes with a row of B, a column of C.
+
+The poles and B are the unknowns of a Levenberg–Marquardt iteration; C is solved for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .gramians import Realisation
+
+__all__ = ["fit_modes"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+
+# Weight of a response that shall be met exactly over that of all lines.
+HEAVY = 1e5
+
+
+@dataclass(frozen=True)
+class _Lines:
+    s: C128
+    data: C128  # (omega, output, input)
+    amplitude: F64
+
+    @cached_property
+    def target(self) -> F64:
+        """Weighted real rows (omega and input), a column an output."""
+        return _real(self.amplitude[:, None, None] * self.data.transpose(0, 2, 1))
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """Real blocks of A (one state, or two of a pair), B, and the best C."""
+
+    a: F64
+    b: F64
+    pairs: tuple[tuple[int, int], ...]  # first state and size of each block
+    lines: _Lines
+
+    @cached_property
+    def resolvent(self) -> list[C128]:
+        """(sI − A)⁻¹ of each block: (omega,) or (omega, 2, 2)."""
+        found = []
+        for first, size in self.pairs:
+            if size == 1:
+                found.append(1 / (self.lines.s - self.a[first, first]))
+            else:
+                re, im = self.a[first, first], self.a[first, first + 1]
+                x = self.lines.s - re
+                top = np.array([[x, np.full_like(x, im)], [np.full_like(x, -im), x]])
+                found.append((top / (x**2 + im**2)).transpose(2, 0, 1))
+        return found
+
+    @cached_property
+    def states(self) -> C128:
+        """(sI − A)⁻¹ B, (omega, state, input)."""
+        found = np.empty((self.lines.s.size, *self.b.shape), dtype=np.complex128)
+        for (first, size), x in zip(self.pairs, self.resolvent, strict=True):
+            if size == 1:
+                found[:, first] = x[:, None] * self.b[first]
+            else:
+                found[:, first : first + 2] = x @ self.b[first : first + 2]
+        return found
+
+    @cached_property
+    def _solved(self) -> tuple[F64, F64, F64]:
+        """Orthonormal columns of the states, Cᵀ, and what is left of the target."""
+        rows = _real(self.lines.amplitude[:, None, None] * self.states.transpose(0, 2, 1))
+        size = np.linalg.norm(rows, axis=0)
+        size[size == 0] = 1.0
+        q, r = np.linalg.qr(rows / size)
+        inner = q.T @ self.lines.target
+        found = np.linalg.lstsq(r, inner, rcond=1e-14)[0] / size[:, None]
+        return q, found, self.lines.target - q @ inner
+
+    @property
+    def c(self) -> F64:
+        return self._solved[1].T
+
+    @cached_property
+    def cost(self) -> float:
+        cost = float(np.sum(self._solved[2] ** 2))
+        return cost if np.isfinite(cost) else float("inf")
+
+    def normal(self) -> tuple[F64, F64]:
+        """JᵀJ and Jᵀe over moves of the poles (A − uδᵀ) and of B; C follows."""
+        q, _, left = self._solved
+        n, inputs = self.b.shape
+        outputs = left.shape[1]
+        by_output = np.empty((self.lines.s.size, outputs, n), dtype=np.complex128)  # C (sI − A)⁻¹
+        for (first, size), x in zip(self.pairs, self.resolvent, strict=True):
+            c = self.c[:, first : first + size]
+            by_output[:, :, first : first + size] = x[:, None, None] * c if size == 1 else c @ x
+        drive = by_output @ self.drive
+        count = n + (n * inputs if inputs > 1 else 0)
+        gram, slope = np.zeros((count, count)), np.zeros(count)
+        for i in range(outputs):
+            moved = np.zeros((self.lines.s.size, inputs, count), dtype=np.complex128)
+            moved[:, :, :n] = drive[:, i, None, None] * self.states.transpose(0, 2, 1)
+            for j in range(inputs if inputs > 1 else 0):
+                moved[:, j, n + j * n : n + (j + 1) * n] = -by_output[:, i]
+            rows = _real(self.lines.amplitude[:, None, None] * moved)
+            rows -= q @ (q.T @ rows)
+            gram += rows.T @ rows
+            slope += rows.T @ left[:, i]
+        return gram, slope
+
+    @property
+    def drive(self) -> F64:
+        u = np.zeros(self.b.shape[0])
+        for first, size in self.pairs:
+            u[first + size - 1] = 1.0
+        return u
+
+    def moved(self, step: F64) -> _Modes:
+        n, inputs = self.b.shape
+        b = self.b + step[n:].reshape(inputs, n).T if inputs > 1 else self.b
+        return _modes(self.a - np.outer(self.drive, step[:n]), b, self.lines)
+
+
+def fit_modes(
+    omega: F64,
+    data: C128,
+    amplitude: F64,
+    start: Realisation,
+    *,
+    dcgain: F64 | None = None,
+    tol: float = 1e-10,
+    maxiter: int = 100,
+) -> tuple[Realisation, int]:
+    """The stable model of the order of a start with the least Σ amplitude²‖G(iω) − C(iω − A)⁻¹B‖².
+
+    Parameters
+    ----------
+    omega : ndarray, shape (omega,)
+    data : ndarray of complex, shape (omega, output, input)
+    amplitude : ndarray, shape (omega,)
+    start : Realisation
+        A stable model; its D is not looked at.
+    dcgain : ndarray, shape (output, input), optional
+        Gain at s = 0 that is met exactly.
+    tol : float
+        Relative fall of the cost at which the iteration ends.
+
+    Returns
+    -------
+    model : Realisation
+        A in real blocks of one or two states, D = 0.
+    nit : int
+    """
+    s, weight = (1j * omega).astype(np.complex128), amplitude
+    if dcgain is not None:
+        size = HEAVY * np.sqrt(np.sum(amplitude**2))
+        s, weight = np.append(s, 0), np.append(weight, size)
+        data = np.concatenate([data, dcgain[None].astype(np.complex128)])
+    here = _modes(start.a, start.b, _Lines(np.asarray(s, dtype=np.complex128), data, weight))
+    size = float(np.sum(here.lines.target**2))
+    damping, nit = 1e-3, 0
+    gram, slope = here.normal()
+    while nit < maxiter and here.cost > 1e-26 * size:
+        nit += 1
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        scaled = gram / np.outer(scale, scale)
+        step = np.linalg.lstsq(scaled + damping * np.eye(scale.size), -slope / scale, rcond=1e-15)[0]
+        foreseen = -float(step @ (2 * slope / scale + scaled @ step))
+        if foreseen <= tol * here.cost and damping <= 1:
+            break
+        trial = here.moved(step / scale)
+        if np.all(np.isfinite(trial.a)) and _stable(trial) and trial.cost < here.cost:
+            gain = (here.cost - trial.cost) / max(foreseen, 1e-300)
+            damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
+            here = trial
+            gram, slope = here.normal()
+        else:
+            damping *= 5
+            if damping > 1e8:
+                break
+    c = here.c
+    if dcgain is not None:  # what the heavy weight has left
+        inner = -np.linalg.solve(here.a, here.b)
+        c = c + (dcgain - c @ inner) @ np.linalg.pinv(inner)
+    return Realisation(here.a, here.b, c, np.zeros((c.shape[0], here.b.shape[1]))), nit
+
+
+def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:
+    """The same system in real blocks."""
+    values, vectors = np.linalg.eig(a)
+    columns, blocks, diagonal = [], [], np.zeros_like(a)
+    first = 0
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag < 0:
+            continue
+        if value.imag == 0:
+            columns.append(vector.real)
+            diagonal[first, first] = value.real
+        else:
+            columns += [vector.real, vector.imag]
+            re, im = value.real, value.imag
+            diagonal[first : first + 2, first : first + 2] = [[re, im], [-im, re]]
+        size = 1 if value.imag == 0 else 2
+        blocks.append((first, size))
+        first += size
+    if first == 0:
+        return _Modes(a, b, (), lines)
+    own = np.linalg.lstsq(np.array(columns).T, b, rcond=None)[0]
+    for first, size in blocks:
+        norm = np.linalg.norm(own[first : first + size])
+        own[first : first + size] /= norm if norm > 0 else 1.0
+    if b.shape[1] == 1:  # of one input any row that drives the mode serves
+        for first, size in blocks:
+            own[first : first + size] = [[1.0]] if size == 1 else [[0.0], [1.0]]
+    return _Modes(diagonal, own, tuple(blocks), lines)
+
+
+def _stable(modes: _Modes) -> bool:
+    return bool(np.all(np.diag(modes.a) < 0))
+
+
+def _real(rows: Any) -> F64:
+    """(omega, input, column) as real rows, a column each."""
+    flat = rows.reshape(-1, rows.shape[-1])
+    return np.concatenate([flat.real, flat.imag])

@@ -1,0 +1,175 @@
+"""Sizes of frequency responses: a grid that resolves them, the H2 and the H-infinity norm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .gramians import Realisation
+
+__all__ = ["Grid", "grid_for", "h2_norm", "hinf_norm", "largest_gain"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+Response = Callable[[F64], C128]  # omega -> (omega, output, input)
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+FINEST = 40  # halvings of a panel
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Frequencies with the weights of an integral over ω, and the response there.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (omega,)
+        Ascending, rad/s.
+    share : ndarray, shape (omega,)
+        ∫ f dω ≈ Σ share f, over the band or from 0 to infinity.
+    response : ndarray of complex, shape (omega, output, input)
+    """
+
+    omega: F64
+    share: F64
+    response: C128
+
+
+def grid_for(response: Response, low: float, high: float, below: bool = True, above: bool = True) -> Grid:
+    """Panels of eight Gauss nodes, halved until ∫‖G‖² is settled in each.
+
+    Parameters
+    ----------
+    response : callable
+    low, high : float
+        The edges, or where it begins and ends to be interesting, rad/s.
+    below, above : bool, default True
+        Whether the panels from 0 to low and from high to infinity belong to it.
+    """
+    octaves = max(int(np.ceil(np.log2(high / low))), 1)
+    edges = np.geomspace(low, high, octaves + 1)
+    # Between frequencies f the variable is f itself, above the highest it is 1/f.
+    panels = [(a, b, False) for a, b in pairwise(edges)]
+    panels += [(0.0, low, False)] if below else []
+    panels += [(0.0, 1 / high, True)] if above else []
+    kept: list[tuple[F64, F64, C128]] = []
+    total = 0.0
+    current = [(panel, *_panel(response, panel)) for panel in panels]
+    for depth in range(FINEST + 1):
+        total = max(
+            total, sum(_power(w, g) for _, _, w, g in current) + sum(_power(k[1], k[2]) for k in kept)
+        )
+        halves = []
+        for (a, b, inverse), omega, share, gains in current:
+            # The nodes of one rule tell little of themselves; the rule of every other node is coarser.
+            own, coarse = _power(share, gains), _coarse(share, gains)
+            error = abs(own - coarse)
+            if depth == FINEST or (error <= 1e-8 * total and error <= 1e-3 * own):
+                kept.append((omega, share, gains))
+            else:
+                middle = (a + b) / 2
+                halves += [(a, middle, inverse), (middle, b, inverse)]
+        if not halves:
+            break
+        current = _panels(response, halves)
+    omega = np.concatenate([k[0] for k in kept])
+    order = np.argsort(omega)
+    return Grid(
+        omega[order], np.concatenate([k[1] for k in kept])[order], np.concatenate([k[2] for k in kept])[order]
+    )
+
+
+Panel = tuple[float, float, bool]
+
+
+def _nodes(panel: Panel) -> tuple[F64, F64]:
+    a, b, inverse = panel
+    x = (a + b) / 2 + (b - a) / 2 * NODES
+    share = (b - a) / 2 * WEIGHTS
+    return (1 / x, share / x**2) if inverse else (x, share)
+
+
+def _panel(response: Response, panel: Panel) -> tuple[F64, F64, C128]:
+    omega, share = _nodes(panel)
+    return omega, share, response(omega)
+
+
+def _panels(response: Response, panels: list[Panel]) -> list[tuple[Panel, F64, F64, C128]]:
+    nodes = [_nodes(panel) for panel in panels]
+    gains = response(np.concatenate([omega for omega, _ in nodes]))
+    own = np.split(gains, len(panels))
+    return [(p, omega, share, g) for p, (omega, share), g in zip(panels, nodes, own, strict=True)]
+
+
+def _power(share: F64, gains: C128) -> float:
+    return float(share @ np.sum(np.abs(gains) ** 2, axis=(1, 2)))
+
+
+def _coarse_weights() -> F64:
+    """Weights of the polynomial of degree 6 through all nodes but two, zero at these."""
+    kept = [0, 1, 2, 4, 6, 7]
+    powers = np.vander(NODES[kept], increasing=True).T
+    exact = [(1 - (-1) ** (k + 1)) / (k + 1) for k in range(len(kept))]
+    found = np.zeros(NODES.size)
+    found[kept] = np.linalg.solve(powers, exact)
+    return found / WEIGHTS
+
+
+COARSE = _coarse_weights()
+
+
+def _coarse(share: F64, gains: C128) -> float:
+    return float((share * COARSE) @ np.sum(np.abs(gains) ** 2, axis=(1, 2)))
+
+
+def h2_norm(system: Realisation) -> float:
+    """√(1/2π ∫ tr G*G dω) from the Gramian; inf where it does not exist."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    if np.any(system.d) or np.any(system.poles.real >= 0):
+        return float("inf")
+    if system.order == 0:
+        return 0.0
+    gramian = solve_continuous_lyapunov(system.a, -system.b @ system.b.T)
+    return float(np.sqrt(max(np.trace(system.c @ gramian @ system.c.T), 0.0)))
+
+
+def largest_gain(gains: C128) -> F64:
+    """Largest singular value on each line."""
+    if 1 in gains.shape[1:]:
+        return np.asarray(np.linalg.norm(gains.reshape(gains.shape[0], -1), axis=1))
+    return np.asarray(np.linalg.norm(gains, 2, axis=(1, 2)))
+
+
+def hinf_norm(response: Response, omega: F64) -> tuple[float, float]:
+    """The largest gain over all frequencies and where it is: a grid, its highest peaks refined.
+
+    Parameters
+    ----------
+    response : callable
+    omega : ndarray
+        Ascending, fine enough to show each peak.
+    """
+    from scipy.optimize import minimize_scalar
+
+    omega = np.unique(np.append(0.0, omega))
+    sizes = largest_gain(response(omega))
+    inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
+    peak = int(np.argmax(sizes))
+    best, at = float(sizes[peak]), float(omega[peak])
+    for k in inner[np.argsort(-sizes[inner])][:8]:
+        if sizes[k] < 0.5 * best:
+            continue
+        found = minimize_scalar(
+            lambda w: -float(largest_gain(response(np.array([w])))[0]),
+            bounds=(omega[k - 1], omega[k + 1]),
+            method="bounded",
+            options={"xatol": 1e-9 * omega[k]},
+        )
+        if -found.fun > best:
+            best, at = float(-found.fun), float(found.x)
+    return best, at

@@ -1,0 +1,361 @@
+"""The ways from a system to a model of lower order: state space of an order, structure, lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .criterion import Criterion, Target, Weight, criterion_of, lines_criterion
+from .errors import SpecError
+from .gramians import Realisation
+from .layout import Layout
+from .lti import LTI, ss, tf
+from .modal_fit import fit_modes
+from .norms import Response, largest_gain
+from .partial_fractions import Fractions
+from .rational import RationalFit, fit_rational
+from .reducible import Lines, Source, realisation
+from .structures import TransferFunction, system_of
+
+__all__ = ["Found", "of_lines", "to_order", "to_structure"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+Contender = tuple[str, Response, Realisation | None]
+
+PATIENCE = 12  # reweightings that lower the largest error by less than .1 % before the search ends
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A model, what it was held against, and what else is: name, response, states."""
+
+    model: LTI
+    target: Target
+    criterion: Criterion
+    contenders: list[Contender]
+    kept_states: int
+    nit: int
+    status: str
+    notes: list[str]
+
+
+# To a state space of some order -------------------------------------------------------------------
+
+
+def to_order(source: Source, structure: Any, weight: Weight, band: Any, method: str, dcgain: bool) -> Found:
+    """Balanced truncation, and modes fitted from there."""
+    order = _poles(structure, source)
+    count = order - source.kept.order
+    if order >= source.order or count < 0:
+        kept = f", {source.kept.order} of them not stable and kept" if source.kept.order else ""
+        raise SpecError(
+            f"reduce: {order} poles for a system of {source.order} states{kept}; give fewer than it has and "
+            "not fewer than are kept"
+        )
+    target = Target(source.stable.response, source.range, source.stable)
+    criterion = criterion_of(target, weight, band)
+    truncated = source.balanced.truncated(count)
+    found, nit = _settled(source, count) if dcgain else truncated, 0
+    notes = _kept_notes(source)
+    if count >= source.stable.order:
+        notes.append(
+            f"Inputs reach and outputs show only {source.stable.order} states of the stable part; nothing "
+            "was left out."
+        )
+    elif method == "awls" and count:
+        found, nit = _fitted_modes(source, found, criterion, dcgain)
+    whole = found.plus(source.kept)
+    model = ss(whole.a, whole.b, whole.c, whole.d, delay=source.delays)
+    if isinstance(structure, TransferFunction):
+        model = tf(*model.polynomials(), delay=source.delays)
+    contenders: list[Contender] = [("this", found.response, found), _truncation(truncated)]
+    return Found(model, target, criterion, contenders, count, nit, "ok", notes)
+
+
+def _truncation(own: Realisation) -> Contender:
+    return "balanced truncation", own.response, own
+
+
+def _kept_notes(source: Source) -> list[str]:
+    if not source.kept.order:
+        return []
+    poles = ", ".join(f"{p:.4g}" for p in source.kept.poles)
+    return [f"Poles that are not stable are kept with their residues: {poles} rad/s."]
+
+
+def _poles(structure: Any, source: Source) -> int:
+    if not isinstance(structure, TransferFunction):
+        return int(structure)
+    plain = structure.poles - 1 == structure.zeros and not structure.params  # type: ignore[operator]
+    if source.stable.d.size > 1 or not plain:
+        raise SpecError(
+            f"reduce: balanced truncation cannot make {structure}; give the number of poles, or use "
+            "method='awls'"
+        )
+    return int(structure.poles)  # type: ignore[arg-type]
+
+
+def _settled(source: Source, count: int) -> Realisation:
+    """Balanced truncation with the states left out taken as settled, which keeps the dc gain."""
+    whole = source.stable
+    if count >= whole.order:
+        return whole
+    k, rest = slice(0, count), slice(count, None)
+    gain = np.linalg.solve(whole.a[rest, rest], np.hstack([whole.a[rest, k], whole.b[rest]]))
+    return Realisation(
+        whole.a[k, k] - whole.a[k, rest] @ gain[:, :count],
+        whole.b[k] - whole.a[k, rest] @ gain[:, count:],
+        whole.c[:, k] - whole.c[:, rest] @ gain[:, :count],
+        whole.d - whole.c[:, rest] @ gain[:, count:],
+    )
+
+
+def _fitted_modes(
+    source: Source, start: Realisation, criterion: Criterion, dcgain: bool
+) -> tuple[Realisation, int]:
+    """Modes of the least criterion from balanced truncation on; never worse than that on the lines."""
+    whole, lines = source.stable, criterion.grid
+    dc = whole.response(np.zeros(1))[0].real - whole.d if dcgain else None
+
+    def fit(weight: F64, begin: Realisation, most: int) -> tuple[Realisation, int]:
+        found, nit = fit_modes(
+            lines.omega, lines.response - whole.d, np.sqrt(weight), begin, dcgain=dc, maxiter=most
+        )
+        return Realisation(found.a, found.b, found.c, whole.d), nit
+
+    found, nit = fit(criterion.weight, start, 200)
+    candidates = [found] if dcgain else [found, source.balanced.truncated(start.order)]
+    if whole.d.size == 1:  # of one path the poles say all, and other starts for them cost little
+        layout = _layout(TransferFunction(poles=start.order), 1, 1)
+        poles = fit_rational(
+            lines.omega,
+            (lines.response - whole.d).transpose(1, 2, 0),
+            layout,
+            criterion.weight,
+            unstable=0,
+            dcgain=dc,
+            maxiter=200,
+        ).poles[0]
+        fractions = Fractions(poles).state
+        begin = Realisation(fractions[0], fractions[1][:, None], start.c, whole.d)
+        other, more = fit(criterion.weight, begin, 200)
+        candidates.append(other)
+        nit += more
+    if criterion.minimax:
+        found, more = _least_largest(fit, lambda one: one.response(lines.omega), criterion, candidates)
+        return found, nit + more
+    return min(candidates, key=lambda one: criterion.cost(one.response(lines.omega))), nit
+
+
+def _least_largest(
+    fit: Callable[[F64, Any, int], tuple[Any, int]],
+    gains: Callable[[Any], C128],
+    criterion: Criterion,
+    candidates: list[Any],
+) -> tuple[Any, int]:
+    """Lawson's reweighting: each line's weight times its error, again and again; the best on all ways."""
+    data, total = criterion.grid.response, 0
+    found, least = None, float("inf")
+    for here in candidates:
+        weight, error = criterion.weight, largest_gain(data - gains(here))
+        best, stalled = float("inf"), 0
+        while stalled < PATIENCE:
+            most = float(np.max(error))
+            if most < least:
+                found, least = here, most
+            stalled = 0 if most < 0.999 * best else stalled + 1
+            best = min(best, most)
+            weight = weight * error
+            weight = weight / np.sum(weight)
+            here, nit = fit(weight, here, 10)
+            total += nit
+            error = largest_gain(data - gains(here))
+    return found, total
+
+
+# To transfer functions ----------------------------------------------------------------------------
+
+
+def to_structure(
+    source: Source, structure: TransferFunction, weight: Weight, band: Any, dcgain: bool
+) -> Found:
+    """A rational fit of the structure, begun at the poles of balanced truncation and elsewhere."""
+    outputs, inputs = source.stable.d.shape
+    layout = _layout(structure, outputs, inputs)
+    notes: list[str] = []
+    if _same_delays(layout, source):
+        layout = replace(layout, paths=tuple(replace(path, delay=0.0) for path in layout.paths))
+        bare = _without(layout, source.kept.order)
+        if bare is not None:
+            target = Target(source.stable.response, source.range, source.stable)
+            criterion = criterion_of(target, weight, band)
+            bare = _with_feedthrough(bare, source.stable.d, criterion)
+            fit = _fitted(bare, target, criterion, source, dcgain, 0)
+            own = system_of(bare, fit.theta)
+            model = _together(own, source)
+            contenders: list[Contender] = [("this", _gains(own), realisation(own))]
+            if bare.common:
+                contenders.append(_truncation(source.balanced.truncated(bare.orders[0])))
+            count = bare.orders[0] if bare.common else source.balanced.hankel.size
+            notes = _kept_notes(source) + _status_notes(fit)
+            return Found(model, target, criterion, contenders, count, fit.nit, _status(fit), notes)
+        late = source.delays
+    else:
+        late = (0.0,) * inputs
+        notes.append(
+            "The model has other delays than the system; its poles take their place as far as they can."
+        )
+    if source.kept.order and band is None:
+        raise SpecError(
+            f"reduce: {source.kept.order} pole(s) of the system are not stable, and {structure} cannot hold "
+            "them with their residues; take zeros=poles-1 with the system's delays and without params=, or "
+            "name a band= to fit in"
+        )
+
+    def response(omega: F64) -> C128:
+        found: C128 = source.response(omega) * np.exp(1j * omega[:, None, None] * np.array(late))
+        return found
+
+    target = Target(response, source.range, None)
+    criterion = criterion_of(target, weight, band)
+    fit = _fitted(layout, target, criterion, source, dcgain, source.kept.order)
+    own = system_of(layout, fit.theta)
+    model = tf(own.numerators, own.denominators, delay=late) if any(late) else own
+    notes += _status_notes(fit)
+    return Found(model, target, criterion, [("this", _gains(own), None)], 0, fit.nit, _status(fit), notes)
+
+
+def of_lines(lines: Lines, structure: Any, weight: Weight, band: Any, dcgain: bool) -> Found:
+    """A rational fit to the lines of a frequency response."""
+    _, outputs, inputs = lines.data.shape
+    if not isinstance(structure, TransferFunction):
+        structure = TransferFunction(poles=int(structure), denominator="common" if outputs > 1 else None)
+    layout = _layout(structure, outputs, inputs)
+    criterion = lines_criterion(lines.omega, lines.data, weight, band)
+    target = Target(lambda omega: criterion.grid.response, (lines.omega[0], lines.omega[-1]), None)
+    if dcgain and lines.omega[0] != 0:
+        raise SpecError("reduce: dcgain=True needs a line at 0 rad/s to know the gain there")
+    dc = lines.data[0].real if dcgain else None
+    fit = _rational(layout, criterion, None, 0, dc)
+    own = system_of(layout, fit.theta)
+    return Found(
+        own, target, criterion, [("this", _gains(own), None)], 0, fit.nit, _status(fit), _status_notes(fit)
+    )
+
+
+def _layout(structure: TransferFunction, outputs: int, inputs: int) -> Layout:
+    def names(letter: str, count: int) -> tuple[str, ...]:
+        return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+
+    return structure.layout(names("y", outputs), names("u", inputs))
+
+
+def _same_delays(layout: Layout, source: Source) -> bool:
+    return all(path.delay == source.delays[path.input] for path in layout.paths)
+
+
+def _without(layout: Layout, kept: int) -> Layout | None:
+    """The structure with fewer poles and zeros, or None where it cannot take all the residues of those."""
+    if not kept:
+        return layout
+    free = all(v is None for v in layout.fixed) and all(b == (-np.inf, np.inf) for b in layout.bounds)
+    n = layout.orders[0]
+    degrees = [d for row in layout.numerators for d in row]
+    if not (layout.common and free and n > kept and all(d is not None and d >= n - 1 for d in degrees)):
+        return None
+    zeros = [[d - kept for d in row if d is not None] for row in layout.numerators]
+    smaller = TransferFunction(poles=n - kept, zeros=zeros, denominator="common")
+    return _layout(smaller, len(layout.outputs), len(layout.inputs))
+
+
+def _with_feedthrough(layout: Layout, d: F64, criterion: Criterion) -> Layout:
+    """Leading coefficients held at the system's D, without which the difference has no H2 norm."""
+    if not criterion.whole or criterion.minimax:
+        return layout
+    fixed = list(layout.fixed)
+    for i, row in enumerate(layout.numerators):
+        for j, degree in enumerate(row):
+            at = layout.places[1][i][j]
+            if degree == layout.orders[i] and fixed[at] is None:
+                fixed[at] = float(d[i, j])
+            elif degree != layout.orders[i] and d[i, j] != 0:
+                raise SpecError(
+                    "reduce: the system has a feedthrough that the structure leaves out, and the difference "
+                    "would have no finite norm; take zeros=poles, or a band="
+                )
+    return replace(layout, fixed=tuple(fixed))
+
+
+def _fitted(
+    layout: Layout, target: Target, criterion: Criterion, source: Source, dcgain: bool, unstable: int
+) -> RationalFit:
+    start = None
+    held = any(value is not None for value in layout.fixed[: layout.orders[0]])
+    count = layout.orders[0] - unstable
+    if layout.common and not held and 0 < count <= source.stable.order:
+        start = np.concatenate([source.balanced.truncated(count).poles, source.kept.poles[:unstable]])
+    dc = target.response(np.zeros(1))[0].real if dcgain else None
+    return _rational(layout, criterion, start, unstable, dc)
+
+
+def _rational(
+    layout: Layout, criterion: Criterion, start: C128 | None, unstable: int, dc: F64 | None
+) -> RationalFit:
+    """The better of the fits from a start and from poles spread over the band; reweighted for minimax."""
+    lines = criterion.grid
+    data = lines.response.transpose(1, 2, 0)
+
+    def fit(weight: F64, begin: Any, most: int) -> tuple[RationalFit, int]:
+        poles = None if begin is None else begin if isinstance(begin, list) else begin.free_poles
+        given = weight if weight.ndim == 1 else weight.transpose(1, 2, 0)
+        found = fit_rational(
+            lines.omega, data, layout, given, unstable=unstable, dcgain=dc, start=poles, maxiter=most
+        )
+        return found, found.nit
+
+    begins = [None] if start is None else [None, [start]]
+    candidates = [fit(criterion.weight, begin, 200)[0] for begin in begins]
+    if criterion.minimax:
+        best: RationalFit = _least_largest(
+            fit, lambda one: one.response.transpose(2, 0, 1), criterion, candidates
+        )[0]
+        return best
+    return min(candidates, key=lambda one: one.cost)
+
+
+def _gains(own: LTI) -> Response:
+    return lambda omega: own.frequency_response(omega).response.transpose(2, 0, 1)
+
+
+def _together(own: LTI, source: Source) -> LTI:
+    """The fitted part and the kept poles over one denominator, with the delays."""
+    num, den = own.polynomials()
+    if source.kept.order:
+        kept = source.kept
+        other, slow = ss(kept.a, kept.b, kept.c).polynomials()
+        common, more = den[0][0], slow[0][0]
+        num = tuple(
+            tuple(
+                np.asarray(np.polyadd(np.polymul(n, more), np.polymul(m, common)), dtype=np.float64)
+                for n, m in zip(*rows, strict=True)
+            )
+            for rows in zip(num, other, strict=True)
+        )
+        whole = np.asarray(np.polymul(common, more), dtype=np.float64)
+        den = tuple((whole,) * len(row) for row in den)
+    return tf(num, den, delay=source.delays)
+
+
+def _status(fit: RationalFit) -> str:
+    return "maxiter" if fit.status == "maxiter" else "ok"
+
+
+def _status_notes(fit: RationalFit) -> list[str]:
+    if fit.status == "rank":
+        return ["The model has poles that its zeros cancel: fewer would do."]
+    return []
