@@ -19,6 +19,7 @@ from .propagate import intersample_kinds, respond
 from .records import Record
 from .signals import evaluate, sources
 from .structures import TransferFunction
+from .timelag import DelaySystem
 
 __all__ = ["Coefficients", "Experiment", "Regressors", "coefficients", "experiment", "regressors", "simulate"]
 
@@ -36,7 +37,7 @@ class Experiment:
 
     Attributes
     ----------
-    system : LTI or NonlinearModel
+    system : LTI, NonlinearModel or DelaySystem
     dt : float
         Sampling interval, s.
     u : ndarray, shape (input, time)
@@ -58,7 +59,7 @@ class Experiment:
         State of equations at t = 0 of `y`.
     """
 
-    system: LTI | NonlinearModel
+    system: LTI | NonlinearModel | DelaySystem
     dt: float
     u: F64
     y: F64
@@ -78,7 +79,7 @@ class Experiment:
 
 
 def experiment(
-    sys: LTI | NonlinearModel,
+    sys: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
     duration: float,
@@ -90,10 +91,10 @@ def experiment(
 
     `start` is the state from which the response of equations is taken.
     """
-    if not isinstance(sys, LTI | NonlinearModel):
+    if not isinstance(sys, LTI | NonlinearModel | DelaySystem):
         raise SpecError(
             f"simulate: the system is a {type(sys).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
-            "mf.Equation(...).model({name: value}) or fit.model"
+            "mf.Equation(...).model({name: value}), fit.model or mf.timelag.DelaySystem(...)"
         )
     if not (_is_number(duration) and duration > 0):
         raise SpecError(f"simulate: duration={duration!r} must be a time in seconds above 0")
@@ -104,7 +105,7 @@ def experiment(
     kinds = intersample_kinds(intersample, len(given))
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
-    if isinstance(sys, NonlinearModel):
+    if not isinstance(sys, LTI):
         state = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
         y, x = sys.trajectory(given, t, state, kinds)
         size = np.sqrt(np.mean(x**2, axis=1))
@@ -136,7 +137,7 @@ def experiment(
 
 
 def simulate(
-    sys: LTI | NonlinearModel,
+    sys: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
     duration: float,
@@ -153,7 +154,7 @@ def simulate(
 
     Parameters
     ----------
-    sys : LTI or NonlinearModel
+    sys : LTI, NonlinearModel or DelaySystem
         The system.
     input : str, array_like, callable, or a list of these, optional
         Input, one an input of the system: text such as ``"sin(t**2/5)"``, a function of t, or intervals
@@ -167,7 +168,7 @@ def simulate(
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
         output by output; of equations, which need not rest at zero, the response from `initial_state`.
     initial_state : "zero", "random" or array_like, default "zero"
-        State at t = 0. "random": normal, each state with the root mean square that it has in the
+        State at t = 0, of a delay system before it, too. "random": normal, each state with the root mean square that it has in the
         response from rest. An array: the states, of a transfer function y, y', … of the free response, of
         equations in the order of `NonlinearModel.states`.
     intersample : {"smooth", "zoh", "foh"} or a sequence of them
@@ -206,7 +207,8 @@ def simulate(
         sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )
     state = _initial_state(initial_state, found, seed, replicate)
-    still = isinstance(sys, NonlinearModel) and initial_state != "random"
+    random = isinstance(initial_state, str) and initial_state == "random"
+    still = not isinstance(sys, LTI) and not random
     y = found.y if still else found.response(state)
     if nsr > 0:
         if not np.all(found.rms > 0):

@@ -365,6 +365,25 @@ class DelaySystem:
             raise SpecError("mu: omega must be one list of finite angular frequencies in rad/s")
         return margin(self, k, transformation, blocks, grid)
 
+    def trajectory(
+        self, inputs: Sequence[Any], grid: F64, x0: ArrayLike, intersample: str | Sequence[str]
+    ) -> tuple[F64, F64]:
+        """Outputs and states (channel, time) at even instants from 0 on, x0 before and at t = 0."""
+        run = self.simulate(
+            duration=float(grid[-1]),
+            dt=float(grid[1] - grid[0]),
+            history=x0,
+            u=list(inputs) if inputs else None,
+            intersample=intersample,
+        )
+        return run.y, run.x
+
+    def respond(
+        self, inputs: Sequence[Any], grid: F64, x0: ArrayLike, intersample: str | Sequence[str]
+    ) -> F64:
+        """`trajectory` without the states."""
+        return self.trajectory(inputs, grid, x0, intersample)[0]
+
     def _transformation(self, given: Transformation | None, what: str) -> Transformation:
         if not self.shape[1]:
             raise SpecError(f"{what}: the system has no inputs; give B")

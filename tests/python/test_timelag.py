@@ -1,5 +1,6 @@
 """Systems with time lag: roots, reducing transformation, design, simulation, structured uncertainty."""
 
+import importlib
 import json
 import os
 import warnings
@@ -15,6 +16,7 @@ from modfun.delay.roots import count_right
 from oracle import timelag as oracle
 
 DelaySystem, Uncertainty = mf.timelag.DelaySystem, mf.timelag.Uncertainty
+ROOT = Path(__file__).parents[2]
 A0, A1 = np.array([[-1.0, -3.0], [2.0, -5.0]]), np.array([[1.66, -0.697], [0.93, -0.33]])
 
 
@@ -321,30 +323,11 @@ def test_the_controllers_z_is_that_of_the_integrals():
     assert errors[0] > 2 * errors[1] > 4 * errors[2]  # steps of u bend x
 
 
-def naive(design, lag, nodes):
-    """u = -K(x + trapezoidal sum over past u), its own term solved for."""
-    from scipy.linalg import expm
-
-    t = design.transformation
-    age = np.linspace(0, lag, nodes + 1)
-    weight = np.full(nodes + 1, lag / nodes)
-    weight[[0, -1]] /= 2
-    rows = [
-        -design.K @ (w * expm(t.A * (s - lag)) @ t.plant.B[lag]) for w, s in zip(weight, age, strict=True)
-    ]
-    own = np.linalg.inv(np.eye(len(rows[0])) - rows[0])
-
-    def law(now, state, held):
-        past = held(now - age[1:])
-        return own @ (
-            -design.K @ state(now)[:, 0] + sum(r @ p for r, p in zip(rows[1:], past.T, strict=True))
-        )
-
-    return law
-
-
-def test_naive_sums_destabilise_and_the_controller_does_not():
+def test_naive_sums_destabilise_and_the_controller_does_not(monkeypatch):
     """x' = x + u(t - 1), root 1 to -5: sums of 8 values of u under fast sampling make the loop explode."""
+    monkeypatch.syspath_prepend(str(ROOT / "benches"))
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    naive = importlib.import_module("timelag").naive
     plant = DelaySystem(A={0: 1.0}, B={1.0: 1.0})
     design = plant.place([-5.0])
     safe = plant.simulate(design, duration=16, dt=0.0125, history=[1.0])
@@ -521,6 +504,56 @@ def test_what_is_not_linear_is_refused():
         mf.timelag.from_fit("fit")
     with pytest.raises(mf.SpecError, match="2 by 2"):
         mf.timelag.equation(A={0: [["a", 1], [1, "b"]], 1.0: [["c", 0]]})
+
+
+def test_records_of_a_delay_system():
+    plant = DelaySystem(A={0: A0, 1: A1}, B={0.4: [1, 0]})
+    rec = mf.simulate(plant, input="sin(t)", duration=4.0, intervals=100, initial_state=[1.0, 0.5])
+    run = plant.simulate(duration=4.0, dt=0.04, u="sin(t)", history=[1.0, 0.5])
+    assert rec.outputs == ("x1", "x2")
+    assert np.array_equal(rec.y, run.x)
+    noisy = mf.simulate(plant, input="sin(t)", duration=4.0, intervals=100, nsr=0.1, seed=2)
+    again = mf.simulate(plant, input="sin(t)", duration=4.0, intervals=100, nsr=0.2, seed=2)
+    clean = mf.simulate(plant, input="sin(t)", duration=4.0, intervals=100)
+    assert again.y - clean.y == pytest.approx(2 * (noisy.y - clean.y))
+    with pytest.raises(mf.SpecError, match="DelaySystem"):
+        mf.simulate("plant", duration=1.0, intervals=10)
+
+
+def test_the_example_closes_the_circle(monkeypatch):
+    """Ten estimates within 4 standard errors: false alarm .06 %, and the seed is fixed."""
+    pytest.importorskip("sympy")
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    example = importlib.import_module("time_lag")
+    _, fit, identified, design, (free, controlled) = example.main()
+    assert fit.success
+    truth = np.array([example.TRUTH[name] for name in fit.param_names])
+    assert np.all(np.abs(fit.params - truth) < 4 * fit.bse)
+    assert np.all(fit.bse < 0.15 * np.abs(truth))
+    assert list(identified.A)[1] == fit["h"]
+    assert design.moved.real == pytest.approx([-2.5, -3])
+    assert np.abs(controlled.x[:, controlled.t > 3]).max() < 0.3 * np.abs(free.x[:, free.t > 3]).max()
+    blocks = mf.timelag.errors(fit)
+    assert len(blocks) == len(fit.param_names) - 1  # the lag is taken as exact
+    assert identified.mu(design, blocks, omega=[0.1, 1.0, 3.0]).margin > 1
+    with pytest.raises(mf.SpecError, match="between 0 and 1"):
+        mf.timelag.errors(fit, level=95)
+
+
+@pytest.mark.parametrize("options", [{}, {"harmonics": 40}, {"harmonics": 100}, {"harmonics": 20}])
+def test_a_lag_is_found_where_its_bounds_begin_at_zero(monkeypatch, options):
+    """Unweighted rows under noise prefer h = 0, where the columns of x(t) and x(t - h) are one."""
+    pytest.importorskip("sympy")
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    example = importlib.import_module("time_lag")
+    model = mf.timelag.equation(
+        A={0: [["a11", "a12"], ["a21", "a22"]], "h": [["c11", "c12"], ["c21", "c22"]]},
+        B={0.4: ["b", 0]},
+        params={"h": mf.Free(min=0, max=2.0)},
+    )
+    fit = mf.fit(example.record(nsr=0.1, seed=3), model, **options)
+    assert fit.success
+    assert abs(fit["h"] - 1) < 4 * fit.bse[fit.param_names.index("h")] < 0.2
 
 
 # Plots --------------------------------------------------------------------------------------------

@@ -286,8 +286,8 @@ impl TermsFitter {
         Ok(problem)
     }
 
-    /// An estimate on few lines, where a wide band of nonlinear signals was given: there unweighted rows may be
-    /// ruled by noise, and what they say is no start.
+    /// An estimate on few lines, where a wide band of nonlinear signals or free lags was given: there unweighted
+    /// rows may be ruled by noise, and what they say is no start.
     fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
@@ -295,7 +295,8 @@ impl TermsFitter {
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
         let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
-        if !wide || !self.refines() {
+        let linear = !self.refines() && self.o.equations.free_lags().next().is_none();
+        if !wide || linear {
             return Ok(None);
         }
         let Ok(mut few) = self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
@@ -306,7 +307,7 @@ impl TermsFitter {
         Ok(usable(&guess).then_some(guess.theta))
     }
 
-    fn weights(&self) -> (Weights, Factors) {
+    pub(crate) fn weights(&self) -> (Weights, Factors) {
         match (self.o.flat, self.o.method) {
             (true, _) | (_, Method::Wls | Method::Ls) => (Weights::Flat, Factors::Data),
             (_, Method::Awls) => (Weights::Noise, Factors::Data),

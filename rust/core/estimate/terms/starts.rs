@@ -15,6 +15,9 @@ const DECADES: f64 = 2.0;
 const SAME: f64 = 1e-9;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
+/// Where lags are free, so many ends are followed under the weights that will count, so many steps far.
+const LOWEST: usize = 3;
+const LOOKED: usize = 8;
 
 impl Problem<'_> {
     /// θ that minimises the unweighted rows; with nonlinear coefficients the best of many minima.
@@ -24,16 +27,44 @@ impl Problem<'_> {
             let zero = vec![0.0; e.parameters];
             return Ok(self.iterate(zero, Weights::Flat, Factors::Data, TOLERANCE, 2)?.theta);
         }
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        // (unweighted cost, θ) of each end that is none of those before.
+        let mut ends: Vec<(f64, Vec<f64>)> = Vec::new();
         let trials = (0..TRIALS).map(|k| start(e, k));
         for theta in from.map(<[f64]>::to_vec).into_iter().chain(trials) {
             let ended = self.iterate(theta, Weights::Flat, Factors::Data, TOLERANCE, STEPS)?;
-            let better = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost * (1.0 - SAME));
-            if ended.cost.is_finite() && better {
+            let apart = |(cost, _): &(f64, Vec<f64>)| (ended.cost - cost).abs() > SAME * cost;
+            if ended.cost.is_finite() && ends.iter().all(apart) {
+                ends.push((ended.cost, ended.theta));
+            }
+        }
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if e.free_lags().next().is_some() {
+            return self.judged(ends);
+        }
+        Ok(ends.into_iter().next().map_or_else(|| start(e, 0), |(_, theta)| theta))
+    }
+
+    /// Of the ends of unweighted starts the one that leads lowest under the weights that will count.
+    ///
+    /// Unweighted rows under noise like a lag next to nothing, at which x(t) and x(t − h) are one signal.
+    fn judged(&mut self, ends: Vec<(f64, Vec<f64>)>) -> Result<Vec<f64>, Error> {
+        let first = ends.first().map(|(_, theta)| theta.clone());
+        let (weights, factors) = self.fitter.weights();
+        let mut found = Vec::with_capacity(ends.len());
+        for (_, theta) in ends {
+            found.push((self.cost(&theta, weights)?, theta));
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(LOWEST);
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for theta in first.into_iter().chain(found.into_iter().map(|(_, theta)| theta)) {
+            let ended = self.iterate(theta, weights, factors, TOLERANCE, LOOKED)?;
+            let lower = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost);
+            if ended.cost.is_finite() && lower {
                 best = Some((ended.cost, ended.theta));
             }
         }
-        Ok(best.map_or_else(|| start(e, 0), |(_, theta)| theta))
+        Ok(best.map_or_else(|| start(&self.fitter.o.equations, 0), |(_, theta)| theta))
     }
 }
 
