@@ -190,7 +190,7 @@ def identify(replicates, figures=None):
 
 def draw_identified(figures):
     """One record, and the loop that was designed on what it told."""
-    rec, fit, plant, design, runs = time_lag.main()
+    rec, fit, *_, runs = time_lag.main()
     fig, (upper, lower) = axes(2, size=(7, 4.8))
     predicted = fit.predict(rec)
     for k, name in enumerate(rec.outputs):

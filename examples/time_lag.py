@@ -1,6 +1,6 @@
 """Identify, transform, control, simulate: a system whose states act on it a second later, inputs .4 s later.
 
-x'(t) = A0 x(t) + A1 x(t - 1) + B u(t - .4), both states measured with noise (matrices of Yi, Nelson and Ulsoy).
+x'(t) = A0 x(t) + A1 x(t - 1) + B u(t - .4), both states measured with noise; matrices of Yi, Nelson, Ulsoy.
 """
 
 import modfun as mf

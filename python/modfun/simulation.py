@@ -168,9 +168,9 @@ def simulate(
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
         output by output; of equations, which need not rest at zero, the response from `initial_state`.
     initial_state : "zero", "random" or array_like, default "zero"
-        State at t = 0, of a delay system before it, too. "random": normal, each state with the root mean square that it has in the
-        response from rest. An array: the states, of a transfer function y, y', … of the free response, of
-        equations in the order of `NonlinearModel.states`.
+        State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
+        square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
+        the free response, of equations in the order of `NonlinearModel.states`.
     intersample : {"smooth", "zoh", "foh"} or a sequence of them
         What the input does between its samples; text and functions taken as smooth are exact.
     seed, replicate : int

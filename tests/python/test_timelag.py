@@ -437,15 +437,14 @@ def test_within_the_margin_the_delay_equation_is_stable_and_beyond_it_is_not():
     found = plant.mu(design, errors)
     assert np.all(found.upper > 0)
     rates = {}
-    for size in (0.9, 1.0, 1.5, 3.0):
+    for size in (0.9, 3.0):
         for sign in (-1, 1):
             d = sign * size * found.margin
             wrong = DelaySystem(
                 A={h: m + d * np.asarray(errors[0].A.get(h, 0)) for h, m in plant.A.items()}, B=plant.B
             )
-            loop = design.controller(0.02)
-            run = wrong.simulate(lambda t, x, u, c=loop: c.step(x(t)[:, 0]), duration=60, dt=0.02, x0=[1, 1])
-            early, late = (np.abs(run.x[:, run.t > t]).max() for t in (30, 50))
+            run = wrong.simulate(design, duration=40, dt=0.04, x0=[1, 1])
+            early, late = (np.abs(run.x[:, run.t > t]).max() for t in (20, 32))
             rates[sign * size] = late / early
     assert all(rates[s] < 1 for s in (0.9, -0.9))
     assert max(rates.values()) >= 1
