@@ -17,6 +17,7 @@ from .io import columns, read
 from .lti import LTI, ss, tf
 from .noise import Noise
 from .nonlinear import NonlinearModel
+from .nonparametric import frf
 from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records import Batch, Record
@@ -74,6 +75,7 @@ __all__ = [
     "cross_validate",
     "fit",
     "fit_many",
+    "frf",
     "load",
     "plot",
     "rank_test",

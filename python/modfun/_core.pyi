@@ -20,6 +20,7 @@ __all__ = [
     "figures",
     "gauss_legendre",
     "integrate",
+    "local_responses",
     "merge_moments",
     "noise_level",
     "normals",
@@ -49,6 +50,18 @@ def coefficients(
 ) -> _C128: ...
 def quadrature_weights(rule: str, intervals: int, t: _F64 | None) -> _F64: ...
 def noise_level(samples: _F64, order: int) -> _F64: ...
+
+# Frequency responses ---------------------------------------------------------------------------
+
+def local_responses(
+    pieces: Sequence[tuple[float, int, bool, _C128, _C128]],
+    omega: _F64,
+    family: str,
+    degree: int,
+    weighting: str,
+    threads: int | None,
+    progress: Callable[[int, int], object] | None = None,
+) -> dict[str, Any]: ...
 
 # Exact responses -------------------------------------------------------------------------------
 

@@ -704,10 +704,18 @@ def _paths(system: Any, omega: Any) -> Any:
     found = system if hasattr(system, "omega") else system.frequency_response(omega)
     everywhere = np.ones(found.omega.size, dtype=bool)
     several = found.response.shape[:2] != (1, 1)
+    radius = found.radius()
     for i, row in enumerate(found.response):
         for k, gain in enumerate(row):
-            name = f"input {k + 1} → output {i + 1}" if several else ""
-            yield name, found.omega, gain, None, None, everywhere
+            name = f"{found.inputs[k]} → {found.outputs[i]}" if several else ""
+            decibel = degree = None
+            if radius is not None:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    relative = radius[i, k] / np.abs(gain)
+                # Beyond the gain itself nothing is known of the angle.
+                decibel = 20 / np.log(10) * relative
+                degree = np.degrees(np.arcsin(np.minimum(relative, 1.0)))
+            yield name, found.omega, gain, decibel, degree, everywhere
 
 
 def _clip_to_lines(axes: Any) -> None:

@@ -13,7 +13,7 @@ from .estimation import _records
 from .masking import refuse_own_noise
 from .options import _band, _integer
 from .records import Record
-from .simulation import _spectrum
+from .simulation import spectrum
 from .tables import Table
 
 __all__ = ["rank_test"]
@@ -94,7 +94,7 @@ def _lines(rec: Record, edges: tuple[float, float] | None) -> tuple[F64, C128, C
             f"rank_test: the band ({low:.4g}, {high:.4g}) rad/s must hold several lines of "
             f"{omega0:.4g} rad/s below {n // 2 * omega0:.4g} rad/s"
         )
-    y, u = _spectrum(rec, last, "gregory", (0.0,) * len(rec.inputs), 0)
+    y, u = spectrum(rec, last, "gregory", (0.0,) * len(rec.inputs), 0)
     omega = np.arange(first, last + 1) * float(omega0)
     return omega.astype(np.float64), y[:, first:], u[:, first:]
 

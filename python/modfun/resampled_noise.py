@@ -14,7 +14,7 @@ from .noise import Noise as GivenNoise
 from .prediction import InitialState
 from .records import Record
 from .results import Fit
-from .simulation import _spectrum
+from .simulation import spectrum
 from .structures import TransferFunction
 from .validation import trend_columns
 
@@ -221,7 +221,7 @@ def _columns(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -> tupl
     divisors = np.zeros((len(fit.outputs), m.size), complex)
     for i, n in enumerate(layout.orders):
         den, nums = fit.polynomials(i)
-        ys, us = _spectrum(rec, high, fit.options.rule, layout.delays(fit.params, i), lead)
+        ys, us = spectrum(rec, high, fit.options.rule, layout.delays(fit.params, i), lead)
         a = np.polyval(den, s)
         a = np.where(np.abs(a) > LEAST * np.abs(a).max(), a, LEAST * np.abs(a).max())
         divisors[i] = a

@@ -1,55 +1,236 @@
-"""Frequency responses as data: what `frequency_response` returns."""
+"""Frequency responses as data: measured by `frf`, computed by `frequency_response`, or brought by users."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from .errors import DataError
+from . import html
+from .errors import DataError, SpecError
 from .extras import optional
+from .tables import Table
 
 __all__ = ["FrequencyResponse"]
 
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class FrequencyResponse:
-    """Complex gains at angular frequencies.
+    """Complex gains at angular frequencies, with their uncertainty where it is known.
 
     Parameters
     ----------
-    omega : ndarray, shape (omega,)
+    omega : array_like, shape (omega,)
         Angular frequencies, rad/s.
-    response : ndarray of complex, shape (output, input, omega)
+    response : array_like of complex, shape (output, input, omega), optional
         Gains; a one-dimensional array is taken as one output and one input.
+    magnitude_db, phase_deg : array_like, optional
+        Points of a Bode diagram instead of `response`, in the same shape: 20 log₁₀|G| and the angle in
+        degrees.
+    bse : array_like, same shape, optional
+        Standard errors √E|Ĝ − G|² of independent gains; or
+    cov : array_like of complex, shape (omega, path, path), optional
+        their covariance E[(Ĝ − G)(Ĝ − G)*], paths output after output.
+    noise_cov : array_like of complex, shape (omega, output, output), optional
+        Covariance of the noise on a line of the outputs.
+    degrees : array_like, shape (omega,), optional
+        Complex degrees of freedom of the covariances; one number stands for all.
+    coherence : array_like, shape (output, omega), optional
+        Share of the power of each output that the inputs explain.
+    halfwidth : array_like of int, shape (omega,), optional
+        Lines on each side that each gain was made of: gains that share lines have errors that are alike.
+    drift, drift_bse : array_like, same shape as `response`, optional
+        Change of the gains over the record, and its standard error.
+    outputs, inputs : sequence of str, optional
+        Names of the channels; by default y, y1, … and u, u1, ….
+    source : str, optional
+        How the gains were had, in a few words.
 
     Raises
     ------
     DataError
-        Shapes that do not fit.
+        Shapes that do not fit, frequencies that are not finite.
+    SpecError
+        Both or neither of `response` and Bode points, or of `cov` and `bse`.
     """
 
-    omega: NDArray[np.float64]
-    response: NDArray[np.complex128]
+    omega: F64
+    response: C128
+    cov: C128 | None
+    noise_cov: C128 | None
+    degrees: F64 | None
+    coherence: F64 | None
+    halfwidth: NDArray[np.int64] | None
+    drift: C128 | None
+    drift_bse: F64 | None
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    source: str
 
-    def __post_init__(self) -> None:
-        omega = np.atleast_1d(np.array(self.omega, dtype=np.float64))
-        response = np.array(self.response, dtype=np.complex128)
-        if response.ndim == 1:
-            response = response[None, None, :]
-        if omega.ndim != 1 or response.ndim != 3 or response.shape[2] != omega.size:
+    def __init__(
+        self,
+        omega: ArrayLike,
+        response: ArrayLike | None = None,
+        *,
+        magnitude_db: ArrayLike | None = None,
+        phase_deg: ArrayLike | None = None,
+        bse: ArrayLike | None = None,
+        cov: ArrayLike | None = None,
+        noise_cov: ArrayLike | None = None,
+        degrees: ArrayLike | None = None,
+        coherence: ArrayLike | None = None,
+        halfwidth: ArrayLike | None = None,
+        drift: ArrayLike | None = None,
+        drift_bse: ArrayLike | None = None,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+        source: str = "",
+    ) -> None:
+        where = np.atleast_1d(np.array(omega, dtype=np.float64))
+        if where.ndim != 1 or not np.all(np.isfinite(where)):
             raise DataError(
-                f"FrequencyResponse: {omega.size} frequencies and a response of shape {response.shape}; "
+                "FrequencyResponse: omega must be one list of finite angular frequencies in rad/s"
+            )
+        gains = _gains(response, magnitude_db, phase_deg)
+        if gains.ndim != 3 or gains.shape[2] != where.size:
+            raise DataError(
+                f"FrequencyResponse: {where.size} frequencies and a response of shape {gains.shape}; "
                 "give (output, input, omega), or (omega,) for one output and one input"
             )
-        omega.flags.writeable = response.flags.writeable = False
-        object.__setattr__(self, "omega", omega)
-        object.__setattr__(self, "response", response)
+        several = (gains.shape[0], gains.shape[1], where.size)
+        paths = gains.shape[0] * gains.shape[1]
+        if cov is not None and bse is not None:
+            raise SpecError("FrequencyResponse: give the covariance cov or the standard errors bse, not both")
+        spread = None if cov is None else _shaped("cov", cov, (where.size, paths, paths), complex)
+        if bse is not None:
+            errors = _shaped("bse", bse, several, float)
+            spread = np.zeros((where.size, paths, paths), complex)
+            spread[:, range(paths), range(paths)] = errors.reshape(paths, -1).T ** 2
+        put = {
+            "omega": where,
+            "response": gains,
+            "cov": spread,
+            "noise_cov": _optional(
+                "noise_cov", noise_cov, (where.size, gains.shape[0], gains.shape[0]), complex
+            ),
+            "degrees": None if degrees is None else np.broadcast_to(degrees, where.shape).astype(float),
+            "coherence": _optional("coherence", coherence, (gains.shape[0], where.size), float),
+            "halfwidth": _optional("halfwidth", halfwidth, (where.size,), int),
+            "drift": _optional("drift", drift, several, complex),
+            "drift_bse": _optional("drift_bse", drift_bse, several, float),
+        }
+        for name, array in put.items():
+            if array is not None:
+                array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "outputs", _names("outputs", outputs, gains.shape[0], "y"))
+        object.__setattr__(self, "inputs", _names("inputs", inputs, gains.shape[1], "u"))
+        object.__setattr__(self, "source", source)
+
+    @property
+    def magnitude_db(self) -> F64:
+        """20 log₁₀ of the magnitudes, (output, input, omega)."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(20 * np.log10(np.abs(self.response)))
+
+    @property
+    def phase_deg(self) -> F64:
+        """Angles in degrees, (output, input, omega), without jumps of 360 from one frequency to the next."""
+        return np.degrees(np.unwrap(np.angle(self.response), axis=2))
+
+    @property
+    def bse(self) -> F64 | None:
+        """Standard errors √E|Ĝ − G|², (output, input, omega); None where no covariance is known.
+
+        Real and imaginary part have 1/√2 of it each.
+        """
+        if self.cov is None:
+            return None
+        return _root(np.einsum("kii->ik", self.cov).real).reshape(self.response.shape)
+
+    def radius(self, level: float = 0.95) -> F64 | None:
+        """Radius of the circles about the gains that hold them with this probability, (output, input, omega).
+
+        |Ĝ − G|² over its variance is distributed as F with 2 and 2 `degrees` degrees of freedom where the
+        noise is normal; as χ²/2 where `degrees` is not known.
+
+        Raises
+        ------
+        SpecError
+            A level that is not between 0 and 1.
+        """
+        if not (isinstance(level, float) and 0 < level < 1):
+            raise SpecError(f"radius: level={level!r} must lie between 0 and 1, as 0.95")
+        bse = self.bse
+        if bse is None:
+            return None
+        free = self.degrees
+        # Quantiles of F(2, 2q): q((1 − level)^(−1/q) − 1), and its limit −log(1 − level).
+        factor = -np.log1p(-level) if free is None else free * ((1 - level) ** (-1 / free) - 1)
+        return np.asarray(np.sqrt(factor) * bse)
+
+    def select(self, band: tuple[float, float]) -> FrequencyResponse:
+        """The gains between two frequencies, rad/s, ends included.
+
+        Raises
+        ------
+        DataError
+            No frequency between them.
+        """
+        low, high = band
+        keep = np.flatnonzero((self.omega >= low) & (self.omega <= high))
+        if not keep.size:
+            raise DataError(
+                f"FrequencyResponse.select: no frequency lies between {low:g} and {high:g} rad/s; there are "
+                f"{self.omega.size} from {np.min(self.omega):g} to {np.max(self.omega):g}"
+            )
+
+        def last(array: Any) -> Any:
+            return None if array is None else array[..., keep]
+
+        def first(array: Any) -> Any:
+            return None if array is None else array[keep]
+
+        return FrequencyResponse(
+            self.omega[keep],
+            last(self.response),
+            cov=first(self.cov),
+            noise_cov=first(self.noise_cov),
+            degrees=first(self.degrees),
+            coherence=last(self.coherence),
+            halfwidth=first(self.halfwidth),
+            drift=last(self.drift),
+            drift_bse=last(self.drift_bse),
+            outputs=self.outputs,
+            inputs=self.inputs,
+            source=self.source,
+        )
+
+    def table(self) -> Table:
+        """One row a path and frequency: input, output, omega, magnitude_db, phase_deg, bse, coherence."""
+        size = self.omega.size
+        paths = [(o, i) for o in range(len(self.outputs)) for i in range(len(self.inputs))]
+        columns: dict[str, Any] = {
+            "input": [self.inputs[i] for _, i in paths for _ in range(size)],
+            "output": [self.outputs[o] for o, _ in paths for _ in range(size)],
+            "omega": np.tile(self.omega, len(paths)),
+            "magnitude_db": self.magnitude_db.reshape(-1),
+            "phase_deg": self.phase_deg.reshape(-1),
+        }
+        if self.bse is not None:
+            columns["bse"] = self.bse.reshape(-1)
+        if self.coherence is not None:
+            columns["coherence"] = np.concatenate([self.coherence[o] for o, _ in paths])
+        return Table(columns)
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
-        """Magnitude in dB and phase in degrees over frequency (extra ``plot``); returns Axes."""
+        """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes."""
         from .plot import bode
 
         return bode(self, ax=ax, hz=hz)
@@ -57,3 +238,78 @@ class FrequencyResponse:
     def to_control(self) -> Any:
         """The same as a `control.FrequencyResponseData` (extra ``control``)."""
         return optional("control", "control", "FrequencyResponse.to_control").frd(self.response, self.omega)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        low, high = (np.min(self.omega), np.max(self.omega)) if self.omega.size else (0.0, 0.0)
+        facts = [
+            ("inputs", ", ".join(self.inputs)),
+            ("outputs", ", ".join(self.outputs)),
+            ("frequencies", f"{self.omega.size} from {low:.4g} to {high:.4g} rad/s"),
+        ]
+        if self.source:
+            facts.append(("from", self.source))
+        if self.halfwidth is not None and self.halfwidth.size:
+            few, many = int(self.halfwidth.min()), int(self.halfwidth.max())
+            facts.append(("half-width", f"{few} lines" if few == many else f"{few} to {many} lines"))
+        bse = self.bse
+        if bse is not None and bse.size:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                relative = np.nanmedian(bse / np.abs(self.response))
+            facts.append(("median standard error", f"{100 * relative:.3g} % of the gain"))
+        if self.coherence is not None and self.coherence.size:
+            facts.append(("median coherence", f"{np.nanmedian(self.coherence):.4f}"))
+        return facts
+
+    def __repr__(self) -> str:
+        facts = self._facts()
+        width = max(len(name) for name, _ in facts)
+        return "FrequencyResponse\n" + "\n".join(f"  {name:<{width}}  {text}" for name, text in facts)
+
+    def _repr_html_(self) -> str:
+        return html.table([], self._facts(), title="FrequencyResponse")
+
+
+def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg: ArrayLike | None) -> Any:
+    bode = magnitude_db is not None or phase_deg is not None
+    if (response is None) != bode or (magnitude_db is None) != (phase_deg is None):
+        raise SpecError(
+            "FrequencyResponse: give response=, or both magnitude_db= and phase_deg= of a Bode diagram"
+        )
+    if response is not None:
+        gains = np.array(response, dtype=np.complex128)
+    else:
+        decibels = np.asarray(magnitude_db, dtype=np.float64)
+        degrees = np.asarray(phase_deg, dtype=np.float64)
+        if decibels.shape != degrees.shape:
+            raise DataError(
+                f"FrequencyResponse: magnitude_db has shape {decibels.shape}, phase_deg {degrees.shape}; "
+                "give one of each a frequency"
+            )
+        gains = 10 ** (decibels / 20) * np.exp(1j * np.radians(degrees))
+    return gains[None, None, :] if gains.ndim == 1 else gains
+
+
+def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...], kind: type) -> Any:
+    array: NDArray[Any] = np.array(given, dtype=kind)
+    if array.ndim == 1 and shape == (1, 1, array.size):
+        array = array.reshape(shape)
+    if array.shape != shape:
+        raise DataError(f"FrequencyResponse: {name} has shape {array.shape}; it must be {shape}")
+    return array
+
+
+def _optional(name: str, given: ArrayLike | None, shape: tuple[int, ...], kind: type) -> Any:
+    return None if given is None else _shaped(name, given, shape, kind)
+
+
+def _names(what: str, given: Sequence[str] | None, count: int, letter: str) -> tuple[str, ...]:
+    if given is None:
+        return (letter,) if count == 1 else tuple(f"{letter}{k + 1}" for k in range(count))
+    names = tuple(given)
+    if len(names) != count:
+        raise DataError(f"FrequencyResponse: {len(names)} names of {what} {list(names)}, there are {count}")
+    return names
+
+
+def _root(square: F64) -> F64:
+    return np.sqrt(np.maximum(square, 0.0, where=~np.isnan(square), out=square.copy()))

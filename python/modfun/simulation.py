@@ -284,11 +284,20 @@ def coefficients(rec: Record, harmonics: int, rule: str = "gregory") -> Coeffici
     """
     _check_rule(rule)
     top = _count(harmonics, "coefficients: harmonics", 0)
-    y, u = _spectrum(rec, top, rule, (0.0,) * len(rec.inputs), 0)
+    y, u = spectrum(rec, top, rule)
     return Coefficients(omega=np.arange(top + 1.0) * (2 * np.pi / rec.duration), y=y, u=u)
 
 
-def _spectrum(rec: Record, top: int, rule: str, delays: Sequence[float], lead: int) -> tuple[C128, C128]:
+def spectrum(
+    rec: Record, top: int, rule: str, delays: Sequence[float] | None = None, lead: int = 0
+) -> tuple[C128, C128]:
+    """Coefficients 0 … `top` of outputs and inputs (channel, line), the inputs late by `delays`, s.
+
+    Raises
+    ------
+    DataError
+        Too few samples.
+    """
     intervals = rec.intervals - lead
     if 2 * top > intervals:
         raise DataError(
@@ -297,7 +306,7 @@ def _spectrum(rec: Record, top: int, rule: str, delays: Sequence[float], lead: i
             + f", so harmonics go up to {intervals // 2}, not {top}: lower harmonics, or sample faster"
         )
     kinds = [rule if k == "smooth" else k for k in rec.intersample]
-    late = [d / rec.dt if rec.dt else 0.0 for d in delays]
+    late = [d / rec.dt if rec.dt else 0.0 for d in delays or (0.0,) * len(rec.inputs)]
     t = None if rec.dt else rec.t - rec.t[0]
     y = _core.coefficients(rec.y, top, [rule] * len(rec.outputs), [0.0] * len(rec.outputs), lead, t)
     return y, _core.coefficients(rec.u, top, kinds, late, lead, t)
@@ -432,7 +441,7 @@ def regressors(
             raise DataError(
                 f"regressors: the delay of {max(delays):g} s leaves nothing of a record of {rec.duration:g} s"
             )
-    y, u = _spectrum(rec, top, rule, delays, lead)
+    y, u = spectrum(rec, top, rule, delays, lead)
     intervals = rec.intervals - lead
     length = rec.duration - lead * (rec.dt or 0.0)
     s = np.asarray(1j * np.arange(top + 1.0) * (2 * np.pi / length), dtype=np.complex128)

@@ -39,6 +39,7 @@ pub mod modulation;
 pub mod monte_carlo;
 pub mod noise_level;
 pub mod quadrature;
+pub mod response;
 pub mod rng;
 pub mod simd;
 pub mod simulate;

@@ -7,6 +7,7 @@ mod fit;
 mod integrate;
 mod joint;
 mod random;
+mod response;
 mod signals;
 mod study;
 mod tally;
@@ -30,6 +31,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tally::quantiles, module)?)?;
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(integrate::integrate, module)?)?;
+    module.add_function(wrap_pyfunction!(response::local_responses, module)?)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(tones::sinusoids, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;

@@ -1,0 +1,348 @@
+"""Frequency responses of records without a model: local models around frequencies (report, section 4.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from .errors import DataError, SpecError
+from .progress import Progress
+from .records import Record
+from .response import FrequencyResponse
+from .tables import nearest
+
+__all__ = ["frf"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+
+METHODS = ("lrm", "lpm", "modulating")
+WEIGHTINGS = ("ls", "awls", "ml")
+WIDTHS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6)  # half-widths tried, over the least
+SPARE = 1.5  # lines in the narrowest neighbourhood, over its unknowns
+SCORED = 4096  # frequencies on which half-widths are compared
+AROUND = 31  # neighbours that choose together
+
+Piece = tuple[float, C128, C128]  # line spacing, coefficients of the outputs and of the inputs
+
+
+def frf(
+    data: Record | Sequence[Record],
+    omega: ArrayLike | None = None,
+    *,
+    method: str = "lrm",
+    degree: int = 2,
+    halfwidth: int | None = None,
+    weighting: str = "ls",
+    windows: Sequence[float] | None = None,
+    band: tuple[float, float] | None = None,
+    trend: str | None = "constant",
+    varying: bool = False,
+    rule: str = "gregory",
+    threads: int | None = None,
+    progress: str | bool = "auto",
+) -> FrequencyResponse:
+    """Estimate the frequency response from inputs to outputs of records, whatever their initial state.
+
+    Around each frequency the response, and what unknown initial and final states add to the Fourier
+    coefficients, are smooth. On the lines m within `halfwidth` of it, at the distance r,
+    A(r) Y(m) = Σ_j B_j(r) U_j(m) + T(r) with polynomials of low degree; the response is B(0) (report,
+    section 4.9; THEORY, section 6). Neither periods nor windows that taper are needed.
+
+    Parameters
+    ----------
+    data : Record or sequence of Record
+        Records may differ in length and rate; all share the response, each has its own T.
+    omega : array_like, optional
+        Angular frequencies, rad/s, on lines of the record or between them. Default: all lines of the longest
+        record (or window), within `band`.
+    method : {"lrm", "lpm", "modulating"}
+        "lrm": A of the same degree as B, one an output: it follows resonances that are a few lines wide.
+        "lpm": A = 1. "modulating", the report's: A = 1, and differences over m instead of T, not weighted by
+        their covariance (which would be "lpm").
+    degree : int
+        Of B, T and A, default 2.
+    halfwidth : int, optional
+        Lines of the longest record on each side of a frequency. Default: at each frequency, of six sizes, the
+        one that predicts the lines nearby best when each is left out ("modulating": the narrowest).
+    weighting : {"ls", "awls", "ml"}
+        Of the rows of "lrm": none; by 1/|A|² of the last of four estimates, which is less biased by noise in
+        neighbourhoods wider than those chosen by default; or Gauss-Newton from there, the best with three
+        times as many lines as unknowns, and erratic with fewer. Intervals of the last two are a tenth short.
+    windows : sequence of float, optional
+        Cut the records into windows of these durations, s, and stack their equations, which pays for a slowly
+        varying system (report, section 4.9). Lines are then those of the longest window.
+    band : (float, float), optional
+        Lower and upper frequency, rad/s, of the default `omega`.
+    trend : {"constant", None}
+        Unknown offset of the outputs (line 0 is left out), or none.
+    varying : bool
+        Whether the response changes linearly over the record: it is then that of the middle, and
+        ``.drift`` the change from beginning to end.
+    rule : {"gregory", "parabolic", "trapezoid", "staircase"}
+        Quadrature of the outputs and of smooth inputs.
+    threads : int, optional
+        Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
+    progress : {"auto", True, False}
+        A line on standard error; "auto": on a terminal, for work that takes a while.
+
+    Returns
+    -------
+    FrequencyResponse
+        With covariance, noise, coherence and half-widths. NaN at frequencies where an input has no power of
+        its own.
+
+    Raises
+    ------
+    DataError
+        Records without inputs, uneven or masked, of different channels, or too short.
+    SpecError
+        An unknown word, or more unknowns than lines.
+
+    Notes
+    -----
+    Gains closer than the sum of their half-widths share lines, and errors. The covariance holds for the
+    noise; where a neighbourhood is too wide for the system, what the polynomials cannot follow counts as
+    noise, on average.
+    """
+    _word("method", method, METHODS)
+    _word("weighting", weighting, WEIGHTINGS)
+    _word("trend", trend, ("constant", None))
+    _number("degree", degree, 0)
+    if method != "lrm" and weighting == "ml":
+        raise SpecError(f'frf: weighting="ml" is for method="lrm", not {method!r}; leave it out')
+    records = _records(data)
+    parts = _windows(records, windows)
+    parts.sort(key=lambda rec: -rec.duration)
+    pieces = [_piece(rec, rule, varying) for rec in parts]
+    where = _frequencies(omega, band, pieces, trend)
+    inputs = pieces[0][2].shape[0]
+    shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, inputs)
+    if halfwidth is None:
+        widths = shape.widths()
+    else:
+        widths = [_number("halfwidth", halfwidth, 1)]
+    with Progress(progress, "frequency response", "frequencies") as shown:
+        chosen = np.full(where.size, widths[0])
+        if len(widths) > 1:
+            chosen = shape.choose(widths, where, threads, shown)
+        found = shape.estimates(chosen, where, threads, shown)
+    return _response(records[0], where, found, chosen, shape, varying)
+
+
+class _Neighbourhood:
+    """What describes the lines around a frequency."""
+
+    def __init__(
+        self, method: str, degree: int, weighting: str, zero: bool, pieces: list[Piece], inputs: int
+    ) -> None:
+        self.method, self.degree, self.zero = method, degree, zero
+        self.weighting = weighting if method == "lrm" else "ls"
+        self.pieces = pieces
+        terms = degree + 1
+        self.unknowns = (degree if method == "lrm" else 0) + terms * inputs
+        self.terms = terms
+
+    def half(self, piece: Piece, halfwidth: int) -> int:
+        """Lines a side of a record: as wide as those of the longest, but not fewer than T needs."""
+        return max(round(halfwidth * self.pieces[0][0] / piece[0]), (self.terms + 1) // 2)
+
+    def equations(self, halfwidth: int) -> int:
+        """Lines around a frequency less transient terms, over all pieces."""
+        return sum(2 * self.half(p, halfwidth) + 1 - self.terms for p in self.pieces)
+
+    def widths(self) -> list[int]:
+        """Half-widths to choose from, narrowest first."""
+        least = 1
+        while self.equations(least) < SPARE * self.unknowns:
+            least += 1
+        if self.method == "modulating":
+            return [least]
+        top = min(p[1].shape[1] for p in self.pieces[:1])
+        tried = sorted({round(least * by) for by in WIDTHS})
+        return [h for h in tried if 4 * h + 2 <= top] or [least]
+
+    def run(self, halfwidth: int, omega: F64, threads: int | None, shown: Any) -> dict[str, Any]:
+        """The core's estimates with one half-width."""
+        given = [(p[0], self.half(p, halfwidth), self.zero, p[1], p[2]) for p in self.pieces]
+        return _core.local_responses(
+            given, np.ascontiguousarray(omega), self.method, self.degree, self.weighting, threads, shown
+        )
+
+    def choose(self, widths: list[int], omega: F64, threads: int | None, shown: Any) -> NDArray[np.int64]:
+        """The half-width for each frequency that predicts the lines around it best."""
+        from scipy.ndimage import uniform_filter1d
+
+        spacing = self.pieces[0][0]
+        low = max(round(float(omega.min()) / spacing) - AROUND // 2, 1)
+        high = min(round(float(omega.max()) / spacing) + AROUND // 2, self.pieces[0][1].shape[1] - 1)
+        every = max(1, (high - low) // SCORED)
+        lines = np.arange(float(low), high + 1.0, every) * spacing
+        scale = np.array([np.mean(np.abs(row) ** 2) or 1.0 for row in self.pieces[0][1]])
+        scores = np.array([self.run(h, lines, threads, shown)["left_out"] / scale for h in widths]).sum(
+            axis=2
+        )
+        # A line that cannot be predicted speaks against the width, but not for ever.
+        scores = np.minimum(np.where(np.isfinite(scores), scores, np.inf), 1e6)
+        smooth = uniform_filter1d(scores, max(3, AROUND // every), axis=1, mode="nearest")
+        between = 0.5 * (lines[1:] + lines[:-1])
+        best = np.argmin(smooth, axis=0)[np.searchsorted(between, omega)]
+        return np.array(widths)[best]
+
+    def estimates(
+        self, chosen: NDArray[np.int64], omega: F64, threads: int | None, shown: Any
+    ) -> dict[str, Any]:
+        """Estimates at each frequency with its own half-width."""
+        whole: dict[str, Any] = {}
+        for width in np.unique(chosen):
+            own = np.flatnonzero(chosen == width)
+            part = self.run(int(width), omega[own], threads, shown)
+            freedom = part.pop("freedom")
+            part["freedom"] = np.full((own.size, 1), freedom)
+            for name, rows in part.items():
+                whole.setdefault(name, np.empty((omega.size, rows.shape[1]), rows.dtype))[own] = rows
+        return whole
+
+
+def _response(
+    record: Record,
+    omega: F64,
+    found: dict[str, Any],
+    chosen: NDArray[np.int64],
+    shape: _Neighbourhood,
+    varying: bool,
+) -> FrequencyResponse:
+    outputs, inputs = len(record.outputs), shape.pieces[0][2].shape[0]
+    gains = found["response"].reshape(-1, outputs, inputs).transpose(1, 2, 0)
+    cov = found["cov"].reshape(-1, outputs, inputs, outputs, inputs)
+    real = len(record.inputs)
+    paths = outputs * real
+    change: dict[str, Any] = {}
+    if varying:
+        spread = np.einsum("koioi->oik", cov[:, :, real:, :, real:]).real
+        change = {"drift": gains[:, real:], "drift_bse": np.sqrt(spread)}
+    words = f"{shape.method}, degree {shape.degree}"
+    if shape.method == "lrm":
+        words += f", {shape.weighting}"
+    if len(shape.pieces) > 1:
+        words += f", {len(shape.pieces)} records or windows"
+    return FrequencyResponse(
+        omega,
+        gains[:, :real],
+        cov=cov[:, :, :real, :, :real].reshape(-1, paths, paths),
+        noise_cov=found["noise"].reshape(-1, outputs, outputs),
+        degrees=found["freedom"][:, 0],
+        coherence=found["coherence"].T,
+        halfwidth=chosen,
+        outputs=record.outputs,
+        inputs=record.inputs,
+        source=words,
+        **change,
+    )
+
+
+# What users give ----------------------------------------------------------------------------------
+
+
+def _records(data: Record | Sequence[Record]) -> list[Record]:
+    records = [data] if isinstance(data, Record) else list(data)
+    if not records or not all(isinstance(rec, Record) for rec in records):
+        raise SpecError("frf: give a Record, or a list of at least one")
+    first = records[0]
+    for k, rec in enumerate(records):
+        if (rec.outputs, rec.inputs) != (first.outputs, first.inputs):
+            raise DataError(
+                f"frf: record {k} has outputs {list(rec.outputs)} and inputs {list(rec.inputs)}, record 0 "
+                f"{list(first.outputs)} and {list(first.inputs)}; give records of the same channels"
+            )
+        if not rec.inputs:
+            raise DataError("frf: the record has no input, and a frequency response needs one")
+        if rec.dt is None:
+            raise DataError("frf: the samples are uneven; resample the record to even steps")
+        if rec.mask is not None or rec.sigma is not None:
+            raise DataError(
+                "frf: the record has masked samples, or noise that varies, which local models do not know; "
+                "split it at the gaps (rec.window) and give the parts as a list"
+            )
+        for name in rec.inputs:
+            if np.ptp(rec[name]) == 0:
+                raise DataError(
+                    f"frf: input {name!r} stands at {rec[name][0]:g} throughout; leave it out with "
+                    "rec.select(inputs=[...]), or take a record in which it moves"
+                )
+    return records
+
+
+def _windows(records: list[Record], durations: Sequence[float] | None) -> list[Record]:
+    """The records, or their windows of each duration, one after the other."""
+    if durations is None:
+        return list(records)
+    parts = []
+    for duration in np.atleast_1d(np.asarray(durations, dtype=np.float64)).tolist():
+        for rec in records:
+            steps = round(duration / rec.dt) if rec.dt and duration > 0 else 0
+            if not 8 <= steps <= rec.intervals:
+                raise SpecError(
+                    f"frf: windows of {duration:g} s take {steps} of the {rec.intervals} intervals of a "
+                    f"record of {rec.duration:g} s; give durations in seconds, of 8 intervals or more"
+                )
+            parts += [rec._slice(k, k + steps) for k in range(0, rec.intervals - steps + 1, steps)]
+    return parts
+
+
+def _piece(rec: Record, rule: str, varying: bool) -> Piece:
+    from .simulation import spectrum
+
+    y, u = spectrum(rec, rec.intervals // 2, rule)
+    if varying:
+        # An input times time, −½ to ½ over the record: report, section 4.8.
+        along = np.linspace(-0.5, 0.5, rec.intervals + 1)
+        kinds = [rule if kind == "smooth" else kind for kind in rec.intersample]
+        late = np.ascontiguousarray(rec.u * along)
+        more = _core.coefficients(late, rec.intervals // 2, kinds, [0.0] * len(kinds), 0, None)
+        u = np.concatenate([u, more])
+    return 2 * np.pi / rec.duration, y, u
+
+
+def _frequencies(
+    omega: ArrayLike | None, band: tuple[float, float] | None, pieces: list[Piece], trend: str | None
+) -> F64:
+    spacing, y, _ = pieces[0]
+    top = (y.shape[1] - 1) * spacing
+    if omega is not None:
+        if band is not None:
+            raise SpecError("frf: give the frequencies omega or a band, not both")
+        where = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        if where.ndim != 1 or not where.size or not np.all((where >= 0) & (where <= top * (1 + 1e-12))):
+            raise SpecError(
+                f"frf: omega must hold frequencies from 0 to {top:.6g} rad/s, half the sampling rate; got "
+                f"{np.min(where, initial=np.inf):.6g} to {np.max(where, initial=-np.inf):.6g}"
+            )
+        return where
+    where = np.arange(0.0 if trend is None else 1.0, y.shape[1]) * spacing
+    if band is not None:
+        low, high = band
+        where = where[(where >= low) & (where <= high)]
+        if not where.size:
+            raise SpecError(
+                f"frf: no line lies in the band {low:g} to {high:g} rad/s; lines are {spacing:.6g} apart, up "
+                f"to {top:.6g}"
+            )
+    return where
+
+
+def _word(name: str, given: Any, words: Sequence[Any]) -> None:
+    if given not in words:
+        options = ", ".join(repr(w) for w in words)
+        hint = nearest(given, [w for w in words if w]) if isinstance(given, str) else f"one of {options}"
+        raise SpecError(f"frf: {name}={given!r} is none of {options}; {hint}")
+
+
+def _number(name: str, given: Any, least: int) -> int:
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
+        raise SpecError(f"frf: {name}={given!r} must be a whole number from {least} on")
+    return int(given)
