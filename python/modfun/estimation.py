@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Never, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import explain
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
@@ -19,6 +18,7 @@ from .noise import Noise
 from .options import Choices, Options
 from .prepared import prepare, refuse_standing
 from .records import Batch, Record
+from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction
 
@@ -29,7 +29,7 @@ __all__ = ["Estimator", "fit", "fit_many"]
 
 
 def fit(
-    data: Record | Sequence[Record],
+    data: Record | Sequence[Record] | FrequencyResponse,
     model: TransferFunction | Written,
     *,
     method: str = "ml",
@@ -54,8 +54,10 @@ def fit(
 
     Parameters
     ----------
-    data : Record or sequence of Record
-        Lengths, rates and trims may differ between records, channels may not.
+    data : Record or sequence of Record, or FrequencyResponse
+        Lengths, rates and trims may differ between records, channels may not. Gains of a frequency response
+        are weighted by the inverse of their covariance; of the options band, tol and maxiter mean something
+        then.
     model : TransferFunction, Equation or StateSpace
         What is to be fitted.
     method : {"ml", "awls", "wls", "ls"}
@@ -134,9 +136,7 @@ def fit(
             **unknown,
         },
     )
-    result = _fit(_records(data), _structure(model, "fit"), options)
-    _warn(result)
-    return result
+    return _fitted(data, _structure(model, "fit"), options)
 
 
 class Estimator:
@@ -163,11 +163,9 @@ class Estimator:
         object.__setattr__(self, "model", _structure(model, "Estimator"))
         object.__setattr__(self, "options", _options("Estimator", dict(options)))
 
-    def __call__(self, data: Record | Sequence[Record]) -> Fit:
-        """Fit the structure to a record, or to several as one problem."""
-        result = _fit(_records(data), self.model, self.options)
-        _warn(result)
-        return result
+    def __call__(self, data: Record | Sequence[Record] | FrequencyResponse) -> Fit:
+        """Fit the structure to a record, several as one problem, or a frequency response."""
+        return _fitted(data, self.model, self.options)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"an Estimator cannot be changed ({name}); make a new one")
@@ -241,6 +239,19 @@ def fit_many(
 # The way to the core -----------------------------------------------------------------------------
 
 
+def _fitted(data: Any, structure: Any, options: Options) -> Fit:
+    """A fit of what users give, with its warnings."""
+    if isinstance(data, FrequencyResponse):
+        from .response_fit import fit_response
+
+        result: Fit = fit_response(data, structure, options)
+    else:
+        result = _fit(_records(data), structure, options)
+    for text in result.remarks():
+        warnings.warn(text, ModfunWarning, stacklevel=3)
+    return result
+
+
 def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
     if not isinstance(structure, TransferFunction):
@@ -286,11 +297,6 @@ def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
         else nan,
         records=records,
     )
-
-
-def _warn(result: Fit) -> None:
-    for text in explain.warnings_of(result):
-        warnings.warn(text, ModfunWarning, stacklevel=3)
 
 
 # What users give ----------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from .tables import Findings, Table
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["Summary", "check", "message", "one_line", "warnings_of"]
+__all__ = ["Summary", "check", "facts", "message", "one_line", "warnings_of"]
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 # Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight
@@ -227,11 +227,11 @@ class Summary:
     """The fit on one page: prints as text, shows as HTML in a notebook."""
 
     def __init__(self, fit: Fit) -> None:
-        self.facts = _facts(fit)
+        self.facts = fit.facts()
         self.parameters = _parameters(fit)
         usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
         self.poles = fit.damp() if usable and fit.has_poles else None
-        self.findings = check(fit)
+        self.findings = fit.check()
 
     def __str__(self) -> str:
         width = max(len(name) for name, _ in self.facts)
@@ -258,7 +258,8 @@ class Summary:
         return "".join(parts)
 
 
-def _facts(fit: Fit) -> list[tuple[str, str]]:
+def facts(fit: Fit) -> list[tuple[str, str]]:
+    """What stands above the parameters in the summary of a fit of records."""
     late = "".join(f", {name} delayed {delay:.6g} s" for name, delay in fit.layout.known_delays)
     held = [f"{name} = {value:.6g}" for name, value in fit.layout.held.items()]
     late += f"; held: {', '.join(held)}" if held else ""
@@ -351,8 +352,6 @@ def _chi2(fit: Fit) -> str:
 
 
 def _parameters(fit: Fit) -> Table:
-    classical = np.sqrt(np.diag(fit.cov_nonrobust))
-    robust = np.sqrt(np.diag(fit.cov_hc3))
     interval = fit.conf_int()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = fit.params / fit.bse
@@ -360,8 +359,7 @@ def _parameters(fit: Fit) -> Table:
         {
             "parameter": list(fit.param_names),
             "value": fit.params,
-            "se HC3": robust,
-            "se classical": classical,
+            **fit.standard_errors(),
             "t": ratio,
             "2.5 %": interval[:, 0],
             "97.5 %": interval[:, 1],

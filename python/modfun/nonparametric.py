@@ -166,6 +166,18 @@ class _Neighbourhood:
         tried = sorted({round(least * by) for by in WIDTHS})
         return [h for h in tried if 4 * h + 2 <= top] or [least]
 
+    def reach(self, halfwidth: NDArray[np.int64]) -> F64:
+        """Half the distance, rad/s, at which errors are no more alike.
+
+        A local polynomial of degree R weighs lines by a kernel of height Σ (k + ½) P_k(0)², P_k Legendre's,
+        over half-widths; its autocorrelation sums to the inverse, as a triangle of that half-base does.
+        """
+        from scipy.special import eval_legendre
+
+        k = np.arange(self.degree + 1)
+        height = float(np.sum((k + 0.5) * eval_legendre(k, 0.0) ** 2))
+        return np.asarray((halfwidth + 0.5) / (2 * height) * self.pieces[0][0])
+
     def run(self, halfwidth: int, omega: F64, threads: int | None, shown: Any) -> dict[str, Any]:
         """The core's estimates with one half-width."""
         given = [(p[0], self.half(p, halfwidth), self.zero, p[1], p[2]) for p in self.pieces]
@@ -191,7 +203,8 @@ class _Neighbourhood:
         smooth = uniform_filter1d(scores, max(3, AROUND // every), axis=1, mode="nearest")
         between = 0.5 * (lines[1:] + lines[:-1])
         best = np.argmin(smooth, axis=0)[np.searchsorted(between, omega)]
-        return np.array(widths)[best]
+        chosen: NDArray[np.int64] = np.array(widths)[best]
+        return chosen
 
     def estimates(
         self, chosen: NDArray[np.int64], omega: F64, threads: int | None, shown: Any
@@ -238,6 +251,7 @@ def _response(
         degrees=found["freedom"][:, 0],
         coherence=found["coherence"].T,
         halfwidth=chosen,
+        reach=shape.reach(chosen),
         outputs=record.outputs,
         inputs=record.inputs,
         source=words,

@@ -44,7 +44,10 @@ class FrequencyResponse:
     coherence : array_like, shape (output, omega), optional
         Share of the power of each output that the inputs explain.
     halfwidth : array_like of int, shape (omega,), optional
-        Lines on each side that each gain was made of: gains that share lines have errors that are alike.
+        Lines on each side that each gain was made of.
+    reach : array_like, shape (omega,), optional
+        Half the distance in rad/s beyond which gains have errors of their own: those made of the same lines
+        err alike.
     drift, drift_bse : array_like, same shape as `response`, optional
         Change of the gains over the record, and its standard error.
     outputs, inputs : sequence of str, optional
@@ -67,6 +70,7 @@ class FrequencyResponse:
     degrees: F64 | None
     coherence: F64 | None
     halfwidth: NDArray[np.int64] | None
+    reach: F64 | None
     drift: C128 | None
     drift_bse: F64 | None
     outputs: tuple[str, ...]
@@ -86,6 +90,7 @@ class FrequencyResponse:
         degrees: ArrayLike | None = None,
         coherence: ArrayLike | None = None,
         halfwidth: ArrayLike | None = None,
+        reach: ArrayLike | None = None,
         drift: ArrayLike | None = None,
         drift_bse: ArrayLike | None = None,
         outputs: Sequence[str] | None = None,
@@ -122,6 +127,7 @@ class FrequencyResponse:
             "degrees": None if degrees is None else np.broadcast_to(degrees, where.shape).astype(float),
             "coherence": _optional("coherence", coherence, (gains.shape[0], where.size), float),
             "halfwidth": _optional("halfwidth", halfwidth, (where.size,), int),
+            "reach": _optional("reach", reach, (where.size,), float),
             "drift": _optional("drift", drift, several, complex),
             "drift_bse": _optional("drift_bse", drift_bse, several, float),
         }
@@ -190,6 +196,10 @@ class FrequencyResponse:
                 f"FrequencyResponse.select: no frequency lies between {low:g} and {high:g} rad/s; there are "
                 f"{self.omega.size} from {np.min(self.omega):g} to {np.max(self.omega):g}"
             )
+        return self.take(keep)
+
+    def take(self, keep: NDArray[Any]) -> FrequencyResponse:
+        """The gains at these positions of `omega`."""
 
         def last(array: Any) -> Any:
             return None if array is None else array[..., keep]
@@ -205,6 +215,7 @@ class FrequencyResponse:
             degrees=first(self.degrees),
             coherence=last(self.coherence),
             halfwidth=first(self.halfwidth),
+            reach=first(self.reach),
             drift=last(self.drift),
             drift_bse=last(self.drift_bse),
             outputs=self.outputs,
@@ -276,7 +287,7 @@ def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg
             "FrequencyResponse: give response=, or both magnitude_db= and phase_deg= of a Bode diagram"
         )
     if response is not None:
-        gains = np.array(response, dtype=np.complex128)
+        gains: C128 = np.array(response, dtype=np.complex128)
     else:
         decibels = np.asarray(magnitude_db, dtype=np.float64)
         degrees = np.asarray(phase_deg, dtype=np.float64)
@@ -285,7 +296,7 @@ def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg
                 f"FrequencyResponse: magnitude_db has shape {decibels.shape}, phase_deg {degrees.shape}; "
                 "give one of each a frequency"
             )
-        gains = 10 ** (decibels / 20) * np.exp(1j * np.radians(degrees))
+        gains = np.asarray(10 ** (decibels / 20) * np.exp(1j * np.radians(degrees)), dtype=np.complex128)
     return gains[None, None, :] if gains.ndim == 1 else gains
 
 

@@ -321,6 +321,21 @@ class Fit:
         """What is wrong or doubtful about the fit, in sentences with numbers."""
         return explain.check(self)
 
+    def standard_errors(self) -> dict[str, F64]:
+        """The columns of standard errors of the summary."""
+        return {
+            "se HC3": np.sqrt(np.diag(self.cov_hc3)),
+            "se classical": np.sqrt(np.diag(self.cov_nonrobust)),
+        }
+
+    def remarks(self) -> list[str]:
+        """What deserves a warning when the fit is made."""
+        return explain.warnings_of(self)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What stands above the parameters in the summary: names and texts."""
+        return explain.facts(self)
+
     def summary(self) -> explain.Summary:
         """All of the fit on one page; prints, and shows as HTML in a notebook."""
         return explain.Summary(self)
