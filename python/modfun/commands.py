@@ -17,6 +17,7 @@ from .commands_study import mc
 from .errors import SpecError
 from .records import Record
 from .results import Fit
+from .storage import told
 from .structures import TransferFunction
 
 __all__ = ["app"]
@@ -231,6 +232,43 @@ def order(
         _save(plot, lambda pyplot: _figure(found.plot()))
     if not found.best.success:
         raise typer.Exit(1)
+
+
+@app.command()
+def frf(
+    files: Files,
+    output: Outputs = None,
+    input: Inputs = None,
+    time: Time = None,
+    dt: Step = None,
+    intersample: Between = None,
+    part: Part = None,
+    method: Annotated[str, typer.Option(help="lrm, lpm or modulating.")] = "lrm",
+    degree: Annotated[int, typer.Option(help="Of the local polynomials.")] = 2,
+    halfwidth: Annotated[
+        int | None, typer.Option(help="Lines on each side of a frequency. Default: by cross-validation.")
+    ] = None,
+    band: Band = None,
+    json_to: Json = None,
+    plot: Picture = None,
+) -> None:
+    """Estimate the frequency response without a model, from one file or several."""
+    from .nonparametric import frf
+
+    if not output or not input:
+        raise SpecError("frf: give --output and --input, the columns between which the response is wanted")
+    found = frf(
+        [_record(file, output, input, time, dt, intersample, part) for file in files],
+        method=method,
+        degree=degree,
+        halfwidth=halfwidth,
+        band=band_of(band),
+    )
+    if json_to != "-":
+        print(f"{found}\n\n{found.table()}")
+    write_json(json_to, told(found.to_dict()))
+    if plot is not None:
+        _save(plot, lambda pyplot: _figure(found.plot()))
 
 
 @app.command()

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import DataError, SpecError
+from .options import Options
 from .progress import Progress
 from .records import Record
 from .response import FrequencyResponse
@@ -39,7 +40,7 @@ def frf(
     halfwidth: int | None = None,
     weighting: str = "ls",
     windows: Sequence[float] | None = None,
-    band: tuple[float, float] | None = None,
+    band: float | tuple[float, float] | None = None,
     trend: str | None = "constant",
     varying: bool = False,
     rule: str = "gregory",
@@ -76,8 +77,8 @@ def frf(
     windows : sequence of float, optional
         Cut the records into windows of these durations, s, and stack their equations, which pays for a slowly
         varying system (report, section 4.9). Lines are then those of the longest window.
-    band : (float, float), optional
-        Lower and upper frequency, rad/s, of the default `omega`.
+    band : float or (float, float), optional
+        Upper, or lower and upper frequency, rad/s, of the default `omega`.
     trend : {"constant", None}
         Unknown offset of the outputs (line 0 is left out), or none.
     varying : bool
@@ -118,7 +119,7 @@ def frf(
     records = _records(data)
     parts = _windows(records, windows)
     parts.sort(key=lambda rec: -rec.duration)
-    pieces = [_piece(rec, rule, varying) for rec in parts]
+    pieces = [_piece(rec, rule, varying, trend) for rec in parts]
     where = _frequencies(omega, band, pieces, trend)
     inputs = pieces[0][2].shape[0]
     shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, inputs)
@@ -304,13 +305,15 @@ def _windows(records: list[Record], durations: Sequence[float] | None) -> list[R
                     f"frf: windows of {duration:g} s take {steps} of the {rec.intervals} intervals of a "
                     f"record of {rec.duration:g} s; give durations in seconds, of 8 intervals or more"
                 )
-            parts += [rec._slice(k, k + steps) for k in range(0, rec.intervals - steps + 1, steps)]
+            parts += [rec._slice(k, k + steps + 1) for k in range(0, rec.intervals - steps + 1, steps)]
     return parts
 
 
-def _piece(rec: Record, rule: str, varying: bool) -> Piece:
+def _piece(rec: Record, rule: str, varying: bool, trend: str | None) -> Piece:
     from .simulation import spectrum
 
+    if trend is not None:  # what end weights make of a large offset would reach other lines
+        rec = rec._like(y=rec.y - rec.y.mean(axis=1, keepdims=True))
     y, u = spectrum(rec, rec.intervals // 2, rule)
     if varying:
         # An input times time, −½ to ½ over the record: report, section 4.8.
@@ -323,7 +326,7 @@ def _piece(rec: Record, rule: str, varying: bool) -> Piece:
 
 
 def _frequencies(
-    omega: ArrayLike | None, band: tuple[float, float] | None, pieces: list[Piece], trend: str | None
+    omega: ArrayLike | None, band: float | tuple[float, float] | None, pieces: list[Piece], trend: str | None
 ) -> F64:
     spacing, y, _ = pieces[0]
     top = (y.shape[1] - 1) * spacing
@@ -339,7 +342,7 @@ def _frequencies(
         return where
     where = np.arange(0.0 if trend is None else 1.0, y.shape[1]) * spacing
     if band is not None:
-        low, high = band
+        low, high = Options.checked("frf", band=band).band or (0.0, 0.0)
         where = where[(where >= low) & (where <= high)]
         if not where.size:
             raise SpecError(

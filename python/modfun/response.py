@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import html
 from .errors import DataError, SpecError
 from .extras import optional
+from .options import Options
 from .tables import Table
 
 __all__ = ["FrequencyResponse"]
@@ -181,15 +182,15 @@ class FrequencyResponse:
         factor = -np.log1p(-level) if free is None else free * ((1 - level) ** (-1 / free) - 1)
         return np.asarray(np.sqrt(factor) * bse)
 
-    def select(self, band: tuple[float, float]) -> FrequencyResponse:
-        """The gains between two frequencies, rad/s, ends included.
+    def select(self, band: float | tuple[float, float]) -> FrequencyResponse:
+        """The gains up to a frequency, or between two, rad/s, ends included.
 
         Raises
         ------
         DataError
             No frequency between them.
         """
-        low, high = band
+        low, high = Options.checked("FrequencyResponse.select", band=band).band or (0.0, 0.0)
         keep = np.flatnonzero((self.omega >= low) & (self.omega <= high))
         if not keep.size:
             raise DataError(
@@ -245,6 +246,15 @@ class FrequencyResponse:
         from .plot import bode
 
         return bode(self, ax=ax, hz=hz)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain values: complex arrays as {"re": …, "im": …}."""
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> FrequencyResponse:
+        """What `to_dict` returned."""
+        return cls(**{name: _unplain(value) for name, value in values.items()})
 
     def to_control(self) -> Any:
         """The same as a `control.FrequencyResponseData` (extra ``control``)."""
@@ -324,3 +334,17 @@ def _names(what: str, given: Sequence[str] | None, count: int, letter: str) -> t
 
 def _root(square: F64) -> F64:
     return np.sqrt(np.maximum(square, 0.0, where=~np.isnan(square), out=square.copy()))
+
+
+def _plain(value: Any) -> Any:
+    if not isinstance(value, np.ndarray):
+        return list(value) if isinstance(value, tuple) else value
+    if value.dtype == np.complex128:
+        return {"re": value.real.tolist(), "im": value.imag.tolist()}
+    return value.tolist()
+
+
+def _unplain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return np.array(value["re"], dtype=float) + 1j * np.array(value["im"], dtype=float)
+    return value

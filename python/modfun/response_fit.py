@@ -44,6 +44,11 @@ class ResponseFit(Fit):
         return float(np.min(self.data.omega)), float(np.max(self.data.omega))
 
     @property
+    def high_band_levels(self) -> F64:
+        """Not known: nan."""
+        return np.full(len(self.outputs), np.nan)
+
+    @property
     def harmonics(self) -> Never:
         """Not for a frequency response."""
         raise SpecError("a fit to a frequency response has no harmonics; see fit.data.omega")

@@ -46,6 +46,9 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
     for name in _OF_EQUATIONS:
         if hasattr(fit, name):
             values[name] = getattr(fit, name).tolist()
+    data = getattr(fit, "data", None)  # of a fit to a frequency response the gains, which are no samples
+    if data is not None:
+        values["data"] = data.to_dict()
     values["lines"] = [list(pair) for pair in fit.lines]
     values["residuals"] = [{"re": e.real.tolist(), "im": e.imag.tolist()} for e in fit.pieces]
     plain: dict[str, Any] = told(values)
@@ -80,6 +83,12 @@ def fit_from_dict(values: Any) -> Fit:
         structure = _structure_from_dict(values["structure"])
         fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
         fields["pieces"] = tuple(pieces)
+        if "data" in values:
+            from .response import FrequencyResponse
+            from .response_fit import ResponseFit
+
+            data = FrequencyResponse.from_dict(values["data"])
+            return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
         if isinstance(structure, TransferFunction):
             return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
         from .equation_fit import EquationFit, layout_of

@@ -397,11 +397,30 @@ impl Work {
                 .scale(told)
                 .store(&mut self.response[output * inputs + a]);
         }
-        let mut power = L::splat(0.0);
-        for k in 0..lines {
-            let r = L::load(&self.distance[k]);
-            let sum = explained::<L>(&self.x, columns, &self.u, lines, self.terms, k, r);
-            power = power + sum.mul(Complex::load(&self.inverse[k])).square();
+        self.reach_of_inputs::<L>(columns, output);
+    }
+
+    /// Mean square of what of the output is no transient; where T is not fitted, of what the inputs explain.
+    #[inline(always)]
+    fn reach_of_inputs<L: Lanes>(&mut self, columns: Columns, output: usize) {
+        let (lines, terms) = (self.lines(), self.terms);
+        let (mut power, mut k) = (L::splat(0.0), 0);
+        for (piece, &(width, _)) in self.widths.iter().enumerate() {
+            for _ in 0..width {
+                let r = L::load(&self.distance[k]);
+                let inverse = Complex::load(&self.inverse[k]);
+                let part = if columns.transient == 0 {
+                    explained::<L>(&self.x, columns, &self.u, lines, terms, k, r).mul(inverse)
+                } else {
+                    let mut sum = Complex::<L>::zero();
+                    for c in self.x[piece * terms..(piece + 1) * terms].iter().rev() {
+                        sum = sum.scale(r).add(Complex::load(c));
+                    }
+                    sum.mul(inverse).neg().add(Complex::load(&self.y[output * lines + k]))
+                };
+                power = power + part.square();
+                k += 1;
+            }
         }
         (power / L::splat(lines as f64)).store(&mut self.power[output]);
     }
@@ -486,9 +505,13 @@ impl Work {
             for i in 0..self.outputs {
                 let noise = self.noise[i * self.outputs + i][0].0[lane];
                 let power = self.power[i].0[lane];
-                out.coherence.push(power / (power + noise));
-                let centre = self.centre[lane];
                 let differenced = rows < self.lines();
+                out.coherence.push(match differenced {
+                    true => power / (power + noise),
+                    // Free of what fitting noise would explain, and so at times below zero.
+                    false => (1.0 - noise / power).max(0.0),
+                });
+                let centre = self.centre[lane];
                 out.left_out.push(match differenced {
                     true => f64::NAN,
                     false => self.left_out[i * rows + centre].0[lane],
