@@ -23,11 +23,8 @@ const TABLE: &[(&str, &[&str])] = &[
     ("model", &["error", "linalg", "math"]),
     ("simulate", &["error", "model", "quadrature"]),
     ("integrate", &["error", "tape"]),
-<<<<<<< HEAD
     ("tones", &["error", "linalg", "math", "simd", "spectrum", "threads"]),
-=======
     ("response", &["error", "simd", "threads"]),
->>>>>>> a641b4f (Frequency responses: saved, from the shell, in pictures; tests against plain formulas and coverage; benches)
     (
         "estimate",
         &[

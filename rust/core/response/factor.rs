@@ -195,10 +195,7 @@ fn norm<L: Lanes>(column: &[Pair]) -> L {
 
 /// Takes from K columns their parts along a unit column; returns these. Two at once read the unit column once.
 #[inline(always)]
-fn project<L: Lanes, const K: usize>(
-    unit: &[Pair],
-    mut later: [&mut [Pair]; K],
-) -> [Complex<L>; K] {
+fn project<L: Lanes, const K: usize>(unit: &[Pair], later: [&mut [Pair]; K]) -> [Complex<L>; K] {
     let mut dots = [Complex::<L>::zero(); K];
     for (r, q) in unit.iter().enumerate() {
         let q = Complex::<L>::load(q).conj();
