@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SpecError
 from ..tables import Table
+from .numbers import complex_numbers, real_numbers
 from .transformation import Transformation, _expm, _said, integrals
 
 __all__ = ["Controller", "Design", "placed", "quadratic"]
@@ -175,7 +176,7 @@ def placed(transformation: Transformation, poles: ArrayLike, line: float) -> Des
     from scipy.signal import place_poles
 
     n = transformation.plant.order
-    wanted = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    wanted = complex_numbers("place: poles", poles)
     if wanted.shape != (n,) or not np.all(np.isfinite(wanted)):
         raise SpecError(
             f"place: {wanted.size} poles for the {n} roots that can be moved; give {n} finite numbers"
@@ -207,18 +208,22 @@ def quadratic(transformation: Transformation, q: ArrayLike, r: ArrayLike, line: 
     weights = _weight("Q", q, n, definite=False), _weight("R", r, m, definite=True)
     _need(transformation, line, "lqr", None)
     try:
-        cost = solve_continuous_are(transformation.A, transformation.B, *weights)
+        with np.errstate(all="ignore"):
+            cost = solve_continuous_are(transformation.A, transformation.B, *weights)
+        design = _design(transformation, np.linalg.solve(weights[1], transformation.B.T @ cost))
+        if not design.moved.real.max() < 0:
+            raise ValueError("roots on the imaginary axis stay there")
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SpecError(
             f"lqr: the Riccati equation has no stabilising solution ({error}); Q must weigh what the roots "
             f"{_said(transformation.kept)} move, R must not be tiny beside it"
         ) from None
-    return _design(transformation, np.linalg.solve(weights[1], transformation.B.T @ cost))
+    return design
 
 
 def gain(given: ArrayLike, inputs: int, n: int) -> F64:
     """K as a matrix, checked."""
-    k = np.atleast_2d(np.asarray(given, dtype=np.float64))
+    k = np.atleast_2d(real_numbers("K", given))
     if k.shape != (inputs, n) or not np.all(np.isfinite(k)):
         raise SpecError(
             f"K has shape {k.shape}; with {inputs} input(s) and {n} states it is ({inputs}, {n}), finite"
@@ -268,7 +273,7 @@ def _design(transformation: Transformation, k: F64) -> Design:
 
 
 def _weight(name: str, given: ArrayLike, size: int, *, definite: bool) -> F64:
-    w = np.asarray(given, dtype=np.float64)
+    w = real_numbers(f"lqr: {name}", given)
     w = w * np.eye(size) if w.ndim == 0 else np.diag(w) if w.ndim == 1 else w
     word = "positive definite" if definite else "positive semidefinite"
     if w.shape != (size, size) or not np.all(np.isfinite(w)) or not np.allclose(w, w.T):

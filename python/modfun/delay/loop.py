@@ -14,6 +14,7 @@ from ..propagate import intersample_kinds
 from ..signals import is_samples, sources
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
+from .numbers import real_numbers
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
@@ -36,17 +37,18 @@ def simulated(
 ) -> Trajectory:
     """`DelaySystem.simulate`."""
     dt = seconds(dt)
-    intervals = int(np.floor(duration / dt * (1 + 1e-12) + 1e-9)) if np.isfinite(duration) else 0
+    length = float(real_numbers("simulating: duration", duration))
+    intervals = int(np.floor(length / dt * (1 + 1e-12) + 1e-9)) if np.isfinite(length) else 0
     if intervals < 1:
         raise SpecError(f"simulating: duration={duration!r} must be at least one interval dt = {dt:g} s")
     n, inputs = plant.order, plant.shape[1]
     before = history(past, n, "history")
-    start = before(np.zeros(1))[:, 0] if x0 is None else np.asarray(x0, dtype=np.float64)
+    start = before(np.zeros(1))[:, 0] if x0 is None else real_numbers("simulating: x0", x0)
     if start.shape != (n,) or not np.all(np.isfinite(start)):
         raise SpecError(f"simulating: x0 has shape {start.shape}; give {n} finite numbers")
+    motion = Motion(plant, dt, intervals)
     grid: F64 = np.arange(intervals + 1.0) * dt
     outside = _outside(u, inputs, grid, intersample)
-    motion = Motion(plant, dt, intervals)
     memory = np.zeros((motion.back, inputs))
     given = history(input_past, inputs, "input_history")
     if feedback is None and (input_past is not None or u is None):
@@ -124,7 +126,7 @@ def _law(
                 return np.where(t >= k * dt * (1 - 1e-12), x[:, None], done(t))
 
             steps = _steps(held[: back + k], back, dt, lambda t: np.zeros((inputs, t.size)))
-            u = np.atleast_1d(np.asarray(feedback(k * dt, state, steps), dtype=np.float64))
+            u = np.atleast_1d(real_numbers("simulating: what the law gives", feedback(k * dt, state, steps)))
             if u.shape != (inputs,) or not np.all(np.isfinite(u)):
                 raise DataError(
                     f"simulating: at t = {k * dt:g} s the law gives {u}; {inputs} finite number(s) are needed"

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, SpecError
 from ..signals import Source, evaluate, is_samples
+from .numbers import real_numbers
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
@@ -29,7 +30,7 @@ STAGES = 7  # order of the method: one more
 LEVELS = 3  # lags of x after which a kink is smooth enough to be passed over
 SAME = 1e-9  # of an interval: kinks closer than this are one
 RESOLVED = 0.75  # length of a piece times the size of the matrices, at most
-MOST = 3_000_000  # pieces of a simulation
+MOST = 400_000  # pieces of a simulation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -239,7 +240,7 @@ def history(given: Any, count: int, what: str) -> History:
                 f"{error}"
             ) from None
         return called
-    values = np.zeros(count) if given is None else np.atleast_1d(np.asarray(given, dtype=np.float64))
+    values = np.zeros(count) if given is None else np.atleast_1d(real_numbers(f"simulating: {what}", given))
     if values.shape != (count,) or not np.all(np.isfinite(values)):
         raise SpecError(
             f"simulating: the {what} has shape {values.shape}; give {count} finite number(s), or a function "

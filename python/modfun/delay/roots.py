@@ -141,10 +141,10 @@ def rightmost(a: Lagged, count: int) -> Roots:
             return found
     if len(found) < count and found.counted == len(found):
         return found  # a finite spectrum: there are no more
+    counts = str(found.counted) if found.counted >= 0 else "none for sure"
     warnings.warn(
         f"poles: {len(found)} roots were found right of {found.line:.4g}, the argument principle counts "
-        f"{found.counted} there; ask for fewer than {count}, or scale states so that the matrices' entries "
-        "are alike",
+        f"{counts} there; ask for fewer than {count}, or scale the states so that entries are alike",
         ModfunWarning,
         stacklevel=3,
     )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SpecError
 from ..tables import Table
+from .numbers import complex_numbers
 from .roots import Lagged, Roots, left_null
 
 if TYPE_CHECKING:
@@ -220,14 +221,14 @@ def _chosen(a: Lagged, roots: C128, n: int, keep: Sequence[complex] | None) -> l
 
 
 def _named(roots: C128, keep: Sequence[complex], n: int) -> C128:
-    wanted = np.atleast_1d(np.asarray(keep, dtype=np.complex128))
+    wanted = complex_numbers("transformation: keep", keep)
     if wanted.size != n:
         raise SpecError(f"transformation: keep= has {wanted.size} roots, the system has {n} states; give {n}")
     found = []
     for one in wanted:
         gaps = np.abs(roots - one)
         at = int(np.argmin(gaps))
-        if gaps[at] > SAME * max(abs(one), 1.0):
+        if not gaps[at] <= SAME * max(abs(one), 1.0):
             raise SpecError(
                 f"transformation: keep= has {one:.6g}, which is no root of the system (the nearest of "
                 f"{roots.size} is {roots[at]:.6g}); take them from poles(count)"
@@ -250,7 +251,8 @@ def _polished(a: Lagged, x: F64) -> tuple[F64, float]:
     def error(x: F64) -> tuple[F64, float]:
         parts = [x, *(-_expm(-x * h) @ m for h, m in a)]
         found: F64 = np.sum(parts, axis=0)
-        return found, float(np.linalg.norm(found) / sum(np.linalg.norm(p) for p in parts))
+        size = max(sum(np.linalg.norm(p) for p in parts), np.finfo(float).tiny)
+        return found, float(np.linalg.norm(found) / size)
 
     off, residual = error(x)
     for _ in range(POLISH):
