@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -210,6 +211,40 @@ def measured(folder: Path) -> Any:
     return mf.Table(dict(zip(names, map(list, columns), strict=True)))
 
 
+def by_gains(records: int = 200) -> Any:
+    """A structure fitted to the gains of records, beside fits to the records: the damping of a mode, %."""
+    structure, true = mf.TransferFunction(poles=2, zeros=0), 0.6
+    made = [
+        mf.simulate(
+            mf.tf([9], [1, true, 9]), input=np.random.default_rng(seed).standard_normal(2049), duration=102.4,
+            intervals=2048, nsr=0.1, seed=seed, intersample="zoh",
+        )
+        for seed in range(records)
+    ]  # fmt: skip
+    rows = []
+    for name, options in (
+        ("the records", None),
+        ("lrm, h = 8", {"halfwidth": 8}),
+        ("lrm, default", {}),
+        ("lpm, default", {"method": "lpm"}),
+    ):
+        if options is None:
+            fits = [mf.fit(rec, structure) for rec in made]
+        else:
+            fits = [mf.fit(mf.frf(rec, band=(0.1, 12), progress=False, **options), structure) for rec in made]
+        found = np.array([fit["a1"] for fit in fits])
+        inside = [fit.conf_int()[0, 0] <= true <= fit.conf_int()[0, 1] for fit in fits]
+        figures = (
+            found.mean() / true - 1,
+            found.std() / true,
+            np.median([fit.bse[0] for fit in fits]) / true,
+        )
+        rows.append((name, *(100 * np.array(figures)), np.mean(inside)))
+    columns = zip(*rows, strict=True)
+    names = ("fit to", "bias", "sd", "median standard error", "within 95 %")
+    return mf.Table(dict(zip(names, map(list, columns), strict=True)))
+
+
 def figures(folder: Path | None) -> None:
     """Pictures of docs/response.md."""
     import matplotlib
@@ -284,6 +319,10 @@ def main() -> None:
                 print(simulated(folder, count, noise))
         print("\nMeasured structure: distance between the halves' responses, noise over rms\n")
         print(measured(folder))
+    print("\nDamping of a mode by way of gains, 200 records, %\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)
+        print(by_gains())
     print("\nAll 32,767 lines of a 2 × 2 record of 65,536 samples, one thread\n")
     print(speed())
     if asked.figures:

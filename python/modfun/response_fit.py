@@ -101,32 +101,33 @@ class ResponseFit(Fit):
 
     def remarks(self) -> list[str]:
         """What deserves a warning when the fit is made."""
-        return [f"fit: {text}" for text in self.check()]
+        return [f"fit: {text}" for text in self._failings()]
 
     def check(self) -> Findings:
         """What is wrong or doubtful about the fit, in sentences with numbers."""
-        from .diagnosis import growth
+        from scipy.special import chdtrc
+
         from .explain import UNLIKELY, one_line
 
-        found = [] if self.success else [self.message]
-        if np.all(np.isfinite(self.params)):
-            growing = growth(self)
-            if growing > 0:
-                found.append(
-                    f"The estimate is unstable: a pole has real part {growing:.4g} rad/s. Right for an "
-                    "unstable system, else a sign of too many poles."
-                )
-            if self.data.cov is not None:
-                from scipy.special import chdtrc
-
-                if chdtrc(self.df_resid, self.chi2) < UNLIKELY:
-                    found.append(
-                        f"The misfit is {self.sigma:.3g} times the standard errors of the gains (chi-square "
-                        f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses "
-                        "something, or the gains are biased, as those of wide neighbourhoods are at "
-                        "resonances."
-                    )
+        found = self._failings()
+        if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:
+            found.append(
+                f"The misfit is {self.sigma:.3g} times the standard errors of the gains (chi-square "
+                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses something, or the "
+                "gains are biased, as those of wide neighbourhoods are at resonances."
+            )
         return Findings(f"Check of {one_line(self)}", found)
+
+    def _failings(self) -> list[str]:
+        from .diagnosis import growth
+
+        found = [] if self.success else [self.message]
+        if np.all(np.isfinite(self.params)) and (growing := growth(self)) > 0:
+            found.append(
+                f"The estimate is unstable: a pole has real part {growing:.4g} rad/s. Right for an unstable "
+                "system, else a sign of too many poles."
+            )
+        return found
 
 
 def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> ResponseFit:
@@ -156,7 +157,10 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
     layout = structure.layout(data.outputs, data.inputs)
     paths, lines = len(data.outputs) * len(data.inputs), data.omega.size
     own = _own(data)
-    weight = np.broadcast_to(np.eye(paths), (lines, paths, paths)) if data.cov is None else _inverse(data.cov)
+    # A covariance is shared by real and imaginary parts, half each.
+    weight = (
+        np.broadcast_to(np.eye(paths), (lines, paths, paths)) if data.cov is None else 2 * _inverse(data.cov)
+    )
     found = fit_rational(
         data.omega,
         data.response,

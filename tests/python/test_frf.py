@@ -452,7 +452,7 @@ def test_a_fit_to_gains_and_its_errors():
     direct = mf.fit_many(many, structure, band=7.0).params
     spread, size = np.std(params, axis=0), np.mean(errors, axis=0)
     assert np.all(size > 0.9 * spread)
-    assert np.all(size < 2.2 * spread)
+    assert np.all(size < 1.6 * spread)
     assert np.all(spread < 1.4 * np.std(direct, axis=0))
     assert np.all(np.abs(np.mean(params, axis=0) - [0.3, 9, 9]) < size)
 
