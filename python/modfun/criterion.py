@@ -21,6 +21,8 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 Weight = str | Callable[[F64], Any] | Any
 
+# Relative errors are looked at where the response is at least this part of its largest (80 dB).
+SHOWN = 1e-4
 WORDS = ("h2", "flat", "relative")
 
 
@@ -51,14 +53,20 @@ class Criterion:
     ----------
     weight : ndarray, shape (omega,) or (omega, output, input)
         Of squares; for minimax what the first fit takes.
+    kind : {"h2", "flat", "relative", "given"}
     whole : bool
         Whether the grid stands for all frequencies.
     """
 
     grid: Grid
     weight: F64
-    minimax: bool
+    kind: str
     whole: bool
+
+    @property
+    def minimax(self) -> bool:
+        """Whether the largest error counts."""
+        return self.kind == "flat"
 
     def cost(self, gains: C128) -> float:
         """The criterion of a model's response on the lines, rooted."""
@@ -94,9 +102,9 @@ def lines_criterion(omega: F64, data: C128, weight: Weight, band: Any) -> Criter
     if isinstance(weight, list | np.ndarray):
         given = np.asarray(weight, dtype=np.float64)
         if given.shape == (omega.size,):
-            return Criterion(grid, given[inside] ** 2, False, False)
+            return Criterion(grid, given[inside] ** 2, "given", False)
         if given.shape == (*data.shape[1:], omega.size):
-            return Criterion(grid, given.transpose(2, 0, 1)[inside] ** 2, False, False)
+            return Criterion(grid, given.transpose(2, 0, 1)[inside] ** 2, "given", False)
         raise SpecError(
             f"reduce: weights of shape {given.shape} for {omega.size} lines; give (omega,) or "
             "(output, input, omega)"
@@ -104,20 +112,20 @@ def lines_criterion(omega: F64, data: C128, weight: Weight, band: Any) -> Criter
     return Criterion(grid, *_weights(weight, grid), whole=False)
 
 
-def _weights(weight: Weight, grid: Grid) -> tuple[F64, bool]:
+def _weights(weight: Weight, grid: Grid) -> tuple[F64, str]:
     by_decade = grid.share / np.where(grid.omega > 0, grid.omega, np.inf)
     if callable(weight):
         factor = np.broadcast_to(np.abs(np.asarray(weight(grid.omega))), grid.omega.shape)
         if not np.all(np.isfinite(factor)):
             raise SpecError("reduce: weight(omega) returns nan or inf; it must be finite at all frequencies")
-        return grid.share / np.pi * factor**2, False
+        return grid.share / np.pi * factor**2, "given"
     if weight == "h2":
-        return grid.share / np.pi, False
+        return grid.share / np.pi, weight
     if weight == "flat":
-        return by_decade, True
+        return by_decade, weight
     if weight == "relative":
         size = np.sum(np.abs(grid.response) ** 2, axis=(1, 2))
-        return by_decade / np.maximum(size, 1e-24 * np.max(size)), False
+        return by_decade / np.maximum(size, 1e-24 * np.max(size)), "relative"
     raise SpecError(f"reduce: weight={weight!r} is not available; {nearest(weight, WORDS)}, or f(omega)")
 
 
@@ -144,7 +152,10 @@ def measured(
         # Far below the size of the system a Gramian holds rounding, the integral still the difference.
         h2 = exact if not exact < 1e-5 * own else h2
     if criterion.whole or model is not None:
-        hinf = hinf_norm(lambda omega: target.response(omega) - gains(omega), grid.omega)[0]
+        # A light pole of the model may stand between two lines.
+        own_poles = np.abs(model.poles.imag) if model is not None else np.zeros(0)
+        lines = np.append(grid.omega, own_poles)
+        hinf = hinf_norm(lambda omega: target.response(omega) - gains(omega), lines)[0]
     else:
         hinf = float(np.max(sizes))
     return {
@@ -152,7 +163,9 @@ def measured(
         "h2_relative": h2 / own,
         "hinf": hinf,
         "hinf_relative": hinf / float(np.max(whole)),
-        "largest_relative": float(np.max(sizes / np.maximum(whole, 1e-300))),
+        "largest_relative": float(
+            np.max((sizes / np.maximum(whole, 1e-300))[whole >= SHOWN * np.max(whole)])
+        ),
         "cost": criterion.cost(gains(criterion.grid.omega)),
     }
 

@@ -158,7 +158,7 @@ def _sparse(system: Realisation) -> tuple[F64, F64]:
     return _low_rank(system.a.tocsc(), system.b), _low_rank(system.a.T.tocsc(), system.c.T)
 
 
-def _low_rank(a: Any, b: F64, tol: float = 1e-12, most: int = 400) -> F64:
+def _low_rank(a: Any, b: F64, tol: float = 1e-16, most: int = 400) -> F64:
     """Z with ZZᵀ solving AP + PAᵀ + BBᵀ = 0; shifts are Ritz values of A on the last columns."""
     from scipy.sparse import identity
     from scipy.sparse.linalg import splu

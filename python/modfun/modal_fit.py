@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .gramians import Realisation
+from .partial_fractions import Region
 
 __all__ = ["fit_modes"]
 
@@ -81,6 +82,14 @@ class _Modes:
         return q, found, self.lines.target - q @ inner
 
     @property
+    def poles(self) -> C128:
+        """One a block: of pairs the upper."""
+        return np.array(
+            [complex(self.a[k, k], self.a[k, k + 1] if size == 2 else 0) for k, size in self.pairs],
+            dtype=np.complex128,
+        )
+
+    @property
     def c(self) -> F64:
         return self._solved[1].T
 
@@ -130,6 +139,7 @@ def fit_modes(
     data: C128,
     amplitude: F64,
     start: Realisation,
+    region: Region,
     *,
     dcgain: F64 | None = None,
     tol: float = 1e-10,
@@ -144,6 +154,8 @@ def fit_modes(
     amplitude : ndarray, shape (omega,)
     start : Realisation
         A stable model; its D is not looked at.
+    region : Region
+        Where poles may go.
     dcgain : ndarray, shape (output, input), optional
         Gain at s = 0 that is met exactly.
     tol : float
@@ -173,7 +185,7 @@ def fit_modes(
         if foreseen <= tol * here.cost and damping <= 1:
             break
         trial = here.moved(step / scale)
-        if np.all(np.isfinite(trial.a)) and _stable(trial) and trial.cost < here.cost:
+        if np.all(np.isfinite(trial.a)) and region.holds(trial.poles) and trial.cost < here.cost:
             gain = (here.cost - trial.cost) / max(foreseen, 1e-300)
             damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
             here = trial
@@ -217,10 +229,6 @@ def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:
         for first, size in blocks:
             own[first : first + size] = [[1.0]] if size == 1 else [[0.0], [1.0]]
     return _Modes(diagonal, own, tuple(blocks), lines)
-
-
-def _stable(modes: _Modes) -> bool:
-    return bool(np.all(np.diag(modes.a) < 0))
 
 
 def _real(rows: Any) -> F64:

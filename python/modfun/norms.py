@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -134,7 +135,9 @@ def h2_norm(system: Realisation) -> float:
         return float("inf")
     if system.order == 0:
         return 0.0
-    gramian = solve_continuous_lyapunov(system.a, -system.b @ system.b.T)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of poles nearly on the axis; the norm is as large
+        gramian = solve_continuous_lyapunov(system.a, -system.b @ system.b.T)
     return float(np.sqrt(max(np.trace(system.c @ gramian @ system.c.T), 0.0)))
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Fractions", "Numerators", "mirrored", "monic"]
+__all__ = ["Fractions", "Numerators", "Region", "mirrored", "monic"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -209,3 +209,38 @@ def mirrored(poles: C128, unstable: int | None) -> C128:
             p = complex(-max(p.real, 1e-9 * abs(p), 1e-12), p.imag)
         kept += [p, p.conjugate()][:size]
     return np.array(kept, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where the poles of a stable model may be: none so near to the axis that it hides between two lines.
+
+    Attributes
+    ----------
+    decay, ratio : float
+        Decay rate, rad/s, and damping ratio that all poles exceed.
+    fastest : float
+        The largest modulus, rad/s; a pole far beyond the others is a feedthrough in disguise.
+    """
+
+    decay: float
+    ratio: float
+    fastest: float
+
+    def scaled(self, unit: float) -> Region:
+        """The same in another unit of frequency."""
+        return Region(self.decay / unit, self.ratio, self.fastest / unit)
+
+    def holds(self, poles: C128) -> bool:
+        """Whether all poles are inside."""
+        size = np.abs(poles)
+        slow = -poles.real <= np.maximum(self.decay, self.ratio * size)
+        return not bool(np.any(slow) or np.any(size > self.fastest))
+
+    def tamed(self, poles: C128) -> C128:
+        """The same with poles outside moved in."""
+        size = np.maximum(np.abs(poles), 1e-300)
+        near = poles * np.minimum(1, 0.99 * self.fastest / size)
+        least = 2 * np.maximum(self.decay, self.ratio * np.abs(near))
+        found: C128 = np.minimum(near.real, -least) + 1j * near.imag
+        return found

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .layout import Layout
-from .partial_fractions import mirrored
+from .partial_fractions import Region, mirrored
 from .rational_problem import Point, Problem
 
 __all__ = ["RationalFit", "fit_rational"]
@@ -97,6 +97,7 @@ def fit_rational(
     weight: Any = None,
     *,
     unstable: int | None = None,
+    region: Region | None = None,
     dcgain: F64 | None = None,
     start: Sequence[C128] | None = None,
     tol: float = 1e-12,
@@ -118,6 +119,8 @@ def fit_rational(
     unstable : int, optional
         The most poles that may lie right of or on the axis, beside integrators that are held; 0: stable.
         Default: any number.
+    region : Region, optional
+        Where all poles have to be, beside integrators that are held.
     dcgain : ndarray, shape (output, input), optional
         Gain at s = 0 that the model has exactly; nan where none is asked for.
     start : sequence of ndarray of complex, optional
@@ -142,13 +145,14 @@ def fit_rational(
     starts = problem.starts()
     if start is not None:
         starts = [[np.asarray(p, dtype=np.complex128) / problem.unit for p in start]]
+    region = None if region is None else region.scaled(problem.unit)
     tried = [
-        _sweep(problem, problem.point(poles, delays), unstable)
+        _sweep(problem, problem.point(poles, delays), unstable, region)
         for poles in starts
         for delays in problem.delay_starts()
     ]
     best, sweeps = min(tried, key=lambda one: one[0].cost)
-    best, nit, status = _descend(problem, best, unstable, tol, maxiter)
+    best, nit, status = _descend(problem, best, unstable, region, tol, maxiter)
     if status == "ok" and problem.is_singular(best):
         status = "rank"
     shape = (len(layout.outputs), len(layout.inputs), problem.omega.size)
@@ -168,7 +172,7 @@ def fit_rational(
     )
 
 
-def _sweep(problem: Problem, here: Point, unstable: int | None) -> tuple[Point, int]:
+def _sweep(problem: Problem, here: Point, unstable: int | None, region: Region | None) -> tuple[Point, int]:
     """Sanathanan–Koerner steps; the best point on the way."""
     best, nit = here, 0
     while nit < SWEEPS:
@@ -177,7 +181,10 @@ def _sweep(problem: Problem, here: Point, unstable: int | None) -> tuple[Point, 
         if not all(np.all(np.isfinite(own)) for own in poles):
             break
         settled = max(_change(a, b) for a, b in zip(poles, here.poles, strict=True)) < 1e-3
-        here = problem.point([mirrored(own, unstable) for own in poles], here.delays)
+        poles = [mirrored(own, unstable) for own in poles]
+        if region is not None:
+            poles = [region.tamed(own) for own in poles]
+        here = problem.point(poles, here.delays)
         if here.cost < best.cost:
             best = here
         if settled:
@@ -186,7 +193,7 @@ def _sweep(problem: Problem, here: Point, unstable: int | None) -> tuple[Point, 
 
 
 def _descend(
-    problem: Problem, here: Point, unstable: int | None, tol: float, maxiter: int
+    problem: Problem, here: Point, unstable: int | None, region: Region | None, tol: float, maxiter: int
 ) -> tuple[Point, int, str]:
     """Levenberg–Marquardt on poles and delays, numerators always the best."""
     if not np.isfinite(here.cost):
@@ -200,7 +207,7 @@ def _descend(
         poles, delays, foreseen = problem.step(here, rows, damping)
         if here.cost - foreseen <= tol * here.cost and damping <= 1.0:
             return here, nit, "ok"
-        trial = problem.point(poles, delays) if _allowed(poles, unstable) else None
+        trial = problem.point(poles, delays) if _allowed(poles, unstable, region) else None
         if trial is not None and trial.cost < here.cost:
             gain = (here.cost - trial.cost) / max(here.cost - foreseen, 1e-300)
             damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
@@ -213,9 +220,11 @@ def _descend(
     return here, maxiter, "maxiter"
 
 
-def _allowed(poles: list[C128], unstable: int | None) -> bool:
+def _allowed(poles: list[C128], unstable: int | None, region: Region | None) -> bool:
     """Whether all is finite and no more poles than declared lie right of the axis."""
     if not all(np.all(np.isfinite(own)) for own in poles):
+        return False
+    if region is not None and not all(region.holds(own) for own in poles):
         return False
     return unstable is None or all(np.sum(own.real >= 0) <= unstable for own in poles)
 

@@ -46,7 +46,7 @@ class Reduction:
         cannot exceed. nan for a frequency response.
     errors : Table
         A row a model (this one, and balanced truncation to the same order): h2, h2_relative, hinf,
-        hinf_relative, largest_relative (the largest ‖G − Ĝ‖/‖G‖ over the frequencies looked at), cost (the
+        hinf_relative, largest_relative (of ‖G − Ĝ‖/‖G‖, down to 80 dB below the largest ‖G‖), cost (the
         criterion that was minimised).
     nit : int
         Iterations.

@@ -15,8 +15,8 @@ from .gramians import Realisation
 from .layout import Layout
 from .lti import LTI, ss, tf
 from .modal_fit import fit_modes
-from .norms import Response, largest_gain
-from .partial_fractions import Fractions
+from .norms import Response, h2_norm, hinf_norm, largest_gain
+from .partial_fractions import Fractions, Region
 from .rational import RationalFit, fit_rational
 from .reducible import Lines, Source, realisation
 from .structures import TransferFunction, system_of
@@ -27,7 +27,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 Contender = tuple[str, Response, Realisation | None]
 
-PATIENCE = 12  # reweightings that lower the largest error by less than .1 % before the search ends
+PATIENCE = 20  # reweightings that lower the largest error by less than .1 % before the search ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,10 +121,17 @@ def _fitted_modes(
     """Modes of the least criterion from balanced truncation on; never worse than that on the lines."""
     whole, lines = source.stable, criterion.grid
     dc = whole.response(np.zeros(1))[0].real - whole.d if dcgain else None
+    region = _region(whole, criterion.minimax)
 
     def fit(weight: F64, begin: Realisation, most: int) -> tuple[Realisation, int]:
         found, nit = fit_modes(
-            lines.omega, lines.response - whole.d, np.sqrt(weight), begin, dcgain=dc, maxiter=most
+            lines.omega,
+            lines.response - whole.d,
+            np.sqrt(weight),
+            begin,
+            region,
+            dcgain=dc,
+            maxiter=most,
         )
         return Realisation(found.a, found.b, found.c, whole.d), nit
 
@@ -138,6 +145,7 @@ def _fitted_modes(
             layout,
             criterion.weight,
             unstable=0,
+            region=region,
             dcgain=dc,
             maxiter=200,
         ).poles[0]
@@ -147,22 +155,39 @@ def _fitted_modes(
         candidates.append(other)
         nit += more
     if criterion.minimax:
-        found, more = _least_largest(fit, lambda one: one.response(lines.omega), criterion, candidates)
-        return found, nit + more
+
+        def largest(one: Realisation) -> float:
+            return hinf_norm(whole.minus(one).response, np.append(lines.omega, np.abs(one.poles.imag)))[0]
+
+        def error(one: Realisation) -> F64:
+            return largest_gain(lines.response - one.response(lines.omega))
+
+        found, more = _least_largest(fit, error, criterion, candidates)
+        return min([found, *candidates], key=largest), nit + more
+    if criterion.kind == "h2" and criterion.whole:
+        return min(candidates, key=lambda one: h2_norm(whole.minus(one))), nit
     return min(candidates, key=lambda one: criterion.cost(one.response(lines.omega))), nit
+
+
+def _region(whole: Realisation, minimax: bool) -> Region:
+    """Around the poles of a system: a hundredth of its least damping; of minimax nothing faster."""
+    size = np.abs(whole.poles)
+    decay = -whole.poles.real
+    fastest = float(np.max(size)) if minimax else float("inf")
+    return Region(0.01 * float(np.min(decay)), 0.01 * float(np.min(decay / size)), fastest)
 
 
 def _least_largest(
     fit: Callable[[F64, Any, int], tuple[Any, int]],
-    gains: Callable[[Any], C128],
+    errors: Callable[[Any], F64],
     criterion: Criterion,
     candidates: list[Any],
 ) -> tuple[Any, int]:
     """Lawson's reweighting: each line's weight times its error, again and again; the best on all ways."""
-    data, total = criterion.grid.response, 0
+    total = 0
     found, least = None, float("inf")
     for here in candidates:
-        weight, error = criterion.weight, largest_gain(data - gains(here))
+        weight, error = criterion.weight, errors(here)
         best, stalled = float("inf"), 0
         while stalled < PATIENCE:
             most = float(np.max(error))
@@ -174,7 +199,7 @@ def _least_largest(
             weight = weight / np.sum(weight)
             here, nit = fit(weight, here, 10)
             total += nit
-            error = largest_gain(data - gains(here))
+            error = errors(here)
     return found, total
 
 
@@ -300,11 +325,17 @@ def _fitted(
     if layout.common and not held and 0 < count <= source.stable.order:
         start = np.concatenate([source.balanced.truncated(count).poles, source.kept.poles[:unstable]])
     dc = target.response(np.zeros(1))[0].real if dcgain else None
-    return _rational(layout, criterion, start, unstable, dc)
+    region = _region(source.stable, criterion.minimax) if not unstable and source.stable.order else None
+    return _rational(layout, criterion, start, unstable, dc, region)
 
 
 def _rational(
-    layout: Layout, criterion: Criterion, start: C128 | None, unstable: int, dc: F64 | None
+    layout: Layout,
+    criterion: Criterion,
+    start: C128 | None,
+    unstable: int,
+    dc: F64 | None,
+    region: Region | None = None,
 ) -> RationalFit:
     """The better of the fits from a start and from poles spread over the band; reweighted for minimax."""
     lines = criterion.grid
@@ -314,16 +345,26 @@ def _rational(
         poles = None if begin is None else begin if isinstance(begin, list) else begin.free_poles
         given = weight if weight.ndim == 1 else weight.transpose(1, 2, 0)
         found = fit_rational(
-            lines.omega, data, layout, given, unstable=unstable, dcgain=dc, start=poles, maxiter=most
+            lines.omega,
+            data,
+            layout,
+            given,
+            unstable=unstable,
+            region=region,
+            dcgain=dc,
+            start=poles,
+            maxiter=most,
         )
         return found, found.nit
 
     begins = [None] if start is None else [None, [start]]
     candidates = [fit(criterion.weight, begin, 200)[0] for begin in begins]
     if criterion.minimax:
-        best: RationalFit = _least_largest(
-            fit, lambda one: one.response.transpose(2, 0, 1), criterion, candidates
-        )[0]
+
+        def error(one: RationalFit) -> F64:
+            return largest_gain(lines.response - one.response.transpose(2, 0, 1))
+
+        best: RationalFit = _least_largest(fit, error, criterion, candidates)[0]
         return best
     return min(candidates, key=lambda one: one.cost)
 

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -336,3 +338,29 @@ def test_what_it_says_of_itself():
 def test_bad_input_is_named(args, options, words):
     with pytest.raises(mf.SpecError, match=words):
         mf.reduce(*args, **options)
+
+
+def test_the_example_runs(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(Path(__file__).parents[2] / "examples" / "reduce_model.py")],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "dc gain 0.111111" in done.stdout
+    assert not list(tmp_path.iterdir()), "an example leaves nothing behind"
+
+
+def test_outputs_fitted_alone_are_brought_to_their_common_poles():
+    """Four poles of two fits at 2 % noise: two Hankel values stand out, the common model is the truth."""
+    truth = mf.tf([[[1, 2]], [[3]]], [1, 0.8, 4])
+    rec = mf.simulate(truth, input="sin(t**2/5)", duration=20.0, intervals=1000, nsr=0.02, seed=0)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, denominator="separate"))
+    assert mf.common_poles(fit).p_value > 0.01
+    red = mf.reduce(fit, mf.TransferFunction(poles=2, zeros=1, denominator="common"))
+    assert red.hankel[2] < 1e-3 * red.hankel[0]
+    assert red.model.den == pytest.approx([1, 0.8, 4], rel=0.01)
+    assert red.errors["h2_relative"][0] < 2e-3
