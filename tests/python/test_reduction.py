@@ -209,6 +209,10 @@ def test_lines_of_a_frequency_response():
         assert red.hankel.size == 0
         assert np.isnan(red.bound)
         assert red.h2_error == pytest.approx(mf.reduce(CLASSIC, 2).h2_error, rel=0.05)
+    gains = response.response[0, 0]
+    bode = {"magnitude_db": 20 * np.log10(np.abs(gains)), "phase_deg": np.angle(gains, deg=True)}
+    points = mf.reduce(mf.FrequencyResponse(omega=omega, **bode), 2)
+    assert points.model.den == pytest.approx(red.model.den, rel=1e-8)
     flat = mf.reduce(response, mf.TransferFunction(poles=2), weight="flat")
     assert flat.hinf_error < red.hinf_error
     ones = mf.reduce(response, mf.TransferFunction(poles=2), weight=np.ones(80))
@@ -364,3 +368,15 @@ def test_outputs_fitted_alone_are_brought_to_their_common_poles():
     assert red.hankel[2] < 1e-3 * red.hankel[0]
     assert red.model.den == pytest.approx([1, 0.8, 4], rel=0.01)
     assert red.errors["h2_relative"][0] < 2e-3
+
+
+def test_three_light_pairs_above_two_hundred_real_poles(monkeypatch):
+    """Penzl's example with fewer real poles, 206 states to 10: both norms well below balanced truncation."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benches"))
+    import reduction as bench
+
+    given = bench.penzl()
+    h2 = mf.reduce(given, 10).errors["h2"]
+    assert h2[0] < 0.85 * h2[1]
+    hinf = mf.reduce(given, 10, weight="flat").errors["hinf"]
+    assert hinf[0] < 0.6 * hinf[1]
