@@ -113,8 +113,8 @@ class ResponseFit(Fit):
         if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:
             found.append(
                 f"The misfit is {self.sigma:.3g} times the standard errors of the gains (chi-square "
-                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses something, or the "
-                "gains are biased, as those of wide neighbourhoods are at resonances."
+                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses something, or "
+                "the gains are biased, as those of wide neighbourhoods are at resonances."
             )
         return Findings(f"Check of {one_line(self)}", found)
 

@@ -440,10 +440,10 @@ def test_bands_are_drawn(tmp_path):
 
 
 def test_a_fit_to_gains_and_its_errors():
-    """Of 60 records: bias within the standard error; errors of the right size, or cautious."""
+    """Of 150 records (a standard deviation is known to 6 %): errors of the right size, bias within them."""
     params, errors, many = [], [], []
     structure = mf.TransferFunction(poles=2, zeros=0)
-    for seed in range(60):
+    for seed in range(150):
         rec = noisy(seed, nsr=0.1)
         fit = mf.fit(mf.frf(rec, band=(0.2, 12.0), halfwidth=8), structure)
         params.append(fit.params)
@@ -451,8 +451,8 @@ def test_a_fit_to_gains_and_its_errors():
         many.append(rec)
     direct = mf.fit_many(many, structure, band=7.0).params
     spread, size = np.std(params, axis=0), np.mean(errors, axis=0)
-    assert np.all(size > 0.9 * spread)
-    assert np.all(size < 1.6 * spread)
+    assert np.all(size > 0.8 * spread)
+    assert np.all(size < 1.5 * spread)
     assert np.all(spread < 1.4 * np.std(direct, axis=0))
     assert np.all(np.abs(np.mean(params, axis=0) - [0.3, 9, 9]) < size)
 
