@@ -105,6 +105,8 @@ def sinusoids(
     complex: bool,
     trend: int,
     band: tuple[float, float],
+    lines: int,
+    awls: bool,
     threads: int | None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]: ...

@@ -18,6 +18,8 @@ from .tone_results import KINDS, Sinusoids, SinusoidsMany
 
 __all__ = ["sinusoids"]
 
+METHODS = ("ml", "awls")
+AWLS_LINES = 9
 F64 = NDArray[np.float64]
 
 
@@ -27,6 +29,8 @@ def sinusoids(
     count: int | None = None,
     *,
     damped: bool = False,
+    method: str = "ml",
+    lines: int | None = None,
     trend: str | None = "auto",
     band: float | tuple[float, float] | None = None,
     most: int = 8,
@@ -42,6 +46,8 @@ def sinusoids(
     count: int | None = None,
     *,
     damped: bool = False,
+    method: str = "ml",
+    lines: int | None = None,
     trend: str | None = "auto",
     band: float | tuple[float, float] | None = None,
     most: int = 8,
@@ -56,6 +62,8 @@ def sinusoids(
     count: int | None = None,
     *,
     damped: bool = False,
+    method: str = "ml",
+    lines: int | None = None,
     trend: str | None = "auto",
     band: float | tuple[float, float] | None = None,
     most: int = 8,
@@ -65,8 +73,8 @@ def sinusoids(
 ) -> Sinusoids | SinusoidsMany:
     """Find the sinusoids in a record, their standard errors with them.
 
-    Maximum likelihood for white noise: tones are looked for one after another on a zero-padded spectrum of
-    what the others leave, the best sets kept, and settled together by Gauss-Newton steps on the samples.
+    Tones are looked for one after another on a zero-padded spectrum of what the others leave, the best sets
+    kept, and settled together by Gauss-Newton steps: the maximum likelihood estimate for white noise.
 
     Parameters
     ----------
@@ -78,6 +86,12 @@ def sinusoids(
         (docs/sinusoids.md has the rate of right choices).
     damped : bool, default False
         Whether tones may decay or grow: damping is estimated, too.
+    method : {"ml", "awls"}
+        "awls" takes the tones from the lines around them by reweighted least squares instead: the report's
+        homogeneous model, exact for samples. Real records.
+    lines : int, optional
+        See only so many lines of the spectrum on each side of a tone, at least 2; standard errors are then of
+        the noise near each tone, whatever its colour. Default: all samples; of "awls" 9.
     trend : {"auto", None, "constant", "linear"}
         Fitted beside the tones; "auto": "constant", of complex arrays None.
     band : float or (float, float), optional
@@ -114,6 +128,7 @@ def sinusoids(
     y, weights, step = _samples(data, dt)
     many, is_complex = isinstance(data, Batch), np.iscomplexobj(y)
     trend = _checked(count, most, trend, is_complex)
+    reach = _lines(method, lines, is_complex, weights)
     powers = TRENDS.index(trend)
     real = np.concatenate([y.real, y.imag], axis=1) if is_complex else y
     width = (4 if damped else 3, (2 if is_complex else 1) * powers)
@@ -135,6 +150,8 @@ def sinusoids(
         complex=is_complex,
         trend=powers,
         band=_edges(band, step, is_complex),
+        lines=reach,
+        awls=method == "awls",
         threads=threads,
         progress=show,
     )
@@ -260,6 +277,26 @@ def _checked(count: int | None, most: int, trend: str | None, is_complex: bool) 
     if trend == "auto":
         return None if is_complex else "constant"
     return trend
+
+
+def _lines(method: str, lines: int | None, is_complex: bool, weights: F64) -> int:
+    """Lines on each side of a tone; 0: the samples."""
+    if method not in METHODS:
+        raise SpecError(f"sinusoids: method={method!r} is not available; {nearest(method, METHODS)}")
+    if lines is None:
+        if method == "ml":
+            return 0
+        lines = AWLS_LINES
+    if not isinstance(lines, int | np.integer) or isinstance(lines, bool) or lines < 2:
+        raise SpecError(f"sinusoids: lines={lines!r} must be a whole number of at least 2, or None")
+    if method == "awls" and is_complex:
+        raise SpecError('sinusoids: method="awls" takes real records; use "ml" for complex ones')
+    if np.ptp(weights) > 0:
+        raise DataError(
+            "sinusoids: lines of a record with masked or unequal samples depend on one another; leave lines "
+            'out and take method="ml"'
+        )
+    return int(lines)
 
 
 def _edges(band: float | tuple[float, float] | None, dt: float, is_complex: bool) -> tuple[float, float]:

@@ -104,6 +104,16 @@ impl Padded {
         let _ = self.transform.process_with_scratch(&mut padded, &mut out, &mut work);
         out.iter().map(|c| (c.re, c.im)).collect()
     }
+
+    /// The transform of real numbers at any m, from the half that [`Padded::run`] gives.
+    #[must_use]
+    pub fn at(half: &[(f64, f64)], m: i64, size: usize) -> (f64, f64) {
+        let m = m.rem_euclid(size as i64) as usize;
+        match m <= size / 2 {
+            true => half[m],
+            false => (half[size - m].0, -half[size - m].1),
+        }
+    }
 }
 
 /// Scratch memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call

@@ -2,18 +2,21 @@
 //!
 //! y(k) = trend + Σ A_i e^{−d_i k} cos(ω_i k + φ_i) + noise, k = 0…n−1. Tones are found one after another on
 //! a zero-padded spectrum of what the others leave (`search`) and settled together by Gauss–Newton steps on the
-//! samples, amplitudes and trend eliminated (`refine`): the maximum likelihood estimate for white noise. Time is
-//! counted in samples here, frequencies in turns a sample.
+//! samples, amplitudes and trend eliminated (`refine`): the maximum likelihood estimate for white noise. Where lines
+//! around the tones are asked for, `ml` sees these alone, and `awls` weighs them by the last estimate (`lines`). Time
+//! is counted in samples here, frequencies in turns a sample.
 
+mod lines;
 mod refine;
 mod search;
 
 use std::sync::atomic::AtomicBool;
 
 use crate::math::ln_1;
-use crate::simd::{Isa, LANES};
+use crate::simd::Isa;
 use crate::threads::{self, Control};
 use crate::{Error, Status};
+use lines::Lines;
 use refine::Refiner;
 use search::{Search, State};
 
@@ -35,6 +38,10 @@ pub struct Options {
     pub trend: usize,
     /// Where tones are looked for, turns a sample.
     pub band: (f64, f64),
+    /// Lines on each side of a tone that are fitted in the end; 0: the samples.
+    pub lines: usize,
+    /// Whether these lines are fitted by reweighting (real records) instead of maximum likelihood.
+    pub awls: bool,
 }
 
 /// One tone: frequency (turns a sample) and damping (a sample).
@@ -138,7 +145,7 @@ impl Plan {
     }
 
     fn refiner(&self) -> Refiner {
-        Refiner::new(&self.weights, &self.options, self.length().next_multiple_of(LANES), self.isa)
+        Refiner::new(&self.weights, &self.options, self.isa)
     }
 
     fn run(&self, samples: &[f64], refiner: &mut Refiner) -> Found {
@@ -157,19 +164,44 @@ impl Plan {
     }
 
     fn settled(&self, state: &State, costs: Vec<f64>, refiner: &mut Refiner) -> Found {
-        let (mut tones, (cost, nit, status)) = (state.tones.clone(), (state.cost, 0, Status::Ok));
-        let (cost, nit, status) =
-            if tones.is_empty() { (cost, nit, status) } else { refiner.settle(&mut tones) };
+        let (mut tones, mut cost, mut nit, mut status) =
+            (state.tones.clone(), state.cost, 0, Status::Ok);
+        if !tones.is_empty() {
+            (cost, nit, status) = refiner.settle(&mut tones);
+        }
         tones.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
-        let df = self.good - unknowns(&self.options, tones.len());
+        let trend = refiner.trend(&tones);
+        let mut seen = self.good;
+        let mut narrow;
+        let mut sees = refiner;
+        if self.options.lines > 0 && !tones.is_empty() {
+            let lines =
+                Lines::around(&tones, self.options.lines, self.weights.len(), self.options.complex);
+            seen = lines.rows();
+            narrow = sees.on(lines.clone(), &tones, self.isa);
+            sees = &mut narrow;
+            (nit, status) = if self.options.awls {
+                lines::awls(sees, &lines, &mut tones, self.options.damped, self.isa)
+            } else {
+                let (_, nit, status) = sees.settle(&mut tones);
+                (nit, status)
+            };
+            tones.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+            cost = sees.cost(&tones);
+        }
+        let frees = tones.len() * if self.options.damped { 4 } else { 3 };
+        let trends = unknowns(&self.options, 0);
+        let Some(df) = seen.checked_sub(frees + if self.options.lines > 0 { 0 } else { trends })
+        else {
+            return Found { costs, ..self.nothing(Status::Rank) };
+        };
         let variance = cost / df as f64;
-        let solved = refiner.solve(&tones, variance);
-        let status = if solved.independent { status } else { Status::Rank };
+        let solved = sees.solve(&tones, variance);
         Found {
-            status,
+            status: if solved.independent { status } else { Status::Rank },
             amplitude: solved.amplitude,
             phase: solved.phase,
-            trend: solved.trend,
+            trend,
             cov: solved.cov,
             tones,
             cost,

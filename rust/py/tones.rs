@@ -15,7 +15,7 @@ use crate::errors::to_python;
 /// Time is counted in samples. Rows of the answer hold frequencies, dampings (where free), amplitudes, phases,
 /// nan behind the tones that were found; the covariance is that of the first record.
 #[pyfunction]
-#[pyo3(signature = (records, weights, *, count, choose, damped, complex, trend, band, threads, progress=None))]
+#[pyo3(signature = (records, weights, *, count, choose, damped, complex, trend, band, lines, awls, threads, progress=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn sinusoids<'py>(
     py: Python<'py>,
@@ -27,10 +27,12 @@ pub fn sinusoids<'py>(
     complex: bool,
     trend: usize,
     band: (f64, f64),
+    lines: usize,
+    awls: bool,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let options = Options { count, choose, damped, complex, trend, band };
+    let options = Options { count, choose, damped, complex, trend, band, lines, awls };
     let isa = Isa::detect().map_err(to_python)?;
     let plan = Plan::new(slice(&weights, "weights")?, options, isa).map_err(to_python)?;
     let rows: Vec<&[f64]> =

@@ -1,12 +1,13 @@
-//! Gauss–Newton on the samples: frequencies and dampings move, amplitudes and trend are eliminated.
+//! Gauss–Newton on the samples, or on lines: frequencies and dampings move, amplitudes and trend are eliminated.
 
 use std::f64::consts::TAU;
 
+use super::lines::Lines;
 use super::{Options, Tone};
 use crate::Status;
 use crate::linalg::columns::Columns;
 use crate::math::sin_cos_turns_1;
-use crate::simd::Isa;
+use crate::simd::{Isa, LANES};
 
 /// Steps at most, and those of a candidate of the search.
 const STEPS: usize = 100;
@@ -25,47 +26,47 @@ pub struct Refiner {
     damped: bool,
     complex: bool,
     trend: usize,
-    /// A sample's weight and index, filled up with zeros; complex records: twice.
+    /// Where the fit sees lines only.
+    lines: Option<Lines>,
+    /// A sample's weight and index; complex records: twice.
     weights: Vec<f64>,
     index: Vec<f64>,
     y: Vec<f64>,
+    /// What the fit sees of y, and what is left of it: samples or lines, filled up with zeros.
+    seen: Vec<f64>,
     residual: Vec<f64>,
-    /// Re and Im part of each tone, as they stood before they were made orthonormal.
+    /// Re and Im part of each tone over the samples, as they stood before they were made orthonormal.
     parts: Vec<f64>,
     columns: Columns,
     coefficients: Vec<f64>,
 }
 
-/// Amplitudes, phases, trend and the covariance at given tones.
+/// Amplitudes, phases and the covariance at given tones.
 pub struct Solved {
     pub amplitude: Vec<f64>,
     pub phase: Vec<f64>,
-    pub trend: Vec<f64>,
     pub cov: Vec<f64>,
     pub independent: bool,
 }
 
 impl Refiner {
-    pub fn new(weights: &[f64], options: &Options, rows: usize, isa: Isa) -> Refiner {
-        let copies = if options.complex { 2 } else { 1 };
-        let filled = |value: &dyn Fn(usize) -> f64| {
-            let mut all = vec![0.0; rows];
-            let n = weights.len();
-            (0..copies * n).for_each(|k| all[k] = value(k % n));
-            all
-        };
+    pub fn new(weights: &[f64], options: &Options, isa: Isa) -> Refiner {
+        let (n, copies) = (weights.len(), if options.complex { 2 } else { 1 });
         let trend = options.trend * copies;
         let unknowns = 4 * options.count + trend;
+        let rows = (copies * n).next_multiple_of(LANES);
         Refiner {
-            length: weights.len(),
+            length: n,
             damped: options.damped,
             complex: options.complex,
             trend,
-            weights: filled(&|k| weights[k]),
-            index: filled(&|k| k as f64),
-            y: vec![0.0; rows],
+            lines: None,
+            weights: weights.repeat(copies),
+            index: (0..copies * n).map(|k| (k % n) as f64).collect(),
+            y: vec![0.0; copies * n],
+            seen: vec![0.0; rows],
             residual: vec![0.0; rows],
-            parts: vec![0.0; rows * 2 * options.count],
+            parts: vec![0.0; copies * n * 2 * options.count],
             columns: Columns::new(isa, rows, unknowns),
             coefficients: vec![0.0; unknowns],
         }
@@ -76,6 +77,38 @@ impl Refiner {
         for (y, (x, w)) in self.y.iter_mut().zip(samples.iter().zip(&self.weights)) {
             *y = x * w;
         }
+        self.seen[..self.y.len()].copy_from_slice(&self.y);
+    }
+
+    /// The same record seen on lines alone, without the trend that was found beside `tones`.
+    pub fn on(&mut self, lines: Lines, tones: &[Tone], isa: Isa) -> Refiner {
+        self.cost(tones);
+        let rows = lines.rows().next_multiple_of(LANES);
+        let mut y = self.y.clone();
+        for k in 0..self.trend {
+            let column = self.trend_column(k);
+            y.iter_mut().zip(&column).for_each(|(y, x)| *y -= self.coefficients[k] * x);
+        }
+        let mut seen = vec![0.0; rows];
+        lines.see(&y, &mut seen);
+        Refiner {
+            trend: 0,
+            lines: Some(lines),
+            y,
+            seen,
+            residual: vec![0.0; rows],
+            columns: Columns::new(isa, rows, self.coefficients.len()),
+            weights: self.weights.clone(),
+            index: self.index.clone(),
+            parts: self.parts.clone(),
+            coefficients: self.coefficients.clone(),
+            ..*self
+        }
+    }
+
+    /// What the fit sees of the record.
+    pub fn seen(&self) -> &[f64] {
+        &self.seen
     }
 
     /// What the tones of the last [`Refiner::cost`] leave, weighted.
@@ -97,10 +130,10 @@ impl Refiner {
             self.write_parts(i, *tone);
             for half in [2 * i, 2 * i + 1] {
                 let part = &self.parts[half * rows..][..rows];
-                independent &= self.columns.push(|x| x.copy_from_slice(part));
+                independent &= push(&mut self.columns, self.lines.as_ref(), part);
             }
         }
-        self.residual.copy_from_slice(&self.y);
+        self.residual.copy_from_slice(&self.seen);
         let b = &mut self.coefficients[..self.trend + 2 * tones.len()];
         let cost = self.columns.project(0, &mut self.residual, b);
         self.columns.back(0, b);
@@ -108,19 +141,21 @@ impl Refiner {
     }
 
     fn push_trend(&mut self) -> bool {
+        (0..self.trend).fold(true, |independent, k| {
+            let column = self.trend_column(k);
+            push(&mut self.columns, self.lines.as_ref(), &column) && independent
+        })
+    }
+
+    /// 1, then the sample's place about the middle; of complex records each as real and as imaginary part.
+    fn trend_column(&self, k: usize) -> Vec<f64> {
         let (n, copies) = (self.length, if self.complex { 2 } else { 1 });
-        let mut independent = true;
-        for k in 0..self.trend {
-            let (power, copy) = (k / copies, k % copies);
-            let (weights, middle) = (&self.weights, (n as f64 - 1.0) / 2.0);
-            independent &= self.columns.push(|x| {
-                for j in 0..n {
-                    let value = if power == 0 { 1.0 } else { (j as f64 - middle) / n as f64 };
-                    x[copy * n + j] = weights[j] * value;
-                }
-            });
-        }
-        independent
+        let middle = (n as f64 - 1.0) / 2.0;
+        let value = |j: usize| if k < copies { 1.0 } else { (j as f64 - middle) / n as f64 };
+        let mut column = vec![0.0; self.y.len()];
+        let first = k % copies * n;
+        (0..n).for_each(|j| column[first + j] = self.weights[j] * value(j));
+        column
     }
 
     /// Re λᵏ and Re iλᵏ of a real record; of a complex one λᵏ and iλᵏ, real parts first.
@@ -141,18 +176,22 @@ impl Refiner {
         }
     }
 
-    /// Adds the derivative by frequency, or by damping, of tone `i` with amplitudes (a, b).
-    fn push_slope(&mut self, i: usize, (a, b): (f64, f64), damping: bool) -> bool {
+    /// Adds p times the first part of tone `i` and q times its second, or that times the sample's index.
+    fn push_mix(&mut self, i: usize, (p, q): (f64, f64), indexed: bool) -> bool {
         let rows = self.y.len();
         let (first, second) = self.parts[2 * i * rows..][..2 * rows].split_at(rows);
-        let index = &self.index;
+        let mix = first.iter().zip(second).map(|(u, v)| p * u + q * v);
+        let column: Vec<f64> = match indexed {
+            true => mix.zip(&self.index).map(|(x, k)| k * x).collect(),
+            false => mix.collect(),
+        };
+        push(&mut self.columns, self.lines.as_ref(), &column)
+    }
+
+    /// Adds the derivative by frequency, or by damping, of tone `i` with amplitudes (a, b).
+    fn push_slope(&mut self, i: usize, (a, b): (f64, f64), damping: bool) -> bool {
         // d/dω: Re ik(a + ib)λᵏ; d/dd: −k times the tone itself.
-        let (p, q) = if damping { (-a, -b) } else { (-b, a) };
-        self.columns.push(|x| {
-            for (x, ((k, u), v)) in x.iter_mut().zip(index.iter().zip(first).zip(second)) {
-                *x = k * (p * u + q * v);
-            }
-        })
+        self.push_mix(i, if damping { (-a, -b) } else { (-b, a) }, true)
     }
 
     /// A candidate of the search, refined until it can be compared with others.
@@ -231,7 +270,13 @@ impl Refiner {
         if self.complex { near } else { near.abs() }
     }
 
-    /// Amplitudes, phases, trend, and their covariance with the tones' for noise of this variance.
+    /// Coefficients of the trend beside these tones.
+    pub fn trend(&mut self, tones: &[Tone]) -> Vec<f64> {
+        self.cost(tones);
+        self.coefficients[..self.trend].to_vec()
+    }
+
+    /// Amplitudes and phases, and their covariance with the tones' for noise of this variance.
     pub fn solve(&mut self, tones: &[Tone], variance: f64) -> Solved {
         let mut independent = self.cost(tones).is_finite();
         let linear = self.coefficients[..self.trend + 2 * tones.len()].to_vec();
@@ -240,7 +285,6 @@ impl Refiner {
         let amplitude: Vec<f64> = complex.iter().map(|c| libm::hypot(c.0, c.1)).collect();
         let phase = complex.iter().map(|c| libm::atan2(c.1, c.0)).collect();
         self.columns.truncate(self.trend);
-        let rows = self.y.len();
         for damping in [false, true].into_iter().take(if self.damped { 2 } else { 1 }) {
             for (i, c) in complex.iter().enumerate() {
                 independent &= self.push_slope(i, *c, damping);
@@ -248,20 +292,15 @@ impl Refiner {
         }
         for by_phase in [false, true] {
             for (i, (c, size)) in complex.iter().zip(&amplitude).enumerate() {
-                let (first, second) = self.parts[2 * i * rows..][..2 * rows].split_at(rows);
-                let (p, q) = if by_phase { (-c.1, c.0) } else { (c.0 / size, c.1 / size) };
-                independent &= self.columns.push(|x| {
-                    for (x, (u, v)) in x.iter_mut().zip(first.iter().zip(second)) {
-                        *x = p * u + q * v;
-                    }
-                });
+                let mix = if by_phase { (-c.1, c.0) } else { (c.0 / size, c.1 / size) };
+                independent &= self.push_mix(i, mix, false);
             }
         }
         let cov = self.covariance(self.trend, variance);
-        Solved { amplitude, phase, trend: linear[..self.trend].to_vec(), cov, independent }
+        Solved { amplitude, phase, cov, independent }
     }
 
-    /// σ²(R⁻¹R⁻ᵀ) of the columns from `first` on.
+    /// R⁻¹Qᵀ diag(noise variance) Q R⁻ᵀ of the columns from `first` on.
     fn covariance(&self, first: usize, variance: f64) -> Vec<f64> {
         let p = self.columns.count() - first;
         let mut inverse = vec![0.0; p * p];
@@ -270,7 +309,40 @@ impl Refiner {
             self.columns.back(first, column);
         }
         let at = |i: usize, j: usize| inverse[j * p + i];
-        let entry = |i: usize, j: usize| (i.max(j)..p).map(|k| at(i, k) * at(j, k)).sum::<f64>();
-        (0..p * p).map(|k| variance * entry(k / p, k % p)).collect()
+        let middle = match &self.lines {
+            Some(lines) => self.noise(&lines.levels(&self.residual, &self.leverages())),
+            None => (0..p * p).map(|k| if k / p == k % p { variance } else { 0.0 }).collect(),
+        };
+        let half: Vec<f64> = (0..p * p)
+            .map(|k| (k / p..p).map(|l| at(k / p, l) * middle[l * p + k % p]).sum())
+            .collect();
+        (0..p * p).map(|k| (k % p..p).map(|l| half[k / p * p + l] * at(k % p, l)).sum()).collect()
     }
+
+    /// Qᵀ diag(levels) Q.
+    fn noise(&self, levels: &[f64]) -> Vec<f64> {
+        let p = self.columns.count();
+        let entry = |i: usize, j: usize| -> f64 {
+            let both = self.columns.q(i).iter().zip(self.columns.q(j));
+            both.zip(levels).map(|((a, b), s)| a * b * s).sum()
+        };
+        (0..p * p).map(|k| entry(k / p, k % p)).collect()
+    }
+
+    /// Σ_j Q(i, j)² of each row.
+    fn leverages(&self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.seen.len()];
+        for j in 0..self.columns.count() {
+            sums.iter_mut().zip(self.columns.q(j)).for_each(|(sum, q)| *sum += q * q);
+        }
+        sums
+    }
+}
+
+/// Adds a column over the samples as the fit sees it.
+fn push(columns: &mut Columns, lines: Option<&Lines>, column: &[f64]) -> bool {
+    columns.push(|x| match lines {
+        Some(lines) => lines.see(column, x),
+        None => x[..column.len()].copy_from_slice(column),
+    })
 }

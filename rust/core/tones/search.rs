@@ -59,7 +59,7 @@ impl Search {
                 (0..n).map(|k| weights[k] * libm::exp(-damping * k as f64)).collect();
             let squares: Vec<f64> = values.iter().map(|v| v * v).collect();
             let half = transform.run(&squares);
-            let twice = (0..=size / 2).map(|k| at(&half, 2 * k as i64, size)).collect();
+            let twice = (0..=size / 2).map(|k| Padded::at(&half, 2 * k as i64, size)).collect();
             Envelope { damping, total: half[0].0, twice, values }
         };
         let (low, high) = options.band;
@@ -202,22 +202,13 @@ impl Search {
         };
         let re = enveloped(&column[..n]);
         if !self.complex {
-            return self.grid.iter().map(|k| at(&re, *k, size)).collect();
+            return self.grid.iter().map(|k| Padded::at(&re, *k, size)).collect();
         }
         let im = enveloped(&column[n..2 * n]);
         let both = |k: &i64| {
-            let (p, q) = (at(&re, *k, size), at(&im, *k, size));
+            let (p, q) = (Padded::at(&re, *k, size), Padded::at(&im, *k, size));
             (p.0 - q.1, p.1 + q.0)
         };
         self.grid.iter().map(both).collect()
-    }
-}
-
-/// The transform of real numbers at any index, from its half.
-fn at(half: &[(f64, f64)], k: i64, size: usize) -> (f64, f64) {
-    let k = k.rem_euclid(size as i64) as usize;
-    match k <= size / 2 {
-        true => half[k],
-        false => (half[size - k].0, -half[size - k].1),
     }
 }

@@ -136,3 +136,35 @@ def by_difference(y, m, q, weight):
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), columns)
     stacked = np.vstack([whitened.real, whitened.imag])
     return np.linalg.lstsq(stacked[:, 1:], -stacked[:, 0], rcond=None)[0]
+
+
+def around(omega, reach, n):
+    """Lines on both sides of tones, neither 0 nor half the sampling rate."""
+    below = np.floor(np.asarray(omega) * n / (2 * np.pi)).astype(int)
+    chosen = {int(b + k) for b in below for k in range(1 - reach, reach + 1)}
+    return np.array(sorted(m for m in chosen if 0 < 2 * m < n))
+
+
+def awls(y, omega, m):
+    """Reweighted least squares on lines, from tones near by: frequencies."""
+    x = 2 * np.cos(omega)
+    _, z = lines(y, m)
+    for _ in range(200):
+        g = by_transient(y, m, len(x), 1 / symmetric(x, z) ** 2)
+        x = np.sort(np.roots(np.concatenate([[1.0], g])).real)[::-1]
+    return np.arccos(x / 2)
+
+
+def refined_on(y, theta, m):
+    """The least squares of the lines m instead of the samples; estimates and their covariance."""
+    n, q = y.size, len(theta) // 3
+    wanted, _ = lines(y, m)
+
+    def residual(x):
+        w, a, p = x.reshape(3, q)
+        left = (wanted - lines(waves(w, a, p, n), m)[0]) * np.sqrt(2 / n)
+        return np.concatenate([left.real, left.imag])
+
+    found = least_squares(residual, theta, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    variance = 2 * found.cost / (2 * m.size - 3 * q)
+    return found.x, variance * np.linalg.inv(found.jac.T @ found.jac)
