@@ -19,7 +19,7 @@ from hoyw_esprit import esprit, hoyw
 from oracle import tones as oracle
 
 FAR = 5.0  # bounds beyond which an error is counted as an outlier
-SLOW = 300  # records for the classics where they take long
+SLOW = 100  # records for the classics where they take long
 LINES = (2, 3, 4, 6, 9, 12, 18)
 
 
@@ -92,7 +92,7 @@ CELLS = [
 
 
 def accuracy(replicates):
-    """RMSE over the bound by record length, spacing and noise; classics of 1024 samples on 300 records."""
+    """RMSE over the bound by record length, spacing and noise; classics of 1024 samples on 100 records."""
     head(
         "n",
         "frequencies",
