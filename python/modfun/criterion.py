@@ -115,9 +115,14 @@ def lines_criterion(omega: F64, data: C128, weight: Weight, band: Any) -> Criter
 def _weights(weight: Weight, grid: Grid) -> tuple[F64, str]:
     by_decade = grid.share / np.where(grid.omega > 0, grid.omega, np.inf)
     if callable(weight):
-        factor = np.broadcast_to(np.abs(np.asarray(weight(grid.omega))), grid.omega.shape)
-        if not np.all(np.isfinite(factor)):
-            raise SpecError("reduce: weight(omega) returns nan or inf; it must be finite at all frequencies")
+        factor = np.abs(np.asarray(weight(grid.omega)))
+        if factor.shape not in ((), grid.omega.shape) or not np.all(np.isfinite(factor)):
+            raise SpecError(
+                f"reduce: weight(omega) of {grid.omega.size} frequencies returns shape {factor.shape} "
+                "or nan or inf; it must return one finite number a frequency"
+            )
+        if not np.any(factor):
+            raise SpecError("reduce: weight(omega) is 0 at all frequencies")
         return grid.share / np.pi * factor**2, "given"
     if weight == "h2":
         return grid.share / np.pi, weight
@@ -160,9 +165,9 @@ def measured(
         hinf = float(np.max(sizes))
     return {
         "h2": h2,
-        "h2_relative": h2 / own,
+        "h2_relative": h2 / own if own > 0 else float("nan"),
         "hinf": hinf,
-        "hinf_relative": hinf / float(np.max(whole)),
+        "hinf_relative": hinf / float(np.max(whole)) if own > 0 else float("nan"),
         "largest_relative": float(
             np.max((sizes / np.maximum(whole, 1e-300))[whole >= SHOWN * np.max(whole)])
         ),

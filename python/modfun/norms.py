@@ -20,6 +20,9 @@ Response = Callable[[F64], C128]  # omega -> (omega, output, input)
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 FINEST = 40  # halvings of a panel
+MOST = 10_000  # panels
+# A panel with less than this part of the integral holds rounding.
+FAINT = 1e-18
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ def grid_for(response: Response, low: float, high: float, below: bool = True, ab
             # The nodes of one rule tell little of themselves; the rule of every other node is coarser.
             own, coarse = _power(share, gains), _coarse(share, gains)
             error = abs(own - coarse)
-            if depth == FINEST or (error <= 1e-8 * total and error <= 1e-3 * own):
+            settled = error <= 1e-8 * total and error <= max(1e-3 * own, FAINT * total)
+            if settled or depth == FINEST or len(kept) + len(current) > MOST:
                 kept.append((omega, share, gains))
             else:
                 middle = (a + b) / 2

@@ -296,7 +296,7 @@ class Problem:
                     fixed.append(self.fixed[k])
                     bounds.append((float(self.low[k]), float(self.high[k])))
             first += basis.size
-        return np.array(rows).reshape(-1, size), np.array(fixed), bounds
+        return np.array(rows).reshape(len(rows), size), np.array(fixed), bounds
 
     # Steps -----------------------------------------------------------------------------------
 
@@ -393,7 +393,12 @@ class Problem:
             current.append(here.delays[k])
             fixed.append(np.nan)
             bounds.append((max(delay.min, 0.0), delay.max))
-        return np.array(rows).reshape(-1, total + len(late)), np.array(current), np.array(fixed), bounds
+        return (
+            np.array(rows).reshape(len(rows), total + len(late)),
+            np.array(current),
+            np.array(fixed),
+            bounds,
+        )
 
     # The answer ------------------------------------------------------------------------------
 

@@ -135,7 +135,10 @@ def _source(system: Realisation, delays: tuple[float, ...] | None) -> Source:
     )
     if isinstance(system.a, np.ndarray) and n and not _settles(system.a):
         system, kept = split(system)
-    return Source(n, balance(system), kept, (0.0,) * inputs if delays is None else delays)
+    empty = Balanced(system, np.zeros(0))
+    return Source(
+        n, balance(system) if system.order else empty, kept, (0.0,) * inputs if delays is None else delays
+    )
 
 
 def _settles(a: F64) -> bool:

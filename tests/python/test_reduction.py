@@ -328,7 +328,7 @@ def test_what_it_says_of_itself():
         ((CLASSIC, "2"), {}, "give the number of poles"),
         ((CLASSIC, 2), {"weight": "h3"}, "did you mean 'h2'"),
         ((CLASSIC, 2), {"weight": np.ones(3)}, "goes with a frequency response"),
-        ((CLASSIC, 2), {"weight": lambda w: np.nan * w}, "returns nan or inf"),
+        ((CLASSIC, 2), {"weight": lambda w: np.nan * w}, "one finite number"),
         ((CLASSIC, 2), {"method": "balance"}, "did you mean 'balanced'"),
         ((CLASSIC, 2), {"band": (3, 1)}, "0 <= lower < upper"),
         ((CLASSIC, mf.TransferFunction(poles=2, zeros=0)), {"method": "balanced"}, "cannot make"),
@@ -380,3 +380,23 @@ def test_three_light_pairs_above_two_hundred_real_poles(monkeypatch):
     assert h2[0] < 0.85 * h2[1]
     hinf = mf.reduce(given, 10, weight="flat").errors["hinf"]
     assert hinf[0] < 0.6 * hinf[1]
+
+
+def test_paths_that_are_not_there_and_systems_of_nothing():
+    system = mf.tf([[[1], [1, 2]]], np.poly([-1, -2, -3]))
+    red = mf.reduce(system, mf.TransferFunction(poles=2, zeros=[0, None]))
+    assert not np.any(red.model.num[0][1])
+    nothing = mf.reduce(mf.ss(-np.eye(3), np.zeros(3), np.ones(3)), 1)
+    assert nothing.h2_error == 0
+    with pytest.raises(mf.SpecError, match="a system of 0 states"):
+        mf.reduce(mf.tf([2], [1]), 1)
+    with pytest.raises(mf.SpecError, match="3 of them not stable and kept"):
+        mf.reduce(mf.tf([1], np.polymul([1, -1], [1, -2, 0])), 2)
+
+
+def test_any_unit_of_time_and_gain():
+    """Far beyond the fastest pole the response is rounding, which no grid can settle."""
+    poles = np.array([-1, -2, -3, -4 + 1j, -4 - 1j])
+    one = mf.reduce(mf.tf([1], np.poly(poles)), 2)
+    other = mf.reduce(mf.tf([1e30], np.poly(1e6 * poles)), 2)
+    assert other.errors["h2_relative"] == pytest.approx(one.errors["h2_relative"], rel=1e-6)
