@@ -207,3 +207,112 @@ fn check(settings: Settings, pieces: &[Piece]) -> Result<usize, Error> {
     }
     Ok(rows - unknowns)
 }
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    fn value(k: usize) -> f64 {
+        ((k * 2_654_435_761) % 2001) as f64 / 1000.0 - 1.0
+    }
+
+    /// Lines of a first-order lag with a transient, from sample to sample: Y = (b U + t)/(1 − a W^m).
+    fn lag(lines: usize, seed: usize) -> (Piece, impl Fn(f64) -> [f64; 2]) {
+        let gain = |turns: f64| {
+            let (re, im) = (1.0 - 0.9 * (TAU * turns).cos(), 0.9 * (TAU * turns).sin());
+            let size = re * re + im * im;
+            [re / size, -im / size]
+        };
+        let (mut y, mut u) = (Vec::new(), Vec::new());
+        for m in 0..=lines {
+            let g = gain(m as f64 / (2 * lines) as f64);
+            let v = [value(seed + 7 * m), if m == 0 { 0.0 } else { value(seed + 13 * m + 5) }];
+            u.push(v);
+            let with_transient = [v[0] + 0.3, v[1]];
+            y.push([
+                g[0] * with_transient[0] - g[1] * with_transient[1],
+                g[0] * with_transient[1] + g[1] * with_transient[0],
+            ]);
+        }
+        let piece = Piece { omega0: 1.0, half: 6, zero: true, y: vec![y], u: vec![u] };
+        (piece, move |omega: f64| gain(omega / (2 * lines) as f64))
+    }
+
+    fn run(isa: Isa, settings: Settings, pieces: &[Piece], omega: &[f64]) -> Responses {
+        responses(isa, 0, settings, pieces, omega, &mut |_, _| Control::Continue).unwrap()
+    }
+
+    const RATIONAL: Settings =
+        Settings { family: Family::Rational, degree: 2, weighting: Weighting::Ls };
+
+    #[test]
+    fn a_lag_with_a_transient_between_lines_and_at_both_ends() {
+        let (piece, gain) = lag(100, 3);
+        let omega = [0.0, 0.4, 3.0, 50.3, 99.0, 100.0];
+        for weighting in [Weighting::Ls, Weighting::Awls, Weighting::Ml] {
+            let settings = Settings { weighting, ..RATIONAL };
+            let found = run(Isa::Plain, settings, &[piece.clone()], &omega);
+            assert_eq!(found.freedom, 13 - 8);
+            for (got, at) in found.response.iter().zip(omega) {
+                let want = gain(at);
+                let apart = (got[0] - want[0]).abs().max((got[1] - want[1]).abs());
+                assert!(apart < 1e-4 * want[0].hypot(want[1]), "{weighting:?} {at}: {apart:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_set_and_every_lane_gives_the_same_bits() {
+        let (one, _) = lag(60, 3);
+        let (other, _) = lag(60, 77);
+        let two = Piece { half: 9, u: vec![one.u[0].clone(), other.u[0].clone()], ..one.clone() };
+        let omega: Vec<f64> = (0..19).map(|k| 1.3 + 2.9 * k as f64).collect();
+        for family in [Family::Modulating, Family::Polynomial, Family::Rational] {
+            let settings = Settings { family, weighting: Weighting::Ml, ..RATIONAL };
+            let whole = run(Isa::Plain, settings, &[two.clone()], &omega);
+            for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
+                let found = run(isa, settings, &[two.clone()], &omega);
+                assert_eq!(found.response, whole.response, "{isa:?}");
+                assert_eq!(found.cov, whole.cov, "{isa:?}");
+            }
+            let alone = run(Isa::Plain, settings, &[two.clone()], &omega[11..12]);
+            assert_eq!(alone.response, whole.response[22..24]);
+        }
+    }
+
+    #[test]
+    fn lines_are_mirrored_shifted_and_without_zero_where_it_holds_an_offset() {
+        let (mut piece, _) = lag(20, 1);
+        piece.half = 2;
+        let mut out = Vec::new();
+        let mut lines = |piece: &Piece, omega: f64, gapless: bool| {
+            piece.lines(omega, gapless, &mut out);
+            out.clone()
+        };
+        assert_eq!(lines(&piece, 1.2, false), [-1, 0, 1, 2, 3]);
+        assert_eq!(lines(&piece, 19.6, false), [16, 17, 18, 19, 20]);
+        piece.zero = false;
+        assert_eq!(lines(&piece, 1.2, false), [-1, 1, 2, 3, 4]);
+        assert_eq!(lines(&piece, 1.2, true), [1, 2, 3, 4, 5]);
+        assert_eq!(lines(&piece, 3.0, false), [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let (piece, _) = lag(20, 1);
+        let call = |settings, pieces: &[Piece]| {
+            responses(Isa::Plain, 0, settings, pieces, &[3.0], &mut |_, _| Control::Continue)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(call(RATIONAL, &[]).contains("no record was given"));
+        let narrow = Piece { half: 3, ..piece.clone() };
+        assert!(call(RATIONAL, &[narrow]).contains("4 equations are left"));
+        let wide = Piece { half: 30, ..piece.clone() };
+        assert!(call(RATIONAL, &[wide]).contains("61 lines around a frequency"));
+        let other = Piece { u: Vec::new(), ..piece.clone() };
+        assert!(call(RATIONAL, &[piece, other]).contains("records of the same channels"));
+    }
+}

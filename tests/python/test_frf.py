@@ -533,3 +533,16 @@ def test_measured_structure():
     assert apart["lrm, default"] < 0.1
     assert apart["lpm, R = 2, 15 lines"] > 0.3
     assert table["noise of y1"][-1] < 0.03
+
+
+@needs_data
+def test_modes_of_the_measured_structure(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "examples"))
+    import structure_modes
+
+    table = structure_modes.modes(DATA)
+    at = int(np.argmin(np.abs(table["Hz"] - 119)))
+    assert abs(table["Hz"][at] - 119.0) < 0.05
+    assert abs(table["zeta %"][at] - 0.167) < 0.02
+    assert np.all((table["zeta %"] > 0) & (table["zeta %"] < 1.0))
+    assert np.all(table["se Hz"] < 0.5)
