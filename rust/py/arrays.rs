@@ -1,7 +1,10 @@
 //! Takes C-contiguous float64 arrays from Python as slices, and gives vectors back without copying.
 
 use modfun::Error;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArrayMethods};
+use numpy::{
+    Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::errors::to_python;
@@ -25,6 +28,27 @@ pub fn slice<'a, D: numpy::ndarray::Dimension>(
         return Err(given());
     }
     array.as_slice().map_err(|_| given())
+}
+
+/// The rows of an array, one a channel.
+pub fn channels<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<&'a [f64]>> {
+    Ok(slice(array, name)?.chunks_exact(array.shape()[1].max(1)).collect())
+}
+
+/// Rows of the array of each record; none where there is no array.
+pub fn listed(
+    arrays: &[Option<PyReadonlyArray2<'_, f64>>],
+    name: &str,
+) -> PyResult<Vec<Vec<Vec<f64>>>> {
+    let rows = |array: &PyReadonlyArray2<'_, f64>| {
+        Ok(channels(array, name)?.into_iter().map(<[f64]>::to_vec).collect())
+    };
+    arrays.iter().map(|array| array.as_ref().map_or(Ok(Vec::new()), rows)).collect()
+}
+
+/// Pairs of real and imaginary part as complex numbers.
+pub fn complex<'a>(pairs: impl IntoIterator<Item = &'a (f64, f64)>) -> Vec<Complex64> {
+    pairs.into_iter().map(|(re, im)| Complex64::new(*re, *im)).collect()
 }
 
 /// A vector moved into a one-dimensional array.

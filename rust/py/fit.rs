@@ -9,13 +9,11 @@ use modfun::quadrature::{Hold, Rule};
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::structure::{Method, Noise, Structure, Trend};
-use numpy::{
-    Complex64, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
-};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{matrix, slice, vector};
+use crate::arrays::{complex, matrix, slice, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
 
@@ -237,10 +235,7 @@ impl Fitter {
         time: Vec<When<'_>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Fitter> {
-        let Some(options) = options else {
-            return Err(to_python(Error::Spec("fitting: no option was given".into())));
-        };
-        let given: Given = options.extract()?;
+        let given: Given = asked(options)?.extract()?;
         let o = given.options(Wanted::Covariance).map_err(to_python)?;
         let sampling = sampling(&samples, &time)?;
         let inputs = o.structure.numerators.len();
@@ -296,29 +291,46 @@ impl Fitter {
     }
 }
 
+/// The options of a fitter, of which there must be some.
+pub fn asked<'a, 'py>(options: Option<&'a Bound<'py, PyDict>>) -> PyResult<&'a Bound<'py, PyDict>> {
+    options.ok_or_else(|| to_python(Error::Spec("fitting: no option was given".into())))
+}
+
+/// A dictionary of what all kinds of fits answer; these fields are moved out of the fit.
+macro_rules! answer {
+    ($py:expr, $fit:expr) => {{
+        let p = $fit.theta.len();
+        let out = pyo3::types::PyDict::new($py);
+        out.set_item("theta", $crate::arrays::vector($py, $fit.theta))?;
+        out.set_item("cov_nonrobust", $crate::arrays::matrix($py, $fit.cov_nonrobust, p)?)?;
+        out.set_item("cov_hc3", $crate::arrays::matrix($py, $fit.cov_hc3, p)?)?;
+        out.set_item("gram", $crate::arrays::matrix($py, $fit.gram, p)?)?;
+        out.set_item("condition_bound", $fit.condition_bound)?;
+        out.set_item("cost", $fit.cost)?;
+        out.set_item("df_resid", $fit.degrees_of_freedom)?;
+        out.set_item("status", $fit.status.name())?;
+        out.set_item("nit", $fit.nit)?;
+        $crate::fit::set_lines(&out, &$fit.lines)?;
+        out.set_item("band_rule", $crate::fit::account($py, $fit.band_rule)?)?;
+        out
+    }};
+}
+pub(crate) use answer;
+
+/// The lines of each record, and how far they are apart.
+pub fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
+    out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
+    out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())
+}
+
 fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
-    let p = f.theta.len();
-    let out = PyDict::new(py);
-    out.set_item("theta", vector(py, f.theta))?;
-    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
-    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
-    out.set_item("gram", matrix(py, f.gram, p)?)?;
-    out.set_item("condition_bound", f.condition_bound)?;
-    out.set_item("cost", f.cost)?;
-    out.set_item("df_resid", f.degrees_of_freedom)?;
+    let out = answer!(py, f);
     out.set_item("sigma", f.sigma)?;
-    out.set_item("status", f.status.name())?;
-    out.set_item("nit", f.nit)?;
-    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
-    out.set_item("lines", lines)?;
-    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     let residuals = PyList::empty(py);
-    for r in &f.residuals {
-        let complex: Vec<Complex64> = r.iter().map(|(re, im)| Complex64::new(*re, *im)).collect();
-        residuals.append(vector(py, complex))?;
+    for record in &f.residuals {
+        residuals.append(vector(py, complex(record)))?;
     }
     out.set_item("residuals", residuals)?;
-    out.set_item("band_rule", account(py, f.band_rule)?)?;
     Ok(out)
 }
 
@@ -353,7 +365,6 @@ pub fn many_dictionary(
     if !many.hc3_degrees.is_empty() {
         out.set_item("df_hc3", matrix(py, many.hc3_degrees, rows)?)?;
     }
-    out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
-    out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
+    set_lines(&out, &lines)?;
     Ok(out)
 }

@@ -7,14 +7,14 @@ use modfun::estimate::joint::{
     JointStructure, NoiseModel, Path,
 };
 use modfun::simd::Isa;
-use numpy::{Complex64, PyReadonlyArray2};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{matrix, slice, vector};
+use crate::arrays::{complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{Records, When, Words, account, many_dictionary, sampling};
+use crate::fit::{Records, When, Words, answer, asked, many_dictionary, sampling};
 
 /// Input, delay or its start, and the bounds of a delay that is estimated.
 type GivenPath = (usize, f64, Option<(f64, f64)>);
@@ -96,22 +96,10 @@ impl JointFitter {
         variances: Vec<Option<PyReadonlyArray2<'_, f64>>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<JointFitter> {
-        let Some(options) = options else {
-            return Err(to_python(Error::Spec("fitting: no option was given".into())));
-        };
-        let given: GivenJoint = options.extract()?;
+        let given: GivenJoint = asked(options)?.extract()?;
         let o = given.options(Wanted::Covariance).map_err(to_python)?;
         let sampling = sampling(&samples, &time)?;
-        let mut uneven = Vec::with_capacity(variances.len());
-        for (own, samples) in variances.iter().zip(&samples) {
-            uneven.push(match own {
-                None => Vec::new(),
-                Some(array) => slice(array, "variances")?
-                    .chunks_exact((*samples).max(1))
-                    .map(<[f64]>::to_vec)
-                    .collect(),
-            });
-        }
+        let uneven = listed(&variances, "variances")?;
         let (outputs, inputs) = (o.structure.orders.len(), o.intersample.len());
         let isa = Isa::detect().map_err(to_python)?;
         let core = Core::new(o, &sampling, &uneven, isa).map_err(to_python)?;
@@ -166,34 +154,18 @@ impl JointFitter {
 }
 
 fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_, PyDict>> {
-    let p = f.theta.len();
-    let out = PyDict::new(py);
-    out.set_item("theta", vector(py, f.theta))?;
-    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
-    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
-    out.set_item("gram", matrix(py, f.gram, p)?)?;
-    out.set_item("condition_bound", f.condition_bound)?;
-    out.set_item("cost", f.cost)?;
+    let out = answer!(py, f);
     out.set_item("scale", f.scale)?;
-    out.set_item("df_resid", f.degrees_of_freedom)?;
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;
-    out.set_item("status", f.status.name())?;
-    out.set_item("nit", f.nit)?;
     out.set_item("at_bound", f.at_bound)?;
-    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
-    out.set_item("lines", lines)?;
-    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
         let own = PyList::empty(py);
         for output in record {
-            let complex: Vec<Complex64> =
-                output.iter().map(|(re, im)| Complex64::new(*re, *im)).collect();
-            own.append(vector(py, complex))?;
+            own.append(vector(py, complex(output)))?;
         }
         residuals.append(own)?;
     }
     out.set_item("residuals", residuals)?;
-    out.set_item("band_rule", account(py, f.band_rule)?)?;
     Ok(out)
 }

@@ -9,14 +9,14 @@ use modfun::estimate::terms::{
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::tape::{Tape, Written};
-use numpy::{Complex64, PyReadonlyArray2};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{matrix, slice, vector};
+use crate::arrays::{channels, complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{When, Words, account, many_dictionary, sampling};
+use crate::fit::{When, Words, answer, asked, many_dictionary, sampling};
 
 /// Operations and positions of results.
 type GivenTape = (Vec<Written>, Vec<usize>);
@@ -116,21 +116,11 @@ impl TermsFitter {
         uneven: Vec<Option<PyReadonlyArray2<'_, f64>>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<TermsFitter> {
-        let Some(options) = options else {
-            return Err(to_python(Error::Spec("fitting: no option was given".into())));
-        };
+        let options = asked(options)?;
         let (given, words): (GivenTerms, Words) = (options.extract()?, options.extract()?);
         let o = given.options(&words).map_err(to_python)?;
         let sampling = sampling(&samples, &time)?;
-        let mut rows = Vec::with_capacity(uneven.len());
-        for array in &uneven {
-            rows.push(match array {
-                Some(array) => {
-                    channels(array, "variances")?.into_iter().map(<[f64]>::to_vec).collect()
-                }
-                None => Vec::new(),
-            });
-        }
+        let rows = listed(&uneven, "variances")?;
         let isa = Isa::detect().map_err(to_python)?;
         Ok(TermsFitter { core: Core::new(o, &sampling, &rows, isa).map_err(to_python)? })
     }
@@ -174,38 +164,16 @@ impl TermsFitter {
     }
 }
 
-/// The rows of an array, one a channel.
-fn channels<'a>(array: &'a PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<&'a [f64]>> {
-    use numpy::PyUntypedArrayMethods;
-    Ok(slice(array, name)?.chunks_exact(array.shape()[1].max(1)).collect())
-}
-
 fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
-    let p = f.theta.len();
-    let out = PyDict::new(py);
-    out.set_item("theta", vector(py, f.theta))?;
-    out.set_item("cov_nonrobust", matrix(py, f.cov_nonrobust, p)?)?;
-    out.set_item("cov_hc3", matrix(py, f.cov_hc3, p)?)?;
-    out.set_item("gram", matrix(py, f.gram, p)?)?;
-    out.set_item("condition_bound", f.condition_bound)?;
-    out.set_item("cost", f.cost)?;
+    let out = answer!(py, f);
     out.set_item("scale", f.scale)?;
     out.set_item("levels", vector(py, f.levels))?;
-    out.set_item("df_resid", f.degrees_of_freedom)?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
-    out.set_item("status", f.status.name())?;
-    out.set_item("nit", f.nit)?;
     out.set_item("at_bound", f.at_bound)?;
-    let lines: Vec<(usize, usize)> = f.lines.iter().map(|l| (l.first, l.last)).collect();
-    out.set_item("lines", lines)?;
-    out.set_item("omega0", f.lines.iter().map(|l| l.omega0).collect::<Vec<_>>())?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
-        let rows = record.len();
-        let flat = record.iter().flatten().map(|(re, im)| Complex64::new(*re, *im)).collect();
-        residuals.append(matrix(py, flat, rows)?)?;
+        residuals.append(matrix(py, complex(record.iter().flatten()), record.len())?)?;
     }
     out.set_item("residuals", residuals)?;
-    out.set_item("band_rule", account(py, f.band_rule)?)?;
     Ok(out)
 }
