@@ -67,7 +67,7 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("eprintln", &[], "the core does not print"),
     ("print", &[], "the core does not print"),
     ("dbg", &[], "the core does not print"),
-    ("log", &["tape.rs"], "the core does not log; in tape.rs it is the logarithm"),
+    ("log", &["tape.rs", "tones/lines.rs"], "the core does not log; there it is the logarithm"),
     ("faer", &["linalg/dense.rs"], "dense factorisations live in linalg/dense.rs"),
     ("modfun_fft", &["spectrum.rs"], "transforms live in spectrum"),
     ("realfft", &[], "its instances are compiled in rust/fft, once"),
