@@ -165,7 +165,11 @@ class FrequencyResponse:
         """Radius of the circles about the gains that hold them with this probability, (output, input, omega).
 
         |Ĝ − G|² over its variance is distributed as F with 2 and 2 `degrees` degrees of freedom where the
-        noise is normal; as χ²/2 where `degrees` is not known.
+        noise is normal; as χ²/2 where `degrees` is not known. None where no covariance is known.
+
+        Parameters
+        ----------
+        level : float, default 0.95
 
         Raises
         ------
@@ -183,7 +187,12 @@ class FrequencyResponse:
         return np.asarray(np.sqrt(factor) * bse)
 
     def select(self, band: float | tuple[float, float]) -> FrequencyResponse:
-        """The gains up to a frequency, or between two, rad/s, ends included.
+        """The gains up to a frequency, or between two, ends included.
+
+        Parameters
+        ----------
+        band : float or (float, float)
+            Upper edge, or both, rad/s.
 
         Raises
         ------

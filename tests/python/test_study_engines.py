@@ -55,6 +55,31 @@ def test_processes(reference: mf.Results, context: Any) -> None:
     assert found.seconds["ml"] > 0
 
 
+class Forgetful(ThreadPoolExecutor):
+    """Loses the answer to every task the first time, as a cluster does when a worker dies after it."""
+
+    def __init__(self, losses: int) -> None:
+        super().__init__(2)
+        self.losses, self.asked = losses, {}
+
+    def submit(self, call: Any, part: Any) -> Any:
+        self.asked[part.number] = self.asked.get(part.number, 0) + 1
+        if self.asked[part.number] <= self.losses:
+            lost: Future[Any] = Future()
+            lost.set_exception(ValueError("not enough values to unpack"))
+            return lost
+        return super().submit(call, part)
+
+
+def test_an_answer_that_is_lost_is_asked_for_once_more(reference: mf.Results) -> None:
+    with Forgetful(1) as pool:
+        found = study().run(executor=pool, keep="samples", progress=False)
+        assert set(pool.asked.values()) == {2}
+    assert same(found, reference)
+    with Forgetful(2) as pool, pytest.raises(mf.ModfunError, match="did not give its part back"):
+        study().run(executor=pool, progress=False)
+
+
 @pytest.mark.parametrize("executor", [map, backwards])
 def test_functions_as_map(reference: mf.Results, executor: Any) -> None:
     assert same(study().run(executor=executor, keep="samples", progress=False), reference)

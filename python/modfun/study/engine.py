@@ -93,7 +93,8 @@ class Submitted:
         self._task = partial(_task, work)
         self._executor = executor
         self._done: SimpleQueue[Any] = SimpleQueue()
-        self._futures: set[Any] = set()
+        self._futures: dict[Any, Part] = {}
+        self._again: set[int] = set()
 
     def begin(self, part: Part) -> None:
         try:
@@ -108,24 +109,28 @@ class Submitted:
             ) from error
         if not all(callable(getattr(future, name, None)) for name in FUTURE):
             raise SpecError(f"run: submit of executor= returned {_said(future)}, no future; {SUBMITS}")
-        self._futures.add(future)
+        self._futures[future] = part
         future.add_done_callback(self._done.put)
 
     def answer(self) -> Answer:
         while True:
             try:
                 future = self._done.get(timeout=SLICE)
-                break
             except Empty:
                 continue
-        self._futures.discard(future)
-        try:
-            found = future.result()
-        except ModfunError:
-            raise
-        except Exception as error:
-            raise _died(error) from error
-        return _answer(found, "a future of executor= held", SUBMITS)
+            part = self._futures.pop(future)
+            try:
+                found = future.result()
+            except ModfunError:
+                raise
+            except Exception as error:
+                # A worker that dies while its answer is fetched costs the answer: ask once more.
+                if part.number in self._again:
+                    raise _died(error) from error
+                self._again.add(part.number)
+                self.begin(part)
+                continue
+            return _answer(found, "a future of executor= held", SUBMITS)
 
     def stop(self) -> None:
         for future in self._futures:
