@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .errors import DataError, SpecError
+from .errors import DataError, ModfunWarning, SpecError
 from .options import Options
 from .progress import Progress
 from .records import Record
 from .response import FrequencyResponse
-from .tables import nearest
 
 __all__ = ["frf"]
 
@@ -77,6 +77,7 @@ def frf(
     windows : sequence of float, optional
         Cut the records into windows of these durations, s, and stack their equations, which pays for a slowly
         varying system (report, section 4.9). Lines are then those of the longest window.
+        Windows of several durations hold the same samples, and errors are those of one duration.
     band : float or (float, float), optional
         Upper, or lower and upper frequency, rad/s, of the default `omega`.
     trend : {"constant", None}
@@ -114,15 +115,20 @@ def frf(
     _word("weighting", weighting, WEIGHTINGS)
     _word("trend", trend, ("constant", None))
     _number("degree", degree, 0)
+    if threads is not None:
+        _number("threads", threads, 1)
     if method != "lrm" and weighting == "ml":
         raise SpecError(f'frf: weighting="ml" is for method="lrm", not {method!r}; leave it out')
     records = _records(data)
     parts = _windows(records, windows)
     parts.sort(key=lambda rec: -rec.duration)
     pieces = [_piece(rec, rule, varying, trend) for rec in parts]
+    units = _units(pieces)
     where = _frequencies(omega, band, pieces, trend)
     inputs = pieces[0][2].shape[0]
-    shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, inputs)
+    # Windows of several durations hold the same samples so many times.
+    copies = 1 if windows is None else np.size(windows)
+    shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, inputs, copies)
     if halfwidth is None:
         widths = shape.widths()
     else:
@@ -132,18 +138,25 @@ def frf(
         if len(widths) > 1:
             chosen = shape.choose(widths, where, threads, shown)
         found = shape.estimates(chosen, where, threads, shown)
-    return _response(records[0], where, found, chosen, shape, varying)
+    return _response(records[0], where, found, chosen, shape, varying, units)
 
 
 class _Neighbourhood:
     """What describes the lines around a frequency."""
 
     def __init__(
-        self, method: str, degree: int, weighting: str, zero: bool, pieces: list[Piece], inputs: int
+        self,
+        method: str,
+        degree: int,
+        weighting: str,
+        zero: bool,
+        pieces: list[Piece],
+        inputs: int,
+        copies: int,
     ) -> None:
         self.method, self.degree, self.zero = method, degree, zero
         self.weighting = weighting if method == "lrm" else "ls"
-        self.pieces = pieces
+        self.pieces, self.copies = pieces, copies
         terms = degree + 1
         self.unknowns = (degree if method == "lrm" else 0) + terms * inputs
         self.terms = terms
@@ -179,9 +192,12 @@ class _Neighbourhood:
         height = float(np.sum((k + 0.5) * eval_legendre(k, 0.0) ** 2))
         return np.asarray((halfwidth + 0.5) / (2 * height) * self.pieces[0][0])
 
-    def run(self, halfwidth: int, omega: F64, threads: int | None, shown: Any) -> dict[str, Any]:
-        """The core's estimates with one half-width."""
-        given = [(p[0], self.half(p, halfwidth), self.zero, p[1], p[2]) for p in self.pieces]
+    def run(
+        self, halfwidth: int, omega: F64, threads: int | None, shown: Any, first: bool = False
+    ) -> dict[str, Any]:
+        """The core's estimates with one half-width; `first`: of the longest windows alone."""
+        used = [p for p in self.pieces if not first or p[0] < 1.001 * self.pieces[0][0]]
+        given = [(p[0], self.half(p, halfwidth), self.zero, p[1], p[2]) for p in used]
         return _core.local_responses(
             given, np.ascontiguousarray(omega), self.method, self.degree, self.weighting, threads, shown
         )
@@ -196,9 +212,10 @@ class _Neighbourhood:
         every = max(1, (high - low) // SCORED)
         lines = np.arange(float(low), high + 1.0, every) * spacing
         scale = np.array([np.mean(np.abs(row) ** 2) or 1.0 for row in self.pieces[0][1]])
-        scores = np.array([self.run(h, lines, threads, shown)["left_out"] / scale for h in widths]).sum(
-            axis=2
-        )
+        # A sample that is there twice would predict itself.
+        alone = self.copies > 1
+        left = [self.run(h, lines, threads, shown, alone)["left_out"] / scale for h in widths]
+        scores = np.array(left).sum(axis=2)
         # A line that cannot be predicted speaks against the width, but not for ever.
         scores = np.minimum(np.where(np.isfinite(scores), scores, np.inf), 1e6)
         smooth = uniform_filter1d(scores, max(3, AROUND // every), axis=1, mode="nearest")
@@ -229,10 +246,25 @@ def _response(
     chosen: NDArray[np.int64],
     shape: _Neighbourhood,
     varying: bool,
+    units: tuple[F64, F64],
 ) -> FrequencyResponse:
     outputs, inputs = len(record.outputs), shape.pieces[0][2].shape[0]
-    gains = found["response"].reshape(-1, outputs, inputs).transpose(1, 2, 0)
-    cov = found["cov"].reshape(-1, outputs, inputs, outputs, inputs)
+    unit = units[0][:, None] / units[1][None, :]
+    gains = found["response"].reshape(-1, outputs, inputs).transpose(1, 2, 0) * unit[:, :, None]
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of absurd units
+        square = np.multiply.outer(unit, unit) * shape.copies
+        cov = found["cov"].reshape(-1, outputs, inputs, outputs, inputs) * square
+        noise = found["noise"].reshape(-1, outputs, outputs) * np.outer(units[0], units[0])
+    unknown = np.any(np.isnan(gains), axis=(0, 1))
+    cov[unknown] = np.nan
+    if np.any(unknown):
+        warnings.warn(
+            f"frf: at {np.sum(unknown)} of {omega.size} frequencies an input has no power of its own (it "
+            "stands still there, or moves as another does), and the gains are nan: leave an input out with "
+            "rec.select(inputs=[...]), or take a record in which they move apart.",
+            ModfunWarning,
+            stacklevel=3,
+        )
     real = len(record.inputs)
     paths = outputs * real
     change: dict[str, Any] = {}
@@ -248,8 +280,8 @@ def _response(
         omega,
         gains[:, :real],
         cov=cov[:, :, :real, :, :real].reshape(-1, paths, paths),
-        noise_cov=found["noise"].reshape(-1, outputs, outputs),
-        degrees=found["freedom"][:, 0],
+        noise_cov=noise,
+        degrees=found["freedom"][:, 0] / shape.copies,
         coherence=found["coherence"].T,
         halfwidth=chosen,
         reach=shape.reach(chosen),
@@ -260,11 +292,24 @@ def _response(
     )
 
 
+def _units(pieces: list[Piece]) -> tuple[F64, F64]:
+    """Powers of two near the size of each output and input; the pieces are divided by them."""
+    both = []
+    for side in (1, 2):
+        rows: list[C128] = [piece[1] if side == 1 else piece[2] for piece in pieces]
+        largest = np.max([np.max(np.abs(row), axis=1) for row in rows], axis=0)
+        unit = np.ldexp(1.0, np.frexp(np.where(largest > 0, largest, 1.0))[1])
+        for row in rows:
+            row /= unit[:, None]
+        both.append(unit)
+    return both[0], both[1]
+
+
 # What users give ----------------------------------------------------------------------------------
 
 
 def _records(data: Record | Sequence[Record]) -> list[Record]:
-    records = [data] if isinstance(data, Record) else list(data)
+    records = [data] if isinstance(data, Record) else list(data) if isinstance(data, list | tuple) else []
     if not records or not all(isinstance(rec, Record) for rec in records):
         raise SpecError("frf: give a Record, or a list of at least one")
     first = records[0]
@@ -283,11 +328,12 @@ def _records(data: Record | Sequence[Record]) -> list[Record]:
                 "frf: the record has masked samples, or noise that varies, which local models do not know; "
                 "split it at the gaps (rec.window) and give the parts as a list"
             )
-        for name in rec.inputs:
+        for name in (*rec.outputs, *rec.inputs):
             if np.ptp(rec[name]) == 0:
+                kind = "input" if name in rec.inputs else "output"
                 raise DataError(
-                    f"frf: input {name!r} stands at {rec[name][0]:g} throughout; leave it out with "
-                    "rec.select(inputs=[...]), or take a record in which it moves"
+                    f"frf: {kind} {name!r} stands at {rec[name][0]:g} throughout; leave it out with "
+                    f"rec.select({kind}s=[...]), or take a record in which it moves"
                 )
     return records
 
@@ -296,8 +342,14 @@ def _windows(records: list[Record], durations: Sequence[float] | None) -> list[R
     """The records, or their windows of each duration, one after the other."""
     if durations is None:
         return list(records)
+    asked = _floats("windows", durations).tolist()
+    if not asked or len(set(asked)) < len(asked):
+        raise SpecError(
+            f"frf: windows={durations!r} must hold durations in s, each once: windows of several durations "
+            "use the same samples"
+        )
     parts = []
-    for duration in np.atleast_1d(np.asarray(durations, dtype=np.float64)).tolist():
+    for duration in asked:
         for rec in records:
             steps = round(duration / rec.dt) if rec.dt and duration > 0 else 0
             if not 8 <= steps <= rec.intervals:
@@ -333,11 +385,13 @@ def _frequencies(
     if omega is not None:
         if band is not None:
             raise SpecError("frf: give the frequencies omega or a band, not both")
-        where = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        if where.ndim != 1 or not where.size or not np.all((where >= 0) & (where <= top * (1 + 1e-12))):
+        where = _floats("omega", omega)
+        if not where.size:
+            raise SpecError("frf: omega is empty; leave it out, and all lines are taken")
+        if not np.all((where >= 0) & (where <= top * (1 + 1e-12))):
             raise SpecError(
                 f"frf: omega must hold frequencies from 0 to {top:.6g} rad/s, half the sampling rate; got "
-                f"{np.min(where, initial=np.inf):.6g} to {np.max(where, initial=-np.inf):.6g}"
+                f"{np.min(where):.6g} to {np.max(where):.6g}"
             )
         return where
     where = np.arange(0.0 if trend is None else 1.0, y.shape[1]) * spacing
@@ -352,11 +406,20 @@ def _frequencies(
     return where
 
 
+def _floats(name: str, given: Any) -> F64:
+    try:
+        values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise SpecError(f"frf: {name}={given!r} must be numbers") from None
+    if values.ndim != 1:
+        raise SpecError(f"frf: {name} has shape {values.shape}; give one list of numbers")
+    return values
+
+
 def _word(name: str, given: Any, words: Sequence[Any]) -> None:
     if given not in words:
         options = ", ".join(repr(w) for w in words)
-        hint = nearest(given, [w for w in words if w]) if isinstance(given, str) else f"one of {options}"
-        raise SpecError(f"frf: {name}={given!r} is none of {options}; {hint}")
+        raise SpecError(f"frf: {name}={given!r} is none of {options}")
 
 
 def _number(name: str, given: Any, least: int) -> int:

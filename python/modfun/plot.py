@@ -672,7 +672,7 @@ def _range(systems: Sequence[Any]) -> tuple[float, float]:
     for system in systems:
         if hasattr(system, "omega0"):
             low, high = system.band
-            marks += [max(low, min(system.omega0)) / 2, 2 * high]
+            marks += [max(low, min(system.omega0, default=low)) / 2, 2 * high]
         elif hasattr(system, "omega"):
             marks += [float(w) for w in system.omega if w > 0]
         elif hasattr(system, "poles"):

@@ -96,7 +96,10 @@ def _lines(omega: Any, response: Any) -> Lines:
     found = FrequencyResponse(omega=np.asarray(omega), response=np.asarray(response))
     order = np.argsort(found.omega, kind="stable")
     if found.omega.size < 2 or not np.all(np.isfinite(found.response)) or found.omega[order[0]] < 0:
-        raise DataError("reduce: a frequency response needs two lines or more, from 0 rad/s on, all finite")
+        raise DataError(
+            "reduce: a frequency response needs two lines or more, from 0 rad/s on, all finite; leave others "
+            "out with frf.select(band) or frf.take(positions)"
+        )
     return Lines(found.omega[order], found.response.transpose(2, 0, 1)[order])
 
 

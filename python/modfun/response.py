@@ -284,10 +284,14 @@ class FrequencyResponse:
         bse = self.bse
         if bse is not None and bse.size:
             with np.errstate(divide="ignore", invalid="ignore"):
-                relative = np.nanmedian(bse / np.abs(self.response))
-            facts.append(("median standard error", f"{100 * relative:.3g} % of the gain"))
+                relative = bse / np.abs(self.response)
+            known = relative[np.isfinite(relative)]
+            if known.size:
+                facts.append(("median standard error", f"{100 * np.median(known):.3g} % of the gain"))
+            if known.size < relative.size:
+                facts.append(("without answer", f"{relative.size - known.size} of {relative.size} gains"))
         if self.coherence is not None and self.coherence.size:
-            facts.append(("median coherence", f"{np.nanmedian(self.coherence):.4f}"))
+            facts.append(("median coherence", f"{np.median(self.coherence):.4f}"))
         return facts
 
     def __repr__(self) -> str:

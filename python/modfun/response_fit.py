@@ -9,8 +9,11 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError, SpecError
+from .errors import DataError, FitError, SpecError
+from .free import Free
+from .layout import Layout
 from .options import Options
+from .records import Record
 from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction
@@ -99,6 +102,18 @@ class ResponseFit(Fit):
             ("Errors", f"from those of the gains; Student's t with {self.df_resid} degrees of freedom"),
         ]
 
+    def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Never:
+        """Not for gains, which lie on no harmonics."""
+        raise SpecError(
+            "plot_residuals: a fit to a frequency response has no residuals on harmonics; "
+            "mf.plot.bode(fit.data, fit) draws its gains beside the model"
+        )
+
+    def _record(self, rec: Record | int | None, what: str) -> Record:
+        if isinstance(rec, Record):
+            return super()._record(rec, what)
+        raise FitError(f"{what}: this fit was made of gains and has no record; give one, fit.{what}(rec)")
+
     def remarks(self) -> list[str]:
         """What deserves a warning when the fit is made."""
         return [f"fit: {text}" for text in self._failings()]
@@ -122,6 +137,11 @@ class ResponseFit(Fit):
         from .diagnosis import growth
 
         found = [] if self.success else [self.message]
+        if self.at_bound:
+            found.append(
+                f"{', '.join(self.at_bound)} ended on a bound: the gains would have it elsewhere, and the "
+                "other standard errors hold only if the bound is right."
+            )
         if np.all(np.isfinite(self.params)) and (growing := growth(self)) > 0:
             found.append(
                 f"The estimate is unstable: a pole has real part {growing:.4g} rad/s. Right for an unstable "
@@ -190,6 +210,7 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
         df_resid=free,
         status=found.status,
         nit=found.nit,
+        at_bound=_at_bound(layout, found.theta),
         lines=(),
         omega0=(),
         intervals=(),
@@ -200,6 +221,15 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
         records=None,
         data=data,
     )
+
+
+def _at_bound(layout: Layout, theta: F64) -> tuple[str, ...]:
+    """Names of the parameters that stand on a bound."""
+    bounds = [layout.bounds[k] for k in layout.free]
+    late = [layout.paths[k].delay for k in layout.free_delays]
+    bounds += [(max(own.min, 0.0), own.max) for own in late if isinstance(own, Free)]
+    pairs = zip(layout.param_names, theta, bounds, strict=True)
+    return tuple(name for name, value, ends in pairs if value in ends)
 
 
 def _refuse(structure: Any, options: Options) -> None:

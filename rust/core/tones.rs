@@ -20,6 +20,8 @@ use lines::Lines;
 use refine::Refiner;
 use search::{Search, State};
 
+/// Part of the sum of squares that may be rounding.
+const ROUNDING: f64 = 1e-16;
 /// Records a thread takes at a time.
 const CHUNK: usize = 8;
 
@@ -218,8 +220,9 @@ impl Plan {
         let n = self.good as f64;
         let frees = if self.options.damped { 8.0 } else { 5.0 };
         let penalty = frees * ln_1(n);
-        // Nothing at all is left where tones are free of noise.
-        let score = |k: usize| n * ln_1(costs[k].max(f64::MIN_POSITIVE)) + penalty * k as f64;
+        // What is left of tones without noise is rounding, in which there is no further tone.
+        let least = (costs[0] * ROUNDING).max(f64::MIN_POSITIVE);
+        let score = |k: usize| n * ln_1(costs[k].max(least)) + penalty * k as f64;
         (0..costs.len()).fold(0, |best, k| if score(k) < score(best) { k } else { best })
     }
 

@@ -337,8 +337,34 @@ def test_every_instruction_set_gives_the_same_bits():
 def test_inputs_that_move_alike_tell_nothing():
     rec = noisy(5)
     twice = mf.Record(y=rec.y, u=np.vstack([rec.u, 2 * rec.u]), dt=rec.dt)
-    got = mf.frf(twice, band=(1.0, 3.0), halfwidth=10)
+    with pytest.warns(mf.ModfunWarning, match="at 32 of 32 frequencies an input has no power of its own"):
+        got = mf.frf(twice, band=(1.0, 3.0), halfwidth=10)
     assert np.all(np.isnan(got.response))
+    assert np.all(np.isnan(got.bse))
+    assert "64 of 64 gains" in repr(got)
+
+
+@pytest.mark.parametrize("size", [1e-120, 1e9, 1e120])
+def test_units_do_not_matter(size):
+    rec = noisy(5)
+    want = mf.frf(rec, band=3.0)
+    got = mf.frf(mf.Record(y=rec.y * size, u=rec.u, dt=rec.dt, intersample="zoh"), band=3.0)
+    np.testing.assert_allclose(got.response / size, want.response, rtol=1e-9)
+    np.testing.assert_allclose(got.bse / size, want.bse, rtol=1e-6)
+
+
+def test_windows_of_several_durations_hold_the_same_samples():
+    """Shares of gains inside their circles over 12 records; one duration alone has .95."""
+    inside = {(20.0,): [], (20.0, 10.0): []}
+    for seed in range(12):
+        rec = noisy(seed, nsr=0.2)
+        for windows, found in inside.items():
+            got = mf.frf(rec, band=(0.5, 10.0), windows=windows, method="lpm")
+            away = np.abs(got.omega - 3) > 1.5
+            true = LIGHT.frequency_response(got.omega).response
+            found.append((np.abs(got.response - true) <= got.radius())[0, 0][away])
+    assert np.mean(inside[(20.0,)]) > 0.88
+    assert np.mean(inside[(20.0, 10.0)]) > 0.88
 
 
 SMALL = {"y": np.sin(np.arange(65.0)), "u": np.cos(np.arange(65.0) ** 2), "dt": 1.0}
@@ -352,7 +378,14 @@ WRONG = [
     (lambda r: mf.frf(r, halfwidth=40), mf.SpecError, "81 lines around a frequency"),
     (lambda r: mf.frf(r, [5.0]), mf.SpecError, "from 0 to 3.14159 rad/s"),
     (lambda r: mf.frf(r, [np.nan]), mf.SpecError, "omega must hold frequencies"),
-    (lambda r: mf.frf(r, []), mf.SpecError, "omega must hold frequencies"),
+    (lambda r: mf.frf(r, []), mf.SpecError, "omega is empty"),
+    (lambda r: mf.frf(r, [[1.0, 2.0]]), mf.SpecError, "omega has shape (1, 2)"),
+    (lambda r: mf.frf(r, ["a"]), mf.SpecError, "must be numbers"),
+    (lambda r: mf.frf(r, windows=[]), mf.SpecError, "durations in s, each once"),
+    (lambda r: mf.frf(r, windows=[20.0, 20.0]), mf.SpecError, "durations in s, each once"),
+    (lambda r: mf.frf(r, threads=-1), mf.SpecError, "threads=-1 must be a whole number from 1"),
+    (lambda r: mf.frf(None), mf.SpecError, "give a Record"),
+    (lambda r: mf.frf(mf.Record(**{**SMALL, "y": np.ones(65)})), mf.DataError, "output 'y' stands at 1"),
     (lambda r: mf.frf(r, [1.0], band=2.0), mf.SpecError, "omega or a band, not both"),
     (lambda r: mf.frf(r, band=(9.0, 10.0)), mf.SpecError, "no line lies in the band 9 to 10"),
     (lambda r: mf.frf(r, windows=[500.0]), mf.SpecError, "windows of 500 s take 500 of the 64 intervals"),
@@ -485,6 +518,19 @@ def test_a_fit_to_gains_is_saved_and_says_what_it_is(tmp_path):
         _ = fit.harmonics
     with pytest.raises(mf.SpecError, match="is for records"):
         fit.cov_params("HC3")
+    with pytest.raises(mf.SpecError, match="no residuals on harmonics"):
+        fit.plot_residuals()
+    with pytest.raises(mf.FitError, match="made of gains"):
+        fit.predict()
+    mpl.use("Agg")
+    assert len(again.plot_bode()) == 2
+
+
+def test_a_parameter_on_its_bound_is_said():
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(max=0.5))
+    with pytest.warns(mf.ModfunWarning, match="ended on a bound"):
+        fit = mf.fit(mf.frf(noisy(2), band=10.0), late)
+    assert fit.at_bound == ("delay",)
 
 
 @pytest.mark.parametrize(

@@ -400,3 +400,10 @@ def test_any_unit_of_time_and_gain():
     one = mf.reduce(mf.tf([1], np.poly(poles)), 2)
     other = mf.reduce(mf.tf([1e30], np.poly(1e6 * poles)), 2)
     assert other.errors["h2_relative"] == pytest.approx(one.errors["h2_relative"], rel=1e-6)
+
+
+def test_a_feedthrough_has_no_h2_norm_to_compare_with():
+    red = mf.reduce(mf.tf([1, 1, 1], [1, 3, 2]), 1)
+    assert 0.1 < red.h2_error < 0.15
+    assert np.isnan(red.errors["h2_relative"][0])
+    assert 0.1 < red.errors["hinf_relative"][0] < 0.3

@@ -424,3 +424,11 @@ def test_the_stored_bound_of_two_close_tones():
         ratio = np.square(values) / (float(name.partition("=")[2]) * drawn.mean(axis=0))
         assert np.all(np.abs(ratio - 1) < 4 * spread), "6 in 100,000 draws"
         assert np.all(4 * spread < 0.6)
+
+
+def test_a_tone_without_noise_is_one_tone():
+    t = 0.01 * np.arange(256)
+    for y in (np.cos(60 * t), 1e100 * np.cos(60 * t), 3 + np.cos(60 * t) + 0.2 * np.sin(110 * t)):
+        found = mf.sinusoids(y, dt=0.01)
+        assert len(found) == (2 if y[0] == 4 else 1)
+        assert found.status == "ok"
