@@ -253,7 +253,7 @@ mod tests {
         let omega = [0.0, 0.4, 3.0, 50.3, 99.0, 100.0];
         for weighting in [Weighting::Ls, Weighting::Awls, Weighting::Ml] {
             let settings = Settings { weighting, ..RATIONAL };
-            let found = run(Isa::Plain, settings, &[piece.clone()], &omega);
+            let found = run(Isa::Plain, settings, std::slice::from_ref(&piece), &omega);
             assert_eq!(found.freedom, 13 - 8);
             for (got, at) in found.response.iter().zip(omega) {
                 let want = gain(at);
@@ -271,13 +271,13 @@ mod tests {
         let omega: Vec<f64> = (0..19).map(|k| 1.3 + 2.9 * k as f64).collect();
         for family in [Family::Modulating, Family::Polynomial, Family::Rational] {
             let settings = Settings { family, weighting: Weighting::Ml, ..RATIONAL };
-            let whole = run(Isa::Plain, settings, &[two.clone()], &omega);
+            let whole = run(Isa::Plain, settings, std::slice::from_ref(&two), &omega);
             for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
-                let found = run(isa, settings, &[two.clone()], &omega);
+                let found = run(isa, settings, std::slice::from_ref(&two), &omega);
                 assert_eq!(found.response, whole.response, "{isa:?}");
                 assert_eq!(found.cov, whole.cov, "{isa:?}");
             }
-            let alone = run(Isa::Plain, settings, &[two.clone()], &omega[11..12]);
+            let alone = run(Isa::Plain, settings, std::slice::from_ref(&two), &omega[11..12]);
             assert_eq!(alone.response, whole.response[22..24]);
         }
     }
