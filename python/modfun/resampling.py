@@ -312,7 +312,7 @@ def _records(fit: Fit) -> tuple[Record, ...]:
         raise FitError(f"bootstrap: the fit did not succeed (status {fit.status!r}). {fit.message}")
     if fit.records is None:
         raise FitError(
-            "bootstrap: this fit has no records (it was loaded, or made of gains); fit the records again: "
+            "bootstrap: this fit was loaded or made without its samples; fit the records again: "
             "mf.fit(records, fit.structure, **fit.options.given())"
         )
     return fit.records
