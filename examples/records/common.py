@@ -1,0 +1,56 @@
+"""What the scripts of this folder share: where the records are, their command line, figures."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve()
+
+
+class Absent(SystemExit):
+    """A record is not there; ends a script with the reason."""
+
+
+def data(name: str, folder: str | Path | None = None) -> Path:
+    """Path of a record, such as "tu144_lon_4d/tu144_f20_4d.csv", in the folder of records.
+
+    `folder` defaults to what MODFUN_DATA names, else to ../shared/data beside the repository.
+    """
+    where = Path(folder or os.environ.get("MODFUN_DATA") or HERE.parents[3] / "shared" / "data")
+    if not (where / name).is_file():
+        raise Absent(f"record {name} is not in {where}: name the folder of records, or set MODFUN_DATA")
+    return where / name
+
+
+def run(main: Callable[..., Any], doc: str | None) -> None:
+    """Call main(folder, figures) with what stands on the command line."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", help="folder of records, default $MODFUN_DATA")
+    parser.add_argument("--figures", metavar="DIRECTORY", help="draw the figures of the page there")
+    given = parser.parse_args()
+    main(given.folder, given.figures)
+
+
+def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.0, 4.0), **options: Any) -> Any:
+    """A figure of 7 by 4 inches with its axes, drawn without a screen."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(rows, columns, figsize=size, layout="constrained", **options)
+
+
+def save(figure: Any, name: str, figures: str | Path) -> Path:
+    """Write `figure` as records_NAME.png into the folder `figures` and close it."""
+    import matplotlib.pyplot as plt
+
+    path = Path(figures) / f"records_{name}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return path
