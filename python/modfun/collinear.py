@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ from .records import Record
 from .results import Fit
 from .structures import TransferFunction
 from .tables import Table
+
+if TYPE_CHECKING:
+    from .equations import Equation
+    from .statespace import StateSpace
 
 __all__ = ["Collinearity", "collinearity"]
 
@@ -73,7 +77,7 @@ class Collinearity:
 
 def collinearity(
     data: Record | Sequence[Record],
-    model: TransferFunction | Estimator | Fit,
+    model: TransferFunction | Equation | StateSpace | Estimator | Fit,
     **options: Unpack[Choices],
 ) -> Collinearity:
     """Diagnose collinear regressors, as feedback makes them (report, section 4.10).
@@ -85,10 +89,10 @@ def collinearity(
     Parameters
     ----------
     data : Record or sequence of Record
-    model : TransferFunction, Estimator or Fit
+    model : TransferFunction, Equation, StateSpace, Estimator or Fit
         What is fitted to the data; a Fit gives its structure and options.
     **options
-        Those of `fit`, with a TransferFunction only.
+        Those of `fit`, with a structure only.
 
     Returns
     -------
@@ -129,7 +133,7 @@ def collinearity(
     return Collinearity(table, float(indices[0]), indices, proportions, directions, findings, fit)
 
 
-def _model(model: Any, options: Any) -> tuple[TransferFunction, Options]:
+def _model(model: Any, options: Any) -> tuple[Any, Options]:
     if isinstance(model, Fit | Estimator):
         if options:
             raise SpecError(

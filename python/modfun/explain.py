@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import html
 from .diagnosis import diagnose, disagreement, fewest_samples, growth, surely_stable
+from .errors import SpecError
 from .noise import Noise
-from .tables import Findings, Table
+from .tables import Findings, Table, nearest
 
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["Summary", "check", "facts", "message", "one_line", "warnings_of"]
+__all__ = ["Summary", "check", "facts", "message", "one_line", "parameters", "warnings_of"]
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 # Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight
@@ -228,7 +230,7 @@ class Summary:
 
     def __init__(self, fit: Fit) -> None:
         self.facts = fit.facts()
-        self.parameters = _parameters(fit)
+        self.parameters = parameters(fit)
         usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
         self.poles = fit.damp() if usable and fit.has_poles else None
         self.findings = fit.check()
@@ -267,7 +269,7 @@ def facts(fit: Fit) -> list[tuple[str, str]]:
         f"{n} intervals in {2 * np.pi / w:.6g} s" for n, w in zip(fit.intervals, fit.omega0, strict=True)
     ]
     return [
-        ("Model", f"{_path(fit)}: {fit.structure!r}{late}"),
+        ("Model", f"{_path(fit)}: {fit.structure}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
         ("Method", f"{fit.options.method}; {fit.status}. {fit.message}"),
         ("Band", _band(fit)),
@@ -351,17 +353,24 @@ def _chi2(fit: Fit) -> str:
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom: {verdict}"
 
 
-def _parameters(fit: Fit) -> Table:
-    interval = fit.conf_int()
+def parameters(fit: Fit, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
+    """Table of the parameters; see `Fit.table`."""
+    interval = fit.conf_int(level)
+    for name in units or {}:
+        if name not in fit.param_names:
+            raise SpecError(
+                f"table: units names {name!r}, which is no parameter; {nearest(name, fit.param_names)}"
+            )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = fit.params / fit.bse
     return Table(
         {
             "parameter": list(fit.param_names),
             "value": fit.params,
+            **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
             **fit.standard_errors(),
             "t": ratio,
-            "2.5 %": interval[:, 0],
-            "97.5 %": interval[:, 1],
+            f"{50 * (1 - level):.4g} %": interval[:, 0],
+            f"{50 * (1 + level):.4g} %": interval[:, 1],
         }
     )

@@ -461,16 +461,27 @@ class Record:
             _units={name: unit for name, unit in self._units.items() if name in (*outs, *ins, *keep)},
         )
 
-    def assign(self, **channels: ArrayLike | Callable[[Record], ArrayLike]) -> Record:
+    def assign(
+        self, *, units: Mapping[str, str] | None = None, **channels: ArrayLike | Callable[[Record], ArrayLike]
+    ) -> Record:
         """Return a record with channels replaced or added.
 
         Parameters
         ----------
+        units : mapping of str to str, optional
+            Units by channel name, for labels only; those not named stay as they are.
         **channels : array_like, shape (time,), or callable
             Samples by channel name, or a function of the record that returns them; all functions see
             the record as it was. A new name becomes a kept channel: `select` makes it an output or
-            input. The unit of a channel that is replaced is forgotten; what is masked stays masked and
-            may be nan.
+            input. The unit of a channel that is replaced is forgotten, unless `units` says the new one;
+            what is masked stays masked and may be nan.
+
+        Raises
+        ------
+        DataError
+            If samples are missing or not finite.
+        SpecError
+            If `units` names no channel.
 
         Examples
         --------
@@ -496,8 +507,15 @@ class Record:
                 u[self.inputs.index(name)] = values[0]
             else:
                 keep[name] = values[0]
-        units = {name: unit for name, unit in self._units.items() if name not in channels}
-        return self._like(y=y, u=u, _keep=keep, _units=units)
+        labels = {name: unit for name, unit in self._units.items() if name not in channels}
+        for name, unit in (units or {}).items():
+            if name not in (*self.outputs, *self.inputs, *keep):
+                raise SpecError(
+                    f"assign: units names {name!r}, which is no channel; "
+                    f"{nearest(name, (*self.outputs, *self.inputs, *keep))}"
+                )
+            labels[str(name)] = str(unit)
+        return self._like(y=y, u=u, _keep=keep, _units=labels)
 
     def weigh(self, mask: ArrayLike | None = None, sigma: ArrayLike | None = None) -> Record:
         """Return a record with samples of its outputs left out, or trusted less.

@@ -336,6 +336,29 @@ class Fit:
         """What stands above the parameters in the summary: names and texts."""
         return explain.facts(self)
 
+    def table(self, level: float = 0.95, *, units: Mapping[str, str] | None = None) -> Table:
+        """The parameters as a table for a report: `.to_pandas()`, `.to_dict()`.
+
+        Parameters
+        ----------
+        level : float, default 0.95
+            Of the confidence intervals.
+        units : mapping of str to str, optional
+            Units by parameter name, for a column of their own.
+
+        Returns
+        -------
+        Table
+            Columns parameter, value, unit (where given), se HC3, se classical, t (value over standard
+            error) and both ends of the interval; t and interval are those of `cov_type`.
+
+        Raises
+        ------
+        SpecError
+            If `units` names no parameter.
+        """
+        return explain.parameters(self, level, units)
+
     def summary(self) -> explain.Summary:
         """All of the fit on one page; prints, and shows as HTML in a notebook."""
         return explain.Summary(self)

@@ -220,6 +220,10 @@ class StateSpace(Written):
     def __reduce__(self) -> tuple[Any, ...]:
         return StateSpace.from_dict, (self.to_dict(),)
 
+    def __str__(self) -> str:
+        """The equations, as `alpha' = Za*alpha + q + Zde*de`."""
+        return "; ".join(self._title())
+
     def __repr__(self) -> str:
         words = [str([list(row) for row in getattr(self, name)]) for name in "ABCD"]
         words += [f"{what}={list(getattr(self, what))}" for what in ("states", "inputs", "outputs")]

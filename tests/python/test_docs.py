@@ -4,6 +4,7 @@ Blocks of the pages in docs/records read records that are not part of the projec
 MODFUN_DATA names, else in ../shared/data beside the repository, and are skipped where it is absent.
 """
 
+import importlib
 import os
 import re
 import shlex
@@ -17,6 +18,8 @@ import modfun as mf
 import pytest
 
 ROOT = Path(__file__).parents[2]
+CONTINUED = {"flight.md": ("flight_test", "run7.csv")}  # pages whose blocks follow one another, in a folder
+# with the sample file of an example
 PAGES = [
     page
     for page in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
@@ -34,6 +37,10 @@ def blocks(language):
                 yield pytest.param(page, found[2], line, id=f"{page.name}:{line}")
 
 
+def separate_blocks():
+    return [block for block in blocks("python") if block.values[0].name not in CONTINUED]
+
+
 def prose(page):
     """The page without its blocks of code."""
     return FENCE.sub("", page.read_text(encoding="utf-8"))
@@ -44,7 +51,22 @@ def test_the_pages_are_there():
     assert list(blocks("python"))
 
 
-@pytest.mark.parametrize(("page", "code", "line"), list(blocks("python")))
+@pytest.mark.parametrize("name", sorted(CONTINUED))
+def test_blocks_that_follow_one_another_run_without_a_warning(name, tmp_path, monkeypatch, capsys):
+    matplotlib.use("Agg")
+    example, sample = CONTINUED[name]
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    importlib.import_module(example).write_sample(tmp_path / sample)
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for page, code, line in (block.values for block in blocks("python")):
+            if page.name == name:
+                exec(compile("\n" * (line - 1) + code, str(page), "exec"), names)
+
+
+@pytest.mark.parametrize(("page", "code", "line"), separate_blocks())
 def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeypatch, capsys):
     matplotlib.use("Agg")
     folder = tmp_path
