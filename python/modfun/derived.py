@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SpecError
+from .expressions import expression
 from .lti import roots_of
-from .signals import expression
 from .tables import Table
 
 if TYPE_CHECKING:

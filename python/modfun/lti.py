@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
+from .expressions import is_samples, sources
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
-from .signals import is_samples, sources
+from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
 
@@ -150,17 +151,18 @@ class LTI:
         self,
         *,
         u: Any,
-        dt: float,
+        dt: float | None = None,
         x0: ArrayLike | None = None,
-        intersample: str | Sequence[str] = "smooth",
+        intersample: str | Sequence[str] | None = None,
         intervals: int | None = None,
     ) -> F64:
         """Exact response to a sampled or given input.
 
         Parameters
         ----------
-        u : array_like, str, callable, or a list of these
-            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input.
+        u : array_like, str, callable, or a list of these, or Signals
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input; or
+            `mf.signals`, which bring dt and intersample.
             Before t = 0 (seen through a delay) samples hold their first value, while text and functions
             are evaluated at negative times.
         dt : float
@@ -168,7 +170,7 @@ class LTI:
         x0 : array_like, shape (states,), optional
             State at t = 0; for a transfer function with n poles y, y', … y⁽ⁿ⁻¹⁾ of the free response
             (output after output). Default: zero.
-        intersample : {"smooth", "zoh", "foh"} or a sequence of them
+        intersample : {"smooth", "zoh", "foh"} or a sequence of them, default "smooth"
             What the input does between samples.
         intervals : int, optional
             Number of sampling intervals, needed only when no input is an array.
@@ -184,13 +186,18 @@ class LTI:
             Input or state of the wrong size, or dt not positive.
         """
         outputs, inputs = self.shape
+        if isinstance(u, Signals):
+            u.agree("simulating", dt=dt, intervals=intervals, intersample=intersample)
+            dt, intervals, intersample = u.dt, u.intervals, u.intersample
+        if dt is None:
+            raise SpecError("simulating: give dt=, the sampling interval in s")
         given = sources(u, inputs)
         lengths = {np.size(s) for s in given if is_samples(s) and np.ndim(s)}  # type: ignore[arg-type]
         if intervals is None:
             if not lengths:
                 raise SpecError("simulating a signal of time: say how long, intervals=N for N + 1 samples")
             intervals = max(lengths) - 1
-        y = self.respond(given, dt, intervals, x0, intersample)
+        y = self.respond(given, dt, intervals, x0, "smooth" if intersample is None else intersample)
         return y[0] if outputs == 1 else y
 
     def respond(

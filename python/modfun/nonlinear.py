@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
+from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
 from .pieces import pieces
 from .propagate import intersample_kinds
-from .signals import Source, is_samples, sources
+from .signals import Signals
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -92,7 +93,7 @@ class NonlinearModel:
         dt: float | None = None,
         t: ArrayLike | None = None,
         x0: ArrayLike | None = None,
-        intersample: str | Sequence[str] = "smooth",
+        intersample: str | Sequence[str] | None = None,
         intervals: int | None = None,
         rtol: float = 1e-9,
     ) -> F64:
@@ -100,8 +101,9 @@ class NonlinearModel:
 
         Parameters
         ----------
-        u : array_like, str, callable, or a list of these, optional
-            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input. Seen
+        u : array_like, str, callable, or a list of these, or Signals, optional
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input; or
+            `mf.signals`, which bring dt and intersample. Seen
             through a delay before the start, samples hold their first value, text and functions are
             evaluated there. None for a system without inputs.
         dt : float
@@ -111,7 +113,7 @@ class NonlinearModel:
         x0 : array_like, shape (states,), optional
             State at the first sample in the order of `states`; default: zero. Where the equations look back
             (y(t − h)), the state was the same before.
-        intersample : {"smooth", "zoh", "foh"} or a sequence of them
+        intersample : {"smooth", "zoh", "foh"} or a sequence of them, default "smooth"
             What the input does between samples: a cubic spline, held, or straight. Text and functions taken
             as smooth are exact.
         intervals : int, optional
@@ -131,8 +133,14 @@ class NonlinearModel:
         DataError
             The response leaves all bounds; the text says when.
         """
+        if isinstance(u, Signals):
+            u.agree("simulating", dt=dt, intervals=intervals, intersample=intersample)
+            u = u.arranged("simulating", self.inputs, len(self.inputs))
+            intervals, intersample = u.intervals, u.intersample
+            dt = u.dt if t is None else None
         given = sources(u, len(self.inputs))
-        y = self.respond(given, _grid(dt, t, given, intervals), x0, intersample, rtol)
+        kinds = "smooth" if intersample is None else intersample
+        y = self.respond(given, _grid(dt, t, given, intervals), x0, kinds, rtol)
         return y[0] if len(self.outputs) == 1 else y
 
     def respond(

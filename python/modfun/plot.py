@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .records import Record
     from .reduction import Reduction
     from .results import Fit
+    from .signals import Signals
     from .spectra import Spectrum
     from .study.results import Results
     from .tone_results import Sinusoids
@@ -31,6 +32,7 @@ __all__ = [
     "reduction",
     "residuals",
     "response",
+    "signals",
     "sinusoids",
     "spectrum",
     "study",
@@ -62,6 +64,28 @@ def record(rec: Record, ax: Any = None) -> Any:
         here.plot(rec.t, rec._shown(name), drawstyle=style, label=name, color=color, linewidth=1.0)
         _bridge(here, rec, name, label=f"_{name} masked")
     _label(axes, names, rec.units, "time (s)")
+    return _returned(ax, axes)
+
+
+def signals(given: Signals, ax: Any = None) -> Any:
+    """Draw the inputs of an experiment over time, held ones as steps.
+
+    Parameters
+    ----------
+    given : Signals
+    ax : Axes or sequence of Axes, optional
+        One Axes an input, or a single one for all inputs (with a legend); new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one input or one was given, otherwise one an input.
+    """
+    axes = _axes(ax, len(given.inputs), height=1.6)
+    for name, u, kind, here in zip(given.inputs, given.u, given.intersample, axes, strict=True):
+        style = "steps-post" if kind == "zoh" else "default"
+        here.plot(given.t, u, drawstyle=style, label=name, linewidth=1.0)
+    _label(axes, given.inputs, {}, "time (s)")
     return _returned(ax, axes)
 
 

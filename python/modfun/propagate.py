@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import SpecError
-from .signals import Source, evaluate, is_samples
+from .expressions import Source, evaluate, is_samples
 
 __all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond"]
 

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import DataError, SpecError
+from .expressions import evaluate, sources
 from .lti import LTI
 from .masking import refuse_own_noise
 from .nonlinear import NonlinearModel
 from .propagate import intersample_kinds, respond
 from .records import Record
-from .signals import evaluate, sources
+from .signals import Signals
 from .structures import TransferFunction
 from .timelag import DelaySystem
 
@@ -57,6 +58,8 @@ class Experiment:
         What inputs do between samples.
     start : ndarray, shape (states,), or None
         State of equations at t = 0 of `y`.
+    names : tuple of str, or None
+        Of the inputs, where `Signals` name them.
     """
 
     system: LTI | NonlinearModel | DelaySystem
@@ -69,6 +72,7 @@ class Experiment:
     inputs: tuple[Any, ...] = ()
     kinds: tuple[str, ...] = ()
     start: F64 | None = None
+    names: tuple[str, ...] | None = None
 
     def response(self, state: F64) -> F64:
         """Noise-free outputs from another state at t = 0."""
@@ -82,9 +86,9 @@ def experiment(
     sys: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
-    duration: float,
-    intervals: int,
-    intersample: str | Sequence[str] = "smooth",
+    duration: float | None = None,
+    intervals: int | None = None,
+    intersample: str | Sequence[str] | None = None,
     start: ArrayLike | None = None,
 ) -> Experiment:
     """Noise-free response from rest to an input; arguments as in `simulate`.
@@ -96,13 +100,23 @@ def experiment(
             f"simulate: the system is a {type(sys).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
             "mf.Equation(...).model({name: value}), fit.model or mf.timelag.DelaySystem(...)"
         )
+    names = None
+    if isinstance(input, Signals):
+        input.agree("simulate", duration=duration, intervals=intervals, intersample=intersample)
+        input = input.arranged("simulate", getattr(sys, "inputs", None), sys.shape[1])
+        duration, intervals, intersample = input.duration, input.intervals, input.intersample
+        names = input.inputs
+    if duration is None or intervals is None:
+        raise SpecError(
+            "simulate: give duration= in s and intervals=, or input= of mf.signals, which have both"
+        )
     if not (_is_number(duration) and duration > 0):
         raise SpecError(f"simulate: duration={duration!r} must be a time in seconds above 0")
     if not isinstance(intervals, int | np.integer) or intervals < 1:
         raise SpecError(f"simulate: intervals={intervals!r} must be a whole number of at least 1 (N)")
     dt, count = float(duration) / int(intervals), int(intervals)
     given = sources(input, sys.shape[1])
-    kinds = intersample_kinds(intersample, len(given))
+    kinds = intersample_kinds("smooth" if intersample is None else intersample, len(given))
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
     if not isinstance(sys, LTI):
@@ -111,7 +125,7 @@ def experiment(
         size = np.sqrt(np.mean(x**2, axis=1))
         none = np.zeros((0, *y.shape))
         return Experiment(
-            sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state
+            sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state, names
         )
     y = sys.respond(given, dt, count, None, kinds)
     a, b, _, _, scale = sys.scaled()
@@ -133,6 +147,7 @@ def experiment(
         state_rms=np.sqrt(np.mean(states**2, axis=1)),
         free=np.array(free).reshape(n, *y.shape),
         kinds=kinds,
+        names=names,
     )
 
 
@@ -140,11 +155,11 @@ def simulate(
     sys: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
-    duration: float,
-    intervals: int,
+    duration: float | None = None,
+    intervals: int | None = None,
     nsr: float = 0.0,
     initial_state: str | ArrayLike = "zero",
-    intersample: str | Sequence[str] = "smooth",
+    intersample: str | Sequence[str] | None = None,
     seed: int = 0,
     replicate: int = 0,
     outputs: Sequence[str] | None = None,
@@ -156,14 +171,15 @@ def simulate(
     ----------
     sys : LTI, NonlinearModel or DelaySystem
         The system.
-    input : str, array_like, callable, or a list of these, optional
-        Input, one an input of the system: text such as ``"sin(t**2/5)"``, a function of t, or intervals
-        + 1 samples. Seen through a delay before t = 0, text and functions are evaluated at negative
-        times, samples hold their first value. None for a system without inputs.
+    input : Signals, str, array_like, callable, or a list of these, optional
+        Input: `mf.signals`, which bring their duration, sampling, form between samples and names; or, one
+        an input of the system, text such as ``"sin(t**2/5)"``, a function of t, or intervals + 1 samples.
+        Seen through a delay before t = 0, text and functions are evaluated at negative times, samples hold
+        their first value. None for a system without inputs.
     duration : float
-        Length T of the record, s.
+        Length T of the record, s; that of `mf.signals` where they are the input.
     intervals : int
-        Number of sampling intervals N; the record has N + 1 samples.
+        Number of sampling intervals N; the record has N + 1 samples. As `duration`.
     nsr : float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
         output by output; of equations, which need not rest at zero, the response from `initial_state`.
@@ -171,8 +187,9 @@ def simulate(
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
         the free response, of equations in the order of `NonlinearModel.states`.
-    intersample : {"smooth", "zoh", "foh"} or a sequence of them
-        What the input does between its samples; text and functions taken as smooth are exact.
+    intersample : {"smooth", "zoh", "foh"} or a sequence of them, optional
+        What the input does between its samples; text and functions taken as smooth are exact. Default:
+        "smooth", or what `mf.signals` do.
     seed, replicate : int
         Address of the noise and of the random initial state: the same numbers for the same address,
         whatever the level of the noise.
@@ -224,7 +241,7 @@ def simulate(
         u=found.u if len(found.u) else None,
         dt=found.dt,
         outputs=getattr(sys, "outputs", None) if outputs is None else outputs,
-        inputs=getattr(sys, "inputs", None) if inputs is None else inputs,
+        inputs=(found.names or getattr(sys, "inputs", None)) if inputs is None else inputs,
         intersample=list(found.kinds),
     )
 

@@ -12,6 +12,7 @@ from .errors import SpecError
 from .estimation import _threads
 from .options import Options
 from .records import Record
+from .signals import Signals
 from .structures import TransferFunction
 from .study.axes import Axis, axis, levels
 from .study.contenders import Contender, contenders
@@ -52,8 +53,9 @@ class MonteCarlo:
     ----------
     system : LTI or NonlinearModel, or dict of name to these
         A dict is an axis of the study with names, here and below.
-    input : str, array_like, callable, list of these, or dict of name to any of these
-        One signal an input of the system: text such as ``"sin(t**2/5)"``, intervals + 1 samples, or a
+    input : Signals, str, array_like, callable, list of these, or dict of name to any of these
+        `mf.signals`, which bring their duration, sampling, form between samples and names; or one signal an
+        input of the system: text such as ``"sin(t**2/5)"``, intervals + 1 samples, or a
         function of t.
     duration : float
         Length T of a record, s.
@@ -94,8 +96,8 @@ class MonteCarlo:
     seed : int, default 0
         Together with the address of a replicate it fixes every random number; an rng given to a function
         of yours is a NumPy Generator with that address.
-    intersample : {"smooth", "zoh", "foh"} or a sequence of them
-        What the input does between its samples.
+    intersample : {"smooth", "zoh", "foh"} or a sequence of them, optional
+        What the input does between its samples; default: "smooth", or what `mf.signals` do.
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
         cov_type. With neither band nor harmonics the band is chosen for each system and input on the
@@ -295,6 +297,8 @@ def _simulated(
 ) -> tuple[tuple[Axis, ...], tuple[Group, ...]]:  # fmt: skip
     """Axes and groups of a study of systems."""
     needed = {"system": system, "input": input, "duration": duration, "intervals": intervals}
+    if all(isinstance(one, Signals) for one in (input.values() if isinstance(input, Mapping) else [input])):
+        del needed["duration"], needed["intervals"]  # each has its own
     if not _driven(system):
         del needed["input"]
     missing = [f"{name}=" for name, value in needed.items() if value is None]
@@ -315,8 +319,7 @@ def _simulated(
     nsrs = levels(0.0 if nsr is None else nsr)
     found = groups(
         of_system, of_input, of_state, nsrs, noise if callable(noise) else None,
-        duration=duration, intervals=intervals,
-        intersample="smooth" if intersample is None else intersample,
+        duration=duration, intervals=intervals, intersample=intersample,
     )  # fmt: skip
     return (systems, inputs, states, nsrs), found
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, ModfunWarning, SpecError
+from ..expressions import is_samples, sources
 from ..propagate import intersample_kinds
-from ..signals import is_samples, sources
+from ..signals import Signals
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
 from .numbers import real_numbers
@@ -82,6 +83,9 @@ def _outside(u: Any, inputs: int, grid: F64, intersample: str | Sequence[str]) -
     """Inputs from outside at any instant."""
     if u is None:
         return lambda t: np.zeros((inputs, np.size(t)))
+    if isinstance(u, Signals):
+        u.agree("simulating", dt=grid[1], duration=grid[-1])
+        intersample = u.intersample
     found = sources(u, inputs)
     kinds = intersample_kinds(intersample, len(found))
     for source in found:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, SpecError
-from ..signals import Source, evaluate, is_samples
+from ..expressions import Source, evaluate, is_samples
 from .numbers import real_numbers
 
 if TYPE_CHECKING:

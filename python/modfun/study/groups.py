@@ -60,6 +60,8 @@ class Group:
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
+        if self.rest.names is not None:
+            return self.rest.names
         if isinstance(self.system, NonlinearModel):
             return self.system.inputs
         count = self.system.shape[1]
@@ -171,9 +173,9 @@ def groups(
     nsr: Axis,
     noise: Callable[..., Any] | None,
     *,
-    duration: float,
-    intervals: int,
-    intersample: str | Sequence[str],
+    duration: float | None,
+    intervals: int | None,
+    intersample: str | Sequence[str] | None,
 ) -> tuple[Group, ...]:
     """Simulate every combination of system, input and initial state, each once."""
     found: list[Group] = []

@@ -13,7 +13,7 @@ from ..errors import SpecError
 
 __all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression"]
 
-# The functions of texts everywhere in modfun (see modfun.signals), with their numbers of arguments.
+# The functions of texts everywhere in modfun (see modfun.expressions), with their numbers of arguments.
 FUNCTIONS = {
     **dict.fromkeys(["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"], 1),
     **dict.fromkeys(["exp", "log", "sqrt", "abs", "sign", "floor", "step"], 1),

@@ -1,4 +1,4 @@
-"""Signals given as text, as a function of time or as samples, evaluated at given times."""
+"""Texts in a small closed language, functions of time and samples: evaluated at given times."""
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
+from .signals.signals import Signals
 
 __all__ = ["Source", "evaluate", "expression"]
 
@@ -158,10 +159,12 @@ def expression(text: str, names: Sequence[str]) -> Callable[[Mapping[str, float]
 
 
 def sources(given: Any, inputs: int) -> list[Source]:
-    """One source an input, from what a user may give: one source, a sequence, a 2-D array, None for none."""
+    """One source an input, from what a user may give: one source, a sequence, a 2-D array, Signals, None."""
     found: list[Source]
     if given is None:
         found = []
+    elif isinstance(given, Signals):
+        found = given.sources()
     elif isinstance(given, str) or callable(given):
         found = [given]
     elif isinstance(given, list | tuple) and any(not is_samples(s) or np.ndim(s) for s in given):
