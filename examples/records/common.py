@@ -54,3 +54,38 @@ def save(figure: Any, name: str, figures: str | Path) -> Path:
     figure.savefig(path, dpi=110)
     plt.close(figure)
     return path
+
+
+def balanced(records: Any, model: Any, rounds: int = 4, **options: Any) -> Any:
+    """A fit whose outputs count by the errors of their own simulation, found by fitting `rounds` times more.
+
+    Equations weigh outputs by the noise of the high band, which filters leave empty in flight records: the
+    ratio of what is left there says nothing of the errors in the band.
+    """
+    import modfun as mf
+    import numpy as np
+
+    fit = mf.fit(records, model, **options)
+    for _ in range(rounds):
+        errors = np.hstack([fit.errors(i) for i in range(len(fit.records))])
+        fit = mf.fit(records, model, noise=mf.Noise(y=errors.std(axis=1)), **options)
+    return fit
+
+
+def estimates(fits: dict[str, Any]) -> Any:
+    """A table of fits of one structure: a row each, estimates ± standard errors."""
+    import modfun as mf
+
+    names = next(iter(fits.values())).param_names
+    columns = {
+        name: [f"{fit[name]:.3f} ± {fit.bse[i]:.3f}" for fit in fits.values()] for i, name in enumerate(names)
+    }
+    return mf.Table({"fit": list(fits)} | columns)
+
+
+def errors(fit: Any) -> Any:
+    """A table of the estimates of a fit with both kinds of standard errors."""
+    import modfun as mf
+
+    kinds = fit.standard_errors()
+    return mf.Table({"parameter": list(fit.param_names), "value": fit.params} | kinds)

@@ -143,7 +143,7 @@ def check(fit: Fit) -> Findings:
             f"{fit.df_resid} degrees of freedom. "
             "Either the model misses something, or the record was low-pass filtered and the high "
             "band is empty of "
-            "noise, as flight records often are."
+            f"noise, as flight records often are.{_weights(fit)}"
         )
     elif d.level_ratio < 1 / LEVEL:
         found.append(
@@ -207,6 +207,16 @@ def _path(fit: Fit) -> str:
 
 def _of(fit: Fit, output: str) -> str:
     return f" of {output}" if len(fit.row_names) > 1 else ""
+
+
+def _weights(fit: Fit) -> str:
+    """What to do where equations weigh outputs by levels that are not those of their misfit."""
+    if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
+        return ""
+    return (
+        f" {', '.join(fit.outputs)} count by these levels: if the second, weigh them by their own errors, "
+        "noise=mf.Noise(y=fit.errors().std(axis=1)), and so again until nothing changes."
+    )
 
 
 def _numbers(values: Any) -> str:

@@ -1,0 +1,128 @@
+"""Twin Otter, two elevator manoeuvres: a model of run 018 predicts run 019, stability derivatives of both.
+
+Usage: python examples/records/twin_otter.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
+"""
+
+import common
+import modfun as mf
+import numpy as np
+
+GRAVITY = 32.174  # ft/s2
+WING, CHORD, MASS, INERTIA = 422.48, 6.496, 338.8, 24273.0  # ft2, ft, slug, slug ft2: the record's README
+CHANNELS = {"alpha": "alpha_deg", "q": "q_dps"}
+KEPT = {"V": "V_fps", "qbar": "qbar_psf", "theta": "theta_deg", "az": "az_g"}
+SHORT_PERIOD = mf.StateSpace(
+    [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"]
+)
+
+
+def read(run, folder=None):
+    """Angle of attack (deg), pitch rate (deg/s) and elevator (deg) of a run, 50 Hz."""
+    path = common.data(f"twinotter_lon_{run}/twinotter_lon_{run}.csv", folder)
+    return mf.read(path, time="t_s", outputs=CHANNELS, inputs={"de": "el_deg"}, keep=KEPT)
+
+
+def lag(rec):
+    """Seconds by which alpha follows what gyroscope and accelerometer say of it, and the S/E then, dB.
+
+    alpha' = q + g/V (az cos alpha + cos(theta - alpha)), which holds whatever the aerodynamics.
+    """
+    alpha, theta, q = (np.deg2rad(rec[name]) for name in ("alpha", "theta", "q"))
+    rate = q + GRAVITY / rec["V"] * (rec["az"] * np.cos(alpha) + np.cos(theta - alpha))
+    whole = np.rad2deg(np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * rec.dt)
+    inner = slice(10, -10)
+    found = []
+    for late in np.arange(-0.1, 0.1001, 0.001):
+        error = rec["alpha"] - np.interp(rec.t - late, rec.t, whole)
+        drift = np.polyfit(rec.t[inner], error[inner], 1)  # of the accelerometer's offset
+        error = (error - np.polyval(drift, rec.t))[inner]
+        found.append((20 * np.log10(np.std(rec["alpha"][inner]) / np.std(error)), late))
+    return max(found)[::-1]
+
+
+def earlier(rec, samples=1):
+    """The record with its angle of attack taken some samples earlier."""
+    end = rec.t.size - samples
+    y = [rec["alpha"][samples:], rec["q"][:end]]
+    return mf.Record(y=y, u=rec.u[:, :end], t=rec.t[:end], outputs=rec.outputs, inputs=rec.inputs)
+
+
+def main(folder=None, figures=None):
+    """Fit, predict, print; returns what the page states."""
+    runs = {run: read(run, folder) for run in ("018", "019")}
+    out = {}
+
+    rate = {run: rec.select(outputs=["q"]) for run, rec in runs.items()}
+    tf = mf.fit(rate["018"], mf.TransferFunction(poles=2, zeros=1))
+    print(f"Transfer function from elevator to pitch rate, run 018\n{tf}\n{tf.damp()}")
+    for run in runs:
+        score = tf.score(rate[run]).rows[0]
+        out[f"q {run}"] = score
+        print(f"q of run {run}: S/E {score['signal_to_error']:.1f} dB, R2 {score['r2']:.4f}")
+
+    print("\nThe vane follows the integrated rates by")
+    out["lag"] = {run: lag(rec) for run, rec in runs.items()}
+    for run, (late, level) in out["lag"].items():
+        print(f"run {run}: {1000 * late:.0f} ms, with which they agree to {level:.1f} dB")
+
+    shifted = {run: earlier(rec) for run, rec in runs.items()}
+    fits = {"018, default weights": (mf.fit(runs["018"], SHORT_PERIOD), runs)}
+    for word, records in (("", runs), (", alpha earlier", shifted)):
+        for name, own in (
+            ("018", [records["018"]]),
+            ("019", [records["019"]]),
+            ("both", [*records.values()]),
+        ):
+            fits[name + word] = common.balanced(own, SHORT_PERIOD), records
+    out["fits"] = {name: fit for name, (fit, _) in fits.items()}
+    out["levels"] = {
+        name: {run: fit.score(rec)["signal_to_error"] for run, rec in records.items()}
+        for name, (fit, records) in fits.items()
+    }
+    print(f"\nState equations: derivatives ± HC3, 1/s or 1/s2\n{common.estimates(out['fits'])}")
+    columns = {
+        f"{c} {run}": [found[run][i] for found in out["levels"].values()]
+        for run in runs
+        for i, c in enumerate(CHANNELS)
+    }
+    print(f"\nS/E, dB\n{mf.Table({'fit': list(fits)} | {k: np.round(v, 1) for k, v in columns.items()})}")
+    last = out["fits"]["both, alpha earlier"]
+    print(f"\nBoth runs, alpha earlier\n{common.errors(last)}")
+
+    qbar, speed = (np.mean([rec[name].mean() for rec in runs.values()]) for name in ("qbar", "V"))
+    moment, force = INERTIA / (qbar * WING * CHORD), MASS * speed / (qbar * WING)
+    out["derived"] = last.derived(
+        CZa=f"{force}*Za",
+        CZde=f"{force}*Zd",
+        Cma=f"{moment}*Ma",
+        Cmq=f"{moment * 2 * speed / CHORD}*Mq",
+        Cmde=f"{moment}*Md",
+    )
+    print(f"\nqbar {qbar:.2f} psf, V {speed:.1f} ft/s\n{out['derived']}")
+    out["collinearity"] = mf.collinearity([*shifted.values()], last)
+    print(f"\n{out['collinearity']}")
+    if figures:
+        draw(out["fits"]["018, alpha earlier"], shifted, figures)
+    return out
+
+
+def draw(fit, runs, figures):
+    """Run 018, fitted, and run 019, predicted."""
+    figure, axes = common.panels(2, 2, sharex="col", sharey="row")
+    for column, (run, rec) in zip(axes.T, runs.items(), strict=True):
+        ax = column[0]
+        ax.set_title(f"run {run}, {'fitted' if run == '018' else 'predicted'}", fontsize=10)
+        column[1].set_xlabel("t, s")
+        for ax, name, y, own in zip(column, ("α, deg", "q, deg/s"), rec.y, fit.predict(rec).y, strict=True):
+            ax.plot(rec.t, y, color="0.6", lw=2.5, label="measured")
+            ax.plot(rec.t, own, color="C0", lw=1, label="model")
+            ax.plot(rec.t, y - own, color="C3", lw=0.8, label="error")
+            ax.grid(alpha=0.3)
+            if run == "018":
+                ax.set_ylabel(name)
+    axes[0, 1].legend(fontsize=8)
+    common.save(figure, "twin_otter", figures)
+
+
+if __name__ == "__main__":
+    common.run(main, __doc__)
