@@ -58,13 +58,22 @@ def noisy(clean, level, seed):
     )
 
 
-def in_the_loop(fit, command, dt):
-    """Response from rest of an identified longitudinal model under the same feedback."""
+def in_the_loop(fit, rec, command):
+    """Response from rest of an identified longitudinal model under the same feedback, as a record."""
     den, _ = fit.polynomials()
     nums = [fit.polynomials(i)[1][0] for i in range(2)]
     for num, gain in zip(nums, FEEDBACK.values(), strict=True):
         den = np.polysub(den, gain * num)
-    return np.asarray(mf.tf([[num] for num in nums], den).simulate(u=[command], dt=dt))
+    alpha, q = mf.tf([[num] for num in nums], den).simulate(u=[command], dt=rec.dt)
+    return rec.assign(alpha=alpha, q=q)
+
+
+def score(clean, predict, *given):
+    """S/E of a simulation; minus infinity of one that overflows."""
+    try:
+        return signal_to_error(clean.y, predict(*given).y)
+    except mf.DataError:
+        return np.full(len(clean.y), -np.inf)
 
 
 def study(kind, clean, poles, level, command=None):
@@ -73,48 +82,53 @@ def study(kind, clean, poles, level, command=None):
     found = []
     for seed in range(REPLICATES if level else 1):
         rec = noisy(clean, level, seed)
-        with warnings.catch_warnings():  # an unstable estimate is what we want; too high orders warn, too
-            warnings.simplefilter("ignore", mf.ModfunWarning)
-            fit = estimator(rec)
-        ways = [lambda fit=fit, rec=rec: fit.predict(rec).y]
+        fit = estimator(rec)
+        found.append([score(clean, fit.predict, rec)])
         if command is not None:
-            ways.append(lambda fit=fit, rec=rec: in_the_loop(fit, command, rec.dt))
-        found.append([_simulated(clean.y, way) for way in ways])
+            found[-1].append(score(clean, in_the_loop, fit, rec, command))
     return np.median(found, axis=0)
 
 
-def _simulated(y, way):
-    """S/E of a simulation; minus infinity of one that overflows."""
-    try:
-        return signal_to_error(y, way())
-    except mf.DataError:
-        return np.full(len(y), -np.inf)
+def poles_of(lon, lat, matrices):
+    """Table of the poles of a fit each, with their standard errors and the truth."""
+    columns = {"model": [], "pole": [], "omega": [], "bse": [], "truth": []}
+    for kind, clean, count in (("longitudinal", lon, 2), ("lateral", lat, 4)):
+        structure = mf.TransferFunction(poles=count, denominator="common")
+        fit = mf.Estimator(structure, band=BANDS[kind])(noisy(clean, 0.05, 0))
+        true = np.array([complex(*pair) for pair in matrices[kind[:3]]["eig"]])
+        for row in fit.damp():
+            nearest = true[np.argmin(np.abs(true - row["pole"]))]
+            for name, value in zip(
+                columns, (kind, row["pole"], row["omega"], row["omega_bse"], abs(nearest)), strict=True
+            ):
+                columns[name].append(value)
+    return mf.Table(columns)
 
 
 def main(folder=None, figures=None):
     """Tables by order at 5 % noise and by noise at the right order, in dB; the figure."""
+    warnings.simplefilter("ignore", mf.ModfunWarning)  # unstable estimates are what we want
     matrices = json.loads(data("f18_polynomial_model/f18_poly_and_linear_5deg.json", folder).read_text())
     lon, command = longitudinal(folder, matrices["lon"])
     lat = lateral(folder, matrices["lat"])
-    rows = []
-    for poles in (2, 3, 4):
-        own, loop = study("longitudinal", lon, poles, 0.05, command)
-        other = study("lateral", lat, poles, 0.05)[0]
-        rows.append([poles, *own, *loop, *other])
-    names = ["poles", "alpha", "q", "alpha in the loop", "q in the loop", "beta", "p", "r"]
-    orders = mf.Table(dict(zip(names, zip(*np.round(rows, 1), strict=True), strict=True)))
-    print(f"S/E in dB, {100 * 0.05:g} % noise, median of {REPLICATES} replicates\n{orders}\n")
+    estimates = poles_of(lon, lat, matrices)
+    print(f"Poles, rad/s, 5 % noise, one record; longitudinal of 2, lateral of 4\n{estimates}\n")
+    names = ["alpha", "q", "alpha in the loop", "q in the loop", "beta", "p", "r"]
 
-    rows = []
-    for level in LEVELS:
-        own, loop = study("longitudinal", lon, 2, level, command)
-        rows.append([100 * level, *own, *loop, *study("lateral", lat, 4, level)[0]])
-    names[0] = "noise, %"
-    noise = mf.Table(dict(zip(names, zip(*np.round(rows, 1), strict=True), strict=True)))
+    def table(first, cases):
+        rows = []
+        for value, poles, level in cases:
+            flown = study("longitudinal", lon, poles[0], level, command)
+            rows.append([value, *flown.ravel(), *study("lateral", lat, poles[1], level).ravel()])
+        return mf.Table(dict(zip([first, *names], np.round(rows, 1).T, strict=True)))
+
+    orders = table("poles", [(n, (n, n), 0.05) for n in (2, 3, 4)])
+    print(f"S/E in dB, 5 % noise, median of {REPLICATES} replicates\n{orders}\n")
+    noise = table("noise, %", [(100 * level, (2, 4), level) for level in LEVELS])
     print(f"S/E in dB, longitudinal with 2 poles, lateral with 4, median of {REPLICATES} replicates\n{noise}")
     if figures is not None:
         draw(noise, figures)
-    return {"orders": orders, "noise": noise, "longitudinal": lon, "command": command}
+    return {"poles": estimates, "orders": orders, "noise": noise, "longitudinal": lon, "command": command}
 
 
 def draw(noise, figures):
