@@ -56,36 +56,57 @@ def save(figure: Any, name: str, figures: str | Path) -> Path:
     return path
 
 
-def balanced(records: Any, model: Any, rounds: int = 4, **options: Any) -> Any:
+def balanced(records: Any, model: Any, rounds: int = 4) -> Any:
     """A fit whose outputs count by the errors of their own simulation, found by fitting `rounds` times more.
 
     Equations weigh outputs by the noise of the high band, which filters leave empty in flight records: the
-    ratio of what is left there says nothing of the errors in the band.
+    ratio of what is left there says nothing of the errors in the band. The band is that of the first fit.
     """
     import modfun as mf
     import numpy as np
 
-    fit = mf.fit(records, model, **options)
+    fit = mf.fit(records, model)
+    band = fit.band
     for _ in range(rounds):
         errors = np.hstack([fit.errors(i) for i in range(len(fit.records))])
-        fit = mf.fit(records, model, noise=mf.Noise(y=errors.std(axis=1)), **options)
+        fit = mf.fit(records, model, noise=mf.Noise(y=errors.std(axis=1)), band=band)
     return fit
 
 
-def estimates(fits: dict[str, Any]) -> Any:
-    """A table of fits of one structure: a row each, estimates ± standard errors."""
+def estimates(fits: dict[str, Any], names: Any = None) -> Any:
+    """A table of fits of one structure: a row each, estimates ± standard errors of these parameters."""
     import modfun as mf
 
-    names = next(iter(fits.values())).param_names
+    all_names = next(iter(fits.values())).param_names
     columns = {
-        name: [f"{fit[name]:.3f} ± {fit.bse[i]:.3f}" for fit in fits.values()] for i, name in enumerate(names)
+        name: [f"{fit[name]:.3f} ± {fit.bse[all_names.index(name)]:.3f}" for fit in fits.values()]
+        for name in names or all_names
     }
     return mf.Table({"fit": list(fits)} | columns)
 
 
-def errors(fit: Any) -> Any:
-    """A table of the estimates of a fit with both kinds of standard errors."""
-    import modfun as mf
+def earlier(rec: Any, channel: str, samples: int = 1) -> Any:
+    """The record with a channel taken some samples earlier, and so much shorter."""
+    import numpy as np
 
-    kinds = fit.standard_errors()
-    return mf.Table({"parameter": list(fit.param_names), "value": fit.params} | kinds)
+    moved = rec.assign(**{channel: np.roll(rec[channel], -samples)})
+    return moved.window(rec.t[0], rec.t[-1 - samples])
+
+
+def lag(rec: Any, channel: str, rate: Any) -> tuple[float, float]:
+    """Seconds by which a channel follows the integral of a rate, and the S/E then, dB.
+
+    Offset and slope of their difference do not count: sensors have offsets.
+    """
+    import numpy as np
+
+    whole = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * rec.dt
+    inner = slice(10, -10)
+    y, t = rec[channel][inner], rec.t[inner]
+    found = []
+    for late in np.arange(-0.1, 0.1001, 0.001):
+        error = y - np.interp(t - late, rec.t, whole)
+        error -= np.polyval(np.polyfit(t, error, 1), t)
+        found.append((20 * np.log10(np.std(y) / np.std(error)), late))
+    level, late = max(found)
+    return float(late), float(level)

@@ -23,28 +23,13 @@ def read(run, folder=None):
 
 
 def lag(rec):
-    """Seconds by which alpha follows what gyroscope and accelerometer say of it, and the S/E then, dB.
+    """Lag of alpha (s) behind what gyroscope and accelerometer say of it, with their agreement (dB).
 
     alpha' = q + g/V (az cos alpha + cos(theta - alpha)), which holds whatever the aerodynamics.
     """
-    alpha, theta, q = (np.deg2rad(rec[name]) for name in ("alpha", "theta", "q"))
-    rate = q + GRAVITY / rec["V"] * (rec["az"] * np.cos(alpha) + np.cos(theta - alpha))
-    whole = np.rad2deg(np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * rec.dt)
-    inner = slice(10, -10)
-    found = []
-    for late in np.arange(-0.1, 0.1001, 0.001):
-        error = rec["alpha"] - np.interp(rec.t - late, rec.t, whole)
-        drift = np.polyfit(rec.t[inner], error[inner], 1)  # of the accelerometer's offset
-        error = (error - np.polyval(drift, rec.t))[inner]
-        found.append((20 * np.log10(np.std(rec["alpha"][inner]) / np.std(error)), late))
-    return max(found)[::-1]
-
-
-def earlier(rec, samples=1):
-    """The record with its angle of attack taken some samples earlier."""
-    end = rec.t.size - samples
-    y = [rec["alpha"][samples:], rec["q"][:end]]
-    return mf.Record(y=y, u=rec.u[:, :end], t=rec.t[:end], outputs=rec.outputs, inputs=rec.inputs)
+    alpha, theta = np.deg2rad(rec["alpha"]), np.deg2rad(rec["theta"])
+    turn = GRAVITY / rec["V"] * (rec["az"] * np.cos(alpha) + np.cos(theta - alpha))
+    return common.lag(rec, "alpha", rec["q"] + np.rad2deg(turn))
 
 
 def main(folder=None, figures=None):
@@ -65,7 +50,7 @@ def main(folder=None, figures=None):
     for run, (late, level) in out["lag"].items():
         print(f"run {run}: {1000 * late:.0f} ms, with which they agree to {level:.1f} dB")
 
-    shifted = {run: earlier(rec) for run, rec in runs.items()}
+    shifted = {run: common.earlier(rec, "alpha") for run, rec in runs.items()}
     fits = {"018, default weights": (mf.fit(runs["018"], SHORT_PERIOD), runs)}
     for word, records in (("", runs), (", alpha earlier", shifted)):
         for name, own in (
@@ -87,7 +72,7 @@ def main(folder=None, figures=None):
     }
     print(f"\nS/E, dB\n{mf.Table({'fit': list(fits)} | {k: np.round(v, 1) for k, v in columns.items()})}")
     last = out["fits"]["both, alpha earlier"]
-    print(f"\nBoth runs, alpha earlier\n{common.errors(last)}")
+    print(f"\nBoth runs, alpha earlier\n{last.table()}")
 
     qbar, speed = (np.mean([rec[name].mean() for rec in runs.values()]) for name in ("qbar", "V"))
     moment, force = INERTIA / (qbar * WING * CHORD), MASS * speed / (qbar * WING)
