@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
-from .lti import LTI
-from .nonlinear import NonlinearModel
 from .prediction import sample_weights
-from .propagate import Inputs
 from .records import Record
-from .sensitivities import Sensitivities, time_unit
+from .results import Fit
+from .signals import Signals
+from .slopes import Known
 from .structures import TransferFunction
-from .tables import Table
+from .tables import Table, nearest
+from .valued import noise_of, record_for, valued
 
 __all__ = ["Bound", "crlb"]
 
 F64 = NDArray[np.float64]
-STEP = 1e-4  # of a parameter's size: differences on common steps, exact to its square
 TRENDS = (None, "constant", "linear")
 
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """Cramér–Rao bound of the parameters of a transfer function.
+    """Cramér–Rao bound of the parameters of a model.
 
     Attributes
     ----------
@@ -35,14 +36,14 @@ class Bound:
         Parameters of the system.
     cov : ndarray, shape (parameter, parameter)
         Smallest covariance of an unbiased estimate.
-    sigma : float
-        Standard deviation of the noise (of a sample whose relative noise is 1).
+    sigma : float or ndarray, shape (output,)
+        Standard deviation of the noise on each output (of a sample whose relative noise is 1).
     """
 
     param_names: tuple[str, ...]
     values: F64
     cov: F64
-    sigma: float
+    sigma: Any
 
     @property
     def sd(self) -> F64:
@@ -59,16 +60,17 @@ class Bound:
     def __getitem__(self, name: str) -> float:
         """Smallest standard deviation of a parameter."""
         if name not in self.param_names:
-            raise SpecError(f"the bound has no parameter {name!r}; there are {', '.join(self.param_names)}")
+            raise SpecError(f"the bound has no parameter {name!r}; {nearest(name, self.param_names)}")
         return float(self.sd[self.param_names.index(name)])
 
     def to_table(self) -> Table:
         """Parameters, their values and bounds as a Table."""
         with np.errstate(divide="ignore"):
             percent = 100 * self.sd / np.abs(self.values)
+        level = ", ".join(f"{sd:.4g}" for sd in np.atleast_1d(self.sigma))
         return Table(
             {"param": list(self.param_names), "value": self.values, "bound": self.sd, "percent": percent},
-            title=f"Cramér–Rao bound (standard deviation), noise sd {self.sigma:.4g}",
+            title=f"Cramér–Rao bound (standard deviation), noise sd {level}",
         )
 
     def __repr__(self) -> str:
@@ -79,42 +81,48 @@ class Bound:
 
 
 def crlb(
-    sys: LTI | NonlinearModel,
-    rec: Record,
+    sys: Any,
+    experiment: Record | Signals | Sequence[Record | Signals] | None = None,
     *,
-    nsr: float | None = None,
-    sigma: float | None = None,
+    nsr: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    params: Mapping[str, float] | None = None,
     trend: str | None = None,
     initial_state: str = "unknown",
     model: TransferFunction | None = None,
     start: ArrayLike | None = None,
 ) -> Bound:
-    """Cramér–Rao bound of the parameters under white noise on the sampled output.
+    """Cramér–Rao bound of the parameters under white noise on the sampled outputs.
 
-    The bound is σ²(SᵀS)⁻¹ with S the derivatives of the response from rest to the record's input, exact
-    between the samples; those to the initial state (and to the trend) are nuisance. Of equations, S is
-    made of differences of responses from `start`.
+    The bound is (Σ SᵀR⁻¹S)⁻¹ with S the derivatives of the outputs at a sample, R the covariance of their
+    noise; those to the initial state (and to the trend) of each record are nuisance. Of linear systems S is
+    exact, also between the samples; of equations it is made of differences of responses.
 
     Parameters
     ----------
-    sys : LTI or NonlinearModel
-        The system, one output.
-    rec : Record
-        Inputs, sampling and length of the experiment; of its output only which samples are masked, and
-        their relative noise (`sigma` of the record), count.
-    nsr : float
-        Noise standard deviation over the root mean square of the noise-free response from rest. Give
-        this or `sigma`.
-    sigma : float
-        Noise standard deviation.
+    sys : LTI, NonlinearModel, TransferFunction, StateSpace, Equation or Fit
+        A system with numbers, or a structure and its numbers in `params`. Of a Fit: its model and estimates,
+        and, unless given, its noise and trend; so what this, or another, experiment lets it know.
+    experiment : Record, Signals, or a sequence of these
+        Inputs, sampling and length; several add up. Of the outputs of a Record only which samples are
+        masked, and their relative noise (its `sigma`), count. Of a Fit it may be left out: its own records,
+        from the initial states that it found.
+    nsr : float or sequence of float
+        Noise standard deviation over the root mean square of the noise-free response, one for all outputs
+        or one an output. Give this or `sigma`.
+    sigma : float, sequence of float, or array_like (output, output)
+        Noise standard deviation, one or one an output; or the covariance matrix of the outputs' noise.
+    params : mapping of str to float, optional
+        Values of the parameters of a structure, delays included.
     trend : {None, "constant", "linear"}
-        Unknown offset, or offset and slope, of the output.
+        Unknown offset, or offset and slope, of each output and record.
     initial_state : {"unknown", "zero"}
-        Whether the initial state is unknown or known to be zero.
+        Whether the initial state is unknown or known (to be `start`, or zero).
     model : TransferFunction, optional
-        Structure whose parameters are unknown; default: the system's own (of equations always).
+        Structure whose parameters are unknown, for an LTI; default: the system's own.
     start : array_like, shape (states,), optional
-        Initial state of equations; default: zero.
+        Initial state around which S is taken; default: zero. Of a transfer function y, y', …, output after
+        output.
 
     Returns
     -------
@@ -123,9 +131,16 @@ def crlb(
     Raises
     ------
     SpecError
-        Both or none of nsr and sigma, several outputs, a structure that does not hold the system.
+        Both or none of nsr and sigma, a structure that does not hold the system, parameters that are missing,
+        channels of another number or name.
     DataError
-        A record with uneven sampling, or one from which the parameters cannot be found.
+        A record with uneven sampling, or experiments from which the parameters cannot be found.
+
+    Notes
+    -----
+    Each output of a transfer function has an initial state of its own, as in `fit`. The states of a
+    StateSpace are one system's; there an unknown offset of each output is also what an unknown constant in
+    each equation amounts to, unless A is singular.
 
     Examples
     --------
@@ -134,91 +149,131 @@ def crlb(
     >>> rec = mf.simulate(sys, input="sin(t**2/5)", duration=10.0, intervals=256)
     >>> round(mf.crlb(sys, rec, nsr=0.2).relative, 1)
     3.3
+
+    Before the flight, with no record:
+
+    >>> short_period = mf.StateSpace(
+    ...     [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+    >>> values = {"Za": -0.8, "Ma": -4.5, "Mq": -1.2, "Zd": -0.1, "Md": -5.0}
+    >>> de = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=0.03, duration=8.0)
+    >>> bound = mf.crlb(short_period, de, params=values, sigma=[0.002, 0.004])
+    >>> round(bound["Mq"], 3)
+    0.033
     """
-    if not isinstance(sys, LTI | NonlinearModel):
-        raise SpecError(f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den) or fit.model")
-    if (nsr is None) == (sigma is None):
-        raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
-    level = nsr if nsr is not None else sigma
-    if not isinstance(level, int | float) or not (np.isfinite(level) and level > 0):
-        raise SpecError(f"crlb: the noise level {level!r} must be a number above 0")
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     if initial_state not in ("unknown", "zero"):
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
-    if len(rec.outputs) > 1 and (rec.mask is not None or rec.sigma is not None):
+    if nsr is not None and sigma is not None:
+        raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
+    states: list[Any] = [None if start is None else np.asarray(start, dtype=np.float64)]
+    if isinstance(sys, Fit):
+        if experiment is None:
+            if sys.records is None:
+                raise SpecError("crlb: a fit from a file has no records; give the experiment")
+            experiment = sys.records
+            if start is None:
+                states = [sys.initial_state(k).state for k in range(len(sys.records))]
+        if nsr is None and sigma is None:
+            sigma = noise_of(sys)
+        trend = sys.trend if trend is None else trend
+    if nsr is None and sigma is None:
+        raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
+    given = [experiment] if isinstance(experiment, Record | Signals) else list(experiment or [])
+    if not given or not all(isinstance(one, Record | Signals) for one in given):
         raise SpecError(
-            f"crlb: the record has {len(rec.outputs)} outputs whose samples count differently; choose one, "
-            f"rec.select(outputs=[{rec.outputs[0]!r}])"
+            f"crlb: the experiment is a {type(experiment).__name__}; give a Record, mf.signals, or a list of "
+            "these"
         )
-    if rec.dt is None:
-        raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
-    if sys.shape[0] != 1:
-        raise SpecError(f"crlb: the system has {sys.shape[0]} outputs; take them one by one")
-    inputs = len(rec.inputs)
-    if inputs != sys.shape[1]:
-        raise SpecError(f"crlb: the record has {inputs} input(s), the system {sys.shape[1]}")
-    if isinstance(sys, NonlinearModel):
-        names, theta, scale = tuple(sys.params), np.array(list(sys.params.values())), np.ones(len(sys.params))
-        y, columns = _differences(sys, rec, start)
-    else:
-        structure = TransferFunction.from_system(sys) if model is None else model
-        layout = structure.plain_layout(rec.inputs, "crlb")
-        names, theta = layout.param_names, structure.theta(sys)
-        prepared = Inputs(list(rec.u), rec.dt, rec.intervals, rec.intersample, sys.delays)
-        omega = time_unit(np.concatenate([[1.0], theta[: layout.orders[0]]]))
-        engine = Sensitivities(layout.orders[0], layout.numerators[0], prepared, omega)
-        scale = engine.scale
-        y, columns = engine.run(theta * scale)
-    rms = float(np.sqrt(np.mean(y**2)))
-    if nsr is not None and rms == 0:
+    known = valued(sys, params, model, given[0])
+    records = [record_for(known, one) for one in given]
+    found = [known.slopes(*one) for one in zip(records, states * (len(records) // len(states)), strict=True)]
+    y = np.concatenate([one.y for one in found], axis=1)
+    cov = _covariance(nsr, sigma, np.sqrt(np.mean(y**2, axis=1)))
+    size = np.zeros(len(known.names))
+    factors = []
+    for rec, one in zip(records, found, strict=True):
+        t = np.linspace(-1.0, 1.0, rec.t.size) ** np.arange(TRENDS.index(trend))[:, None]
+        offsets = np.kron(np.eye(len(cov)), t).reshape(-1, len(cov), rec.t.size)
+        nuisance = np.concatenate([one.state if initial_state == "unknown" else one.state[:0], offsets])
+        columns = _whitened(np.concatenate([one.params, nuisance]), cov, rec)
+        wanted, rest = columns[:, : size.size], columns[:, size.size :]
+        size = np.hypot(size, np.linalg.norm(wanted, axis=0))
+        factors.append(np.linalg.qr(_without(wanted, rest), mode="r"))
+    half = _inverse(np.vstack(factors), size, known)
+    levels = np.sqrt(np.diag(cov))
+    sd = float(levels[0]) if levels.size == 1 else levels
+    return Bound(param_names=known.names, values=known.values, cov=half @ half.T, sigma=sd)
+
+
+# Noise and information -----------------------------------------------------------------------
+
+
+def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64:
+    """Covariance of the outputs' noise."""
+    q, name = rms.size, "nsr" if sigma is None else "sigma"
+    try:
+        values = np.asarray(sigma if nsr is None else nsr, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    matrix = values.ndim == 2 and nsr is None
+    sizes = np.diag(values) if matrix and values.shape == (q, q) else values
+    if not np.all(np.isfinite(values)) or np.any(sizes <= 0) or sizes.shape not in ((), (q,)):
+        raise SpecError(
+            f"crlb: {name}={sigma if nsr is None else nsr!r} must be a number above 0"
+            + (f", or {q} of them, one an output" if q > 1 else "")
+            + (", or their covariance matrix" if nsr is None and q > 1 else "")
+        )
+    if matrix:
+        try:
+            np.linalg.cholesky(values)
+        except np.linalg.LinAlgError:
+            raise SpecError("crlb: sigma= is no covariance matrix: it is singular, or not positive") from None
+        return values
+    if nsr is not None and np.any(rms == 0):
         raise DataError("crlb: the response from rest is zero, so nsr says nothing; give sigma=")
-    if initial_state == "zero":
-        columns = columns[: theta.size]
-    t = np.linspace(-1.0, 1.0, y.size)
-    extra = {None: [], "constant": [np.ones_like(t)], "linear": [np.ones_like(t), t]}[trend]
-    s = np.vstack([columns, *extra]).T
-    weight = sample_weights(rec, 0)
-    if weight is not None:
-        s = s[weight > 0] * weight[weight > 0, None]
-    size = np.linalg.norm(s, axis=0)
-    if not np.all(np.isfinite(size)) or np.any(size == 0):
-        raise DataError("crlb: a parameter does not move the output, or moves it without bound; shorten the "
-                        "record or give every input a signal")  # fmt: skip
-    r = np.linalg.qr(s / size, mode="r")
-    singular = np.linalg.svd(r, compute_uv=False)
-    if singular[-1] < 1e-12 * singular[0] or s.shape[0] < s.shape[1]:
+    return np.diag(np.broadcast_to(values, (q,)) ** 2 * (rms**2 if nsr is not None else 1.0))
+
+
+def _whitened(columns: F64, cov: F64, rec: Record) -> F64:
+    """Derivatives (unknown, output, time) as rows with noise of unit variance, (row, unknown)."""
+    weights = [sample_weights(rec, k) for k in range(len(cov))]
+    own = np.array([np.ones(rec.t.size) if w is None else w for w in weights])
+    columns = columns * own
+    rows = []
+    for seen in np.unique(own > 0, axis=1).T:  # outputs that are measured at once
+        at = np.all((own > 0) == seen[:, None], axis=0)
+        if seen.any():
+            lower = np.linalg.cholesky(cov[np.ix_(seen, seen)])
+            part = columns[:, seen][:, :, at].transpose(1, 2, 0)
+            rows.append(np.linalg.solve(lower, part.reshape(len(part), -1)).reshape(-1, len(columns)))
+    return np.concatenate(rows)
+
+
+def _without(columns: F64, nuisance: F64) -> F64:
+    """What is left of columns when all that nuisance columns could explain is taken away."""
+    size = np.linalg.norm(nuisance, axis=0)
+    u, singular, _ = np.linalg.svd(nuisance[:, size > 0] / size[size > 0], full_matrices=False)
+    u = u[:, singular > 1e-10 * singular.max(initial=0.0)]
+    for _ in range(2):  # twice is enough for rounding
+        columns = columns - u @ (u.T @ columns)
+    return columns
+
+
+def _inverse(factor: F64, size: F64, known: Known) -> F64:
+    """A root of the covariance, from a root of the information and the sizes of the parameters' effects."""
+    names = np.array(known.names)
+    if bad := names[~(np.isfinite(size) & (size > 0))].tolist():
         raise DataError(
-            f"crlb: the experiment does not tell the parameters apart (condition "
-            f"{singular[0] / max(singular[-1], 1e-300):.1e}); use a richer input or a longer record"
+            f"crlb: {', '.join(bad)} does not move the output, or moves it without bound; shorten the record "
+            "or give every input a signal"
         )
-    half = np.linalg.inv(r) / size[:, None]
-    noise = float(level) * (rms if nsr is not None else 1.0)
-    factor = half[: theta.size] / scale[:, None]
-    return Bound(
-        param_names=names,
-        values=theta,
-        cov=noise**2 * (factor @ factor.T),
-        sigma=noise,
-    )
-
-
-def _differences(sys: NonlinearModel, rec: Record, start: ArrayLike | None) -> tuple[F64, F64]:
-    """Response of equations, and its derivatives to parameters and initial state, by central differences."""
-    x0 = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
-    theta = np.array(list(sys.params.values()))
-    delays = [d.delay for d in sys.form.drives] + [d.delay for d in sys.form.pasts]
-    if any(delay.free_symbols for delay in delays):
-        raise SpecError("crlb: a delay among the parameters of an equation has no bound here; hold it")
-    sizes = np.concatenate([np.where(theta != 0, np.abs(theta), 1.0), np.maximum(np.abs(x0), 1e-2)])
-    steps = np.diag(STEP * sizes)
-    both = np.hstack([np.zeros((sizes.size, 1)), steps, -steps]) + np.concatenate([theta, x0])[:, None]
-    y, _ = sys.family(
-        list(rec.u),
-        rec.t,
-        both[theta.size :],
-        rec.intersample,
-        params=np.ascontiguousarray(both[: theta.size]),
-    )
-    up, down = np.split(y[0, 1:], 2)
-    return y[0, 0], (up - down) / (2 * STEP * sizes)[:, None]
+    _, singular, right = np.linalg.svd(factor / size, full_matrices=False)
+    if factor.shape[0] < size.size or singular[-1] <= known.accuracy * singular[0]:
+        share = np.abs(right[-1]) / np.abs(right[-1]).max()
+        raise DataError(
+            f"crlb: the experiment does not tell {', '.join(names[share > 0.05])} apart (condition "
+            f"{singular[0] / max(singular[-1], 1e-300):.1e}); use a richer input or a longer record, measure "
+            "more, or hold one of them"
+        )
+    return np.asarray(right.T / singular / size[:, None])

@@ -127,12 +127,10 @@ def test_mistakes_in_options(options, said):
 
 def test_mistakes_in_systems_and_records():
     rec = mf.simulate(EQ24, **CHIRP)
-    with pytest.raises(mf.SpecError, match="TransferFunction; give"):
+    with pytest.raises(mf.SpecError, match="TransferFunction has no numbers; give"):
         mf.crlb(mf.TransferFunction(poles=2), rec, nsr=0.1)
     with pytest.raises(mf.SpecError, match="1 input"):
         mf.crlb(mf.tf([[5], [1]], [1, 3, 8]), rec, nsr=0.1)
-    with pytest.raises(mf.SpecError, match="2 outputs"):
-        mf.crlb(mf.tf([[[5]], [[1]]], [1, 3, 8]), rec, nsr=0.1)
     silent = mf.Record(y=rec.y, u=np.zeros(257), dt=rec.dt)
     with pytest.raises(mf.DataError, match="response from rest is zero"):
         mf.crlb(EQ24, silent, nsr=0.1)

@@ -140,9 +140,6 @@ REFUSED = {
     "orders with a late input": (lambda: mf.select_order(record(), delay=mf.Free(max=0.5)), "known delays"),
     "orders by weights": (lambda: mf.select_order(record(), output_weights=[1.0]), "leave them out"),
     "orders in colour": (lambda: mf.select_order(record(), noise="coloured"), 'noise="output"'),
-    "bound of outputs": (lambda: mf.crlb(mf.tf([[[1]], [[2]]], [1, 2]), record(), sigma=1.0), "one by one"),
-    "bound, held": (lambda: mf.crlb(SYSTEM, record(), sigma=1.0, model=HELD), "leave params= out"),
-    "bound, late": (lambda: mf.crlb(SYSTEM, record(), sigma=1.0, model=LATE), "known delays"),
     "bound of which": (
         lambda: mf.crlb(SYSTEM, two_outputs().weigh(mask=gap()), sigma=1.0),
         r"rec.select\(outputs=\['al'\]\)",

@@ -339,10 +339,10 @@ def _bound(group: Group, contender: Contender, rec: Record) -> F64:
     if isinstance(system, LTI) and isinstance(structure, Written):
         raise SpecError("crlb: for a linear system the bound is that of a TransferFunction's coefficients")
     if isinstance(system, LTI):
-        return crlb(system, rec, sigma=1.0, trend=contender.trend, model=structure).sd
+        return crlb(system, rec, sigma=group.unit, trend=contender.trend, model=structure).sd
     if structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
-    return crlb(system, rec, sigma=1.0, trend=contender.trend, start=group.rest.start).sd
+    return crlb(system, rec, sigma=group.unit, trend=contender.trend, start=group.rest.start).sd
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

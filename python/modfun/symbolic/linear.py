@@ -22,7 +22,7 @@ from .system import System
 if TYPE_CHECKING:
     from ..statespace import Matrix, StateSpace
 
-__all__ = ["numbers", "polynomials", "system_of"]
+__all__ = ["derivatives", "numbers", "polynomials", "system_of"]
 
 
 def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> NDArray[np.float64]:
@@ -49,6 +49,24 @@ def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> ND
     if not np.all(np.isfinite(entries)):
         raise SpecError(f"StateSpace.model: an entry has no finite value at {dict(given)}")
     return np.array(entries).reshape(made.shape)
+
+
+def derivatives(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> NDArray[np.float64]:
+    """Derivatives of a matrix to each of the parameters in `given`, at their values.
+
+    Parameters
+    ----------
+    matrix, model, given
+        As in `numbers`.
+
+    Returns
+    -------
+    ndarray, shape (parameter, row, column)
+    """
+    values = {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
+    made = _symbolic(matrix, model)
+    found = [[float(entry.diff(symbol).xreplace(values)) for entry in made] for symbol in values]
+    return np.array(found).reshape(len(values), *made.shape)
 
 
 def polynomials(

@@ -1,0 +1,227 @@
+"""Responses of models to records' inputs, with their derivatives to parameters and initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+from .layout import Layout
+from .nonlinear import NonlinearModel
+from .propagate import Inputs, respond
+from .records import Record
+from .sensitivities import Sensitivities, time_unit
+from .statespace import StateSpace
+
+__all__ = ["Equations", "Known", "Slopes", "States", "Transfers"]
+
+F64 = NDArray[np.float64]
+STEP = 1e-4  # of a parameter's size: differences on common steps, exact to its square
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """A response and its derivatives at the samples of a record.
+
+    Attributes
+    ----------
+    y : ndarray, shape (output, time)
+    params : ndarray, shape (parameter, output, time)
+    state : ndarray, shape (state, output, time)
+    """
+
+    y: F64
+    params: F64
+    state: F64
+
+
+class Transfers:
+    """A transfer function with values; each output has an initial state of its own, y, y', ….
+
+    Like `States` and `Equations` it has names and `values` of its parameters, names of outputs and inputs
+    (None: whatever the record has), `shape` (number of outputs and of inputs), and `accuracy`, the relative
+    error of its derivatives.
+    """
+
+    accuracy = 1e-12
+
+    def __init__(self, layout: Layout, values: F64, inputs: tuple[str, ...] | None = None) -> None:
+        self.layout, self.values, self.names = layout, values, layout.param_names
+        self.outputs: tuple[str, ...] | None = None
+        self.inputs = inputs
+        self.shape = len(layout.outputs), len(layout.inputs)
+
+    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+        layout, samples = self.layout, rec.t.size
+        states = sum(layout.orders)
+        begin = np.zeros(states) if start is None else _checked(start, states)
+        y = np.empty((len(layout.outputs), samples))
+        coefficients = np.zeros((len(layout.names), *y.shape))
+        late = np.zeros((len(layout.free_delays), *y.shape))
+        state = np.zeros((states, *y.shape))
+        first = 0
+        for i, n in enumerate(layout.orders):
+            own = slice(first, first + n)
+            y[i], rows, state[own, i] = self._output(rec, i, begin[own])
+            first += n
+            dens, nums = layout.places
+            coefficients[dens[i] : dens[i] + n, i] = rows[:n]
+            at = n
+            _, numerators = layout.polynomials(self.values, i)
+            for k, degree in enumerate(layout.numerators[i]):
+                if degree is None:
+                    continue
+                path = layout.routes[i][k]
+                if path in layout.free_delays:
+                    # ∂/∂τ of b(s) U e^(−τs)/A is −s times it: the rows one power higher.
+                    late[layout.free_delays.index(path), i] -= numerators[k] @ rows[at : at + degree + 1]
+                    at += 1
+                coefficients[nums[i][k] : nums[i][k] + degree + 1, i] = rows[at : at + degree + 1]
+                at += degree + 1
+        return Slopes(y, np.concatenate([coefficients[list(layout.free)], late]), state)
+
+    def _output(self, rec: Record, output: int, start: F64) -> tuple[F64, F64, F64]:
+        """Response of an output, its derivatives to coefficients (one power more where a delay is free)
+        and to its states."""
+        layout = self.layout
+        n, degrees = layout.orders[output], list(layout.numerators[output])
+        den, numerators = layout.polynomials(self.values, output)
+        theta = [den[1:]]
+        for k, degree in enumerate(degrees):
+            if degree is None:
+                continue
+            free = layout.routes[output][k] in layout.free_delays
+            if free and degree == n:
+                raise SpecError(
+                    f"crlb: input {layout.inputs[k]!r} feeds through to {layout.outputs[output]!r} after "
+                    "an unknown delay, and a response that jumps has no derivative to it: hold the delay, "
+                    "or lower zeros="
+                )
+            degrees[k] = degree + free
+            theta += [np.zeros(int(free)), numerators[k]]
+        delays = layout.delays(self.values, output)
+        prepared = Inputs(list(rec.u), float(rec.dt or 0), rec.intervals, rec.intersample, delays)
+        omega = time_unit(den)
+        engine = Sensitivities(n, degrees, prepared, omega)
+        # T(s) of the states, y⁽ʲ⁾(0) by a_(k−j), in powers of s counted in omega.
+        to_transient = np.array([np.concatenate([np.zeros(j), den[: n - j]]) for j in range(n)]).T
+        to_transient = omega ** -np.arange(float(n))[:, None] * to_transient
+        y, jacobian = engine.run(np.concatenate(theta) * engine.scale, to_transient @ start)
+        count = engine.scale.size
+        # The transient of given states depends on the denominator, too.
+        rows = jacobian[:count] * engine.scale[:, None]
+        free_rows = omega ** -np.arange(float(n))[:, None] * jacobian[count:]
+        for j in range(1, n):
+            rows[j - 1] += start[: n - j] @ free_rows[j:]
+        return y, rows, to_transient.T @ jacobian[count:]
+
+
+class States:
+    """A StateSpace with values; all its equations share one initial state."""
+
+    accuracy = 1e-12
+
+    def __init__(
+        self, model: StateSpace, values: Mapping[str, float], outputs: Sequence[str] | None = None
+    ) -> None:
+        from .symbolic.linear import derivatives, numbers
+
+        self.names = tuple(values)
+        self.values = np.array([float(value) for value in values.values()])
+        self.outputs: tuple[str, ...] | None = model.outputs if outputs is None else tuple(outputs)
+        self.inputs: tuple[str, ...] | None = model.inputs
+        rows = [model.outputs.index(name) for name in self.outputs or ()]
+        self.shape = len(rows), len(model.inputs)
+        matrices = [model.A, model.B, model.C, model.D]
+        self.matrices = [numbers(m, model, values) for m in matrices]
+        self.moved = [derivatives(m, model, values) for m in matrices]
+        for k in (2, 3):
+            self.matrices[k] = self.matrices[k][rows]
+            self.moved[k] = self.moved[k][:, rows]
+
+    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+        (a, b, c, d), (da, db, dc, dd) = self.matrices, self.moved
+        n, q, p = a.shape[0], c.shape[0], self.values.size
+        words = (float(rec.dt or 0), rec.intervals)
+        # x and its derivatives x_j: x_j' = A x_j + A_j x + B_j u, y_j = C x_j + C_j x + D_j u.
+        whole: F64 = np.kron(np.eye(p + 1), a).astype(np.float64)
+        whole[n:, :n] = da.reshape(p * n, n)
+        seen: F64 = np.kron(np.eye(p + 1), c).astype(np.float64)
+        seen[q:, :n] = dc.reshape(p * q, n)
+        drive = np.vstack([b, db.reshape(p * n, b.shape[1])])
+        through = np.vstack([d, dd.reshape(p * q, d.shape[1])])
+        x0 = np.zeros(n * (p + 1))
+        if start is not None:
+            x0[:n] = _checked(start, n)
+        late = (0.0,) * len(rec.u)
+        y = respond((whole, drive, seen, through), x0, list(rec.u), *words, rec.intersample, late)
+        none = np.zeros((n, 0)), np.zeros((q, 0))
+        free = [respond((a, none[0], c, none[1]), unit, [], *words, (), ()) for unit in np.eye(n)]
+        y = y.reshape(p + 1, q, -1)
+        return Slopes(y[0], y[1:], np.array(free))
+
+
+class Equations:
+    """Equations with numbers; derivatives by differences of integrations on common steps."""
+
+    accuracy = 1e-6
+
+    def __init__(self, model: NonlinearModel) -> None:
+        self.model, self.names = model, tuple(model.params)
+        self.values = np.array(list(model.params.values()))
+        self.outputs: tuple[str, ...] | None = model.outputs
+        self.inputs: tuple[str, ...] | None = model.inputs
+        self.shape = model.shape
+
+    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+        model, theta = self.model, self.values
+        x0 = np.zeros(len(model.states)) if start is None else _checked(start, len(model.states))
+        sizes = np.concatenate([np.where(theta != 0, np.abs(theta), 1.0), np.maximum(np.abs(x0), 1e-2)])
+        late = self._delays()
+        steps = np.diag(np.where([name in late for name in (*self.names, *model.states)], 0.0, STEP * sizes))
+        both = np.hstack([np.zeros((sizes.size, 1)), steps, -steps]) + np.concatenate([theta, x0])[:, None]
+        y, _ = model.family(
+            list(rec.u),
+            rec.t,
+            np.ascontiguousarray(both[theta.size :]),
+            rec.intersample,
+            params=np.ascontiguousarray(both[: theta.size]),
+        )
+        up, down = np.split(y[:, 1:], 2, axis=1)
+        slopes = ((up - down) / (2 * STEP * sizes)[:, None]).transpose(1, 0, 2)
+        for name in late:
+            k = self.names.index(name)
+            slopes[k] = self._to_delay(rec, x0, name, STEP * sizes[k])
+        return Slopes(y[:, 0], slopes[: theta.size], slopes[theta.size :])
+
+    def _delays(self) -> set[str]:
+        """Parameters that stand in delays: all starts of a family share these."""
+        form = self.model.form
+        delays = [one.delay for one in form.drives] + [one.delay for one in form.pasts]
+        return {str(symbol) for delay in delays for symbol in delay.free_symbols}
+
+    def _to_delay(self, rec: Record, x0: F64, name: str, step: float) -> F64:
+        """Derivative to a parameter in a delay; one-sided where the delay would fall below zero."""
+        value = self.model.params[name]
+        sides = [value + step, value - step if value >= step else value]
+        found = [
+            NonlinearModel(
+                self.model.outputs, self.model.inputs, {**self.model.params, name: one}, self.model.compiled
+            ).respond(list(rec.u), rec.t, x0, rec.intersample)
+            for one in sides
+        ]
+        return np.asarray((found[0] - found[1]) / (sides[0] - sides[1]))
+
+
+def _checked(start: F64, states: int) -> F64:
+    if start.shape != (states,) or not np.all(np.isfinite(start)):
+        raise SpecError(
+            f"crlb: start has shape {start.shape}, the system {states} states; give that many finite numbers"
+        )
+    return start
+
+
+Known = Transfers | States | Equations

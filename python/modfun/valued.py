@@ -1,0 +1,140 @@
+"""Models whose parameters have values, from what a user may give, and experiments in their channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .equations import Equation
+from .errors import DataError, SpecError
+from .lti import LTI
+from .nonlinear import NonlinearModel
+from .records import Record
+from .results import Fit
+from .signals import Signals
+from .slopes import Equations, Known, States, Transfers
+from .statespace import StateSpace
+from .structures import TransferFunction
+from .tables import nearest
+
+__all__ = ["noise_of", "record_for", "valued"]
+
+F64 = NDArray[np.float64]
+
+
+def valued(
+    sys: Any, params: Mapping[str, float] | None, model: TransferFunction | None, first: Record | Signals
+) -> Known:
+    """The model with values for its parameters."""
+    structured = isinstance(sys, TransferFunction | StateSpace | Equation)
+    if structured and params is None:
+        raise SpecError(
+            f"crlb: a {type(sys).__name__} has no numbers; give params={{name: value}}, or a system with "
+            "numbers, as mf.tf(num, den) or a Fit"
+        )
+    if not structured and params is not None:
+        raise SpecError(f"crlb: params= is for structures; a {type(sys).__name__} has its own numbers")
+    if model is not None and not isinstance(sys, LTI):
+        raise SpecError(f"crlb: model= is for systems made by mf.tf or mf.ss, not for a {type(sys).__name__}")
+    if isinstance(sys, Fit):
+        return _of_fit(sys)
+    if isinstance(sys, LTI):
+        structure = TransferFunction.from_system(sys) if model is None else model
+        q, k = sys.shape
+        inputs = first.inputs if len(first.inputs) == k else _numbered("u", k)
+        return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(sys))
+    if isinstance(sys, NonlinearModel):
+        return Equations(sys)
+    assert params is not None or not structured
+    if isinstance(sys, TransferFunction):
+        count = sys.n_outputs
+        if count is None:
+            count = len(first.outputs) if isinstance(first, Record) else 1
+        layout = sys.layout(_outputs(first, count), first.inputs)
+        return Transfers(layout, _values(params, layout.param_names))
+    if isinstance(sys, StateSpace):
+        held = [name for name, given in sys.params if isinstance(given, int | float)]
+        names = tuple(name for name in sys.all_parameters if name not in held)
+        return States(sys, dict(zip(names, _values(params, names).tolist(), strict=True)))
+    if isinstance(sys, Equation):
+        _values(params, sys.param_names())
+        return Equations(sys.model(params or {}))
+    raise SpecError(
+        f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den), a structure with params=, or a "
+        "Fit"
+    )
+
+
+def _of_fit(fit: Fit) -> Known:
+    if isinstance(fit.structure, TransferFunction):
+        return Transfers(fit.layout, fit.params, fit.inputs)
+    if isinstance(fit.structure, StateSpace):
+        return States(fit.structure, fit.estimates(), fit.outputs)
+    if fit.trend is not None:
+        raise SpecError(
+            f"crlb: the fit has an unknown trend ({fit.trend}) in each equation; write it, '+ c', as a "
+            "parameter"
+        )
+    return Equations(fit.model)  # type: ignore[arg-type]  # of equations a NonlinearModel
+
+
+def noise_of(fit: Fit) -> F64:
+    if fit.options.noise != "output":
+        raise SpecError(
+            f"crlb: the fit's noise is {fit.options.noise!r}, and the bound is for white noise on the "
+            "outputs; give sigma= or nsr="
+        )
+    return fit.noise_cov
+
+
+def _values(params: Mapping[str, float] | None, names: Sequence[str]) -> F64:
+    given = dict(params or {})
+    for name in names:
+        if name not in given:
+            raise SpecError(f"crlb: params lacks {name!r}; the parameters are {', '.join(names)}")
+    for name, value in given.items():
+        if name not in names:
+            raise SpecError(f"crlb: params names {name!r}; {nearest(name, names)}")
+        if isinstance(value, bool | str) or not np.isfinite(value):
+            raise SpecError(f"crlb: params[{name!r}]={value!r} must be a finite number")
+    return np.array([float(given[name]) for name in names])
+
+
+def record_for(known: Known, given: Record | Signals) -> Record:
+    """The experiment as a record with the inputs of the model."""
+    q, k = known.shape
+    if isinstance(given, Signals):
+        given = given.arranged("crlb", known.inputs, k)
+        return given.record(np.zeros((q, given.intervals + 1)), known.outputs)
+    if given.dt is None:
+        raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
+    weighed = given.mask is not None or given.sigma is not None
+    if known.outputs is not None and set(known.outputs) <= set(given.outputs):
+        given = given.select(outputs=known.outputs)
+    if weighed and len(given.outputs) != q:
+        raise SpecError(
+            f"crlb: the record has {len(given.outputs)} outputs whose samples count differently, the system "
+            f"{q}; choose, rec.select(outputs=[{given.outputs[0]!r}])"
+        )
+    if known.inputs is not None:
+        if lost := [name for name in known.inputs if name not in given.inputs]:
+            raise SpecError(
+                f"crlb: the model has the input {lost[0]!r}, the record the inputs {list(given.inputs)}; "
+                "name them alike"
+            )
+        return given.select(inputs=known.inputs)
+    if len(given.inputs) != k:
+        raise SpecError(f"crlb: the record has {len(given.inputs)} input(s), the system {k}")
+    return given
+
+
+def _outputs(first: Record | Signals, count: int) -> tuple[str, ...]:
+    named = isinstance(first, Record) and len(first.outputs) == count
+    return first.outputs if named else _numbered("y", count)  # type: ignore[union-attr]
+
+
+def _numbered(letter: str, count: int) -> tuple[str, ...]:
+    return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
