@@ -28,11 +28,13 @@ from .results import Fit
 from .simulation import coefficients, regressors, simulate
 from .statespace import StateSpace
 from .storage import load
+from .stream import Stream
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
 from .tables import Table
 from .tone_results import Sinusoids, SinusoidsMany
 from .tones import sinusoids
+from .track import Track
 
 __all__ = [
     "LTI",
@@ -62,7 +64,9 @@ __all__ = [
     "SinusoidsMany",
     "SpecError",
     "StateSpace",
+    "Stream",
     "Table",
+    "Track",
     "TransferFunction",
     "__version__",
     "bootstrap",

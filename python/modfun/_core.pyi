@@ -10,6 +10,7 @@ __all__ = [
     "STREAM_VERSION",
     "Fitter",
     "JointFitter",
+    "Stream",
     "Study",
     "TermsFitter",
     "__version__",
@@ -148,6 +149,17 @@ class Fitter:
         threads: int | None,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict[str, Any]: ...
+
+@final
+class Stream:
+    def __new__(
+        cls, samples: int, dt: float, weights: Sequence[float], **options: Unpack[_Options]
+    ) -> Self: ...
+    def push(self, samples: _F64) -> None: ...
+    def follow(self, samples: _F64, every: int) -> dict[str, Any]: ...
+    def now(self) -> dict[str, Any]: ...
+    def fit(self) -> dict[str, Any]: ...
+    def clear(self) -> None: ...
 
 @final
 class TermsFitter:

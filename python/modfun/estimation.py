@@ -16,7 +16,7 @@ from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
 from .noise import Noise
 from .options import Choices, Options
-from .prepared import prepare, refuse_standing
+from .prepared import Prepared, prepare, refuse_standing
 from .records import Batch, Record
 from .response import FrequencyResponse
 from .results import Fit
@@ -258,10 +258,21 @@ def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
         from .equation_fit import fit_equation
 
         return fit_equation(records, structure, options)
-    first = records[0]
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
+    return _answered(found, made, records, structure, options)
+
+
+def _answered(
+    found: dict[str, Any],
+    made: Prepared,
+    records: tuple[Record, ...],
+    structure: TransferFunction,
+    options: Options,
+) -> Fit:
+    """The core's answer as a Fit."""
+    first = records[0]
     noise = found.get("noise")
     if noise is None:
         noise = np.array([[found["sigma"] ** 2]])

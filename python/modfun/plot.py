@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .spectra import Spectrum
     from .study.results import Results
     from .tone_results import Sinusoids
+    from .track import Track
 
 __all__ = [
     "bode",
@@ -36,6 +37,7 @@ __all__ = [
     "sinusoids",
     "spectrum",
     "study",
+    "track",
 ]
 
 
@@ -587,6 +589,32 @@ def study(res: Results, ax: Any = None) -> Any:
                 drawn.set_xlabel("noise-to-signal ratio (%)" if over == "nsr" else over)
     for drawn in axes[:2]:
         drawn.legend(frameon=False, fontsize="small")
+    return _returned(ax, axes)
+
+
+def track(found: Track, ax: Any = None) -> Any:
+    """Draw estimates over time, each with a band of two standard errors.
+
+    Parameters
+    ----------
+    found : Track
+        Of `Stream.follow`. Moments whose estimates cannot be used are left out.
+    ax : Axes or sequence of Axes, optional
+        One a parameter; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one parameter, otherwise one a parameter.
+    """
+    axes = _axes(ax, len(found.param_names), height=1.5)
+    good = found.success
+    for here, values, errors in zip(axes, found.params.T, found.bse.T, strict=True):
+        values, half = np.where(good, values, np.nan), 2 * np.where(good, errors, np.nan)
+        here.fill_between(found.t, values - half, values + half, alpha=0.25, linewidth=0)
+        here.plot(found.t, values, linewidth=1.2)
+        here.grid(True, alpha=0.3)
+    _label(axes, found.param_names, {}, "end of the window (s)")
     return _returned(ax, axes)
 
 

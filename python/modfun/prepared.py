@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import ceil
 from typing import Any
@@ -20,7 +20,7 @@ from .options import Options
 from .records import Batch, Record
 from .structures import TransferFunction
 
-__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "refuse_standing", "spans"]
+__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
 
 KEPT = 32  # kinds of fits
 LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes for less than the fit takes
@@ -38,7 +38,7 @@ class Prepared:
 
     Attributes
     ----------
-    core : _core.Fitter or _core.JointFitter
+    core : _core.Fitter, _core.JointFitter or _core.Stream
     layout : Layout
     intervals : tuple of int
         Sampling intervals used, a record.
@@ -49,11 +49,15 @@ class Prepared:
         parameters, unknown delays, samples of uneven noise.
     """
 
-    core: _core.Fitter | _core.JointFitter
+    core: Any
     layout: Layout
     intervals: tuple[int, ...]
     joint: bool
     outputs: tuple[F64, ...] = ()
+
+    def for_windows(self, count: int) -> Prepared:
+        """The same for so many windows of a stream."""
+        return replace(self, intervals=self.intervals[:1] * count)
 
 
 def prepare(structure: TransferFunction, options: Options, data: Batch | Sequence[Record]) -> Prepared:
@@ -80,6 +84,31 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     kept = isinstance(data, Batch) or all([rec.dt is not None for rec in data])
     make = _kept if short and kept else _made
     return make(layout, options, first.intersample, sampling)
+
+
+def prepare_stream(
+    structure: TransferFunction,
+    options: Options,
+    channels: tuple[Names, Names, Names],
+    intervals: int,
+    dt: float,
+    weights: Sequence[float],
+) -> Prepared:
+    """What the fits of a stream share; `channels`: outputs, inputs, how these go between samples.
+
+    The last `intervals` of it are fitted, and as many before them for each further weight, which multiplies
+    their samples. Delays are known, noise is white or given by numbers.
+    """
+    outputs, inputs, intersample = channels
+    layout = structure.layout(outputs, inputs)
+    late = layout.longest_delay
+    samples = intervals + 1 + (0 if late == 0 else ceil(late / dt - 1e-9))
+    joint = not (layout.plain and options.plain_noise)
+    words = plain_words(layout, intersample, options)
+    if joint:
+        words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
+    core = _core.Stream(samples, dt, list(weights), **words)
+    return Prepared(core, layout, (intervals,), joint)
 
 
 def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:

@@ -4,6 +4,7 @@
 //! [`FOLDED_HARMONICS`] harmonics, a real FFT above, direct sums for uneven samples.
 
 mod folded;
+mod sliding;
 mod source;
 mod tables;
 
@@ -16,6 +17,7 @@ use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::quadrature::{Hold, Rule, Weights, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use folded::FoldedSums;
+pub use sliding::Sliding;
 use source::{Between, Eight, One, Records, Source, Taps};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.

@@ -323,7 +323,8 @@ pub fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
     out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())
 }
 
-fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
+/// What a fit of one output answers.
+pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     let out = answer!(py, f);
     out.set_item("sigma", f.sigma)?;
     let residuals = PyList::empty(py);

@@ -153,7 +153,8 @@ impl JointFitter {
     }
 }
 
-fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_, PyDict>> {
+/// What a joint fit answers.
+pub fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_, PyDict>> {
     let out = answer!(py, f);
     out.set_item("scale", f.scale)?;
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;

@@ -9,6 +9,7 @@ mod joint;
 mod random;
 mod response;
 mod signals;
+mod stream;
 mod study;
 mod tally;
 mod terms;
@@ -24,6 +25,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fit::Fitter>()?;
     module.add_class::<joint::JointFitter>()?;
     module.add_class::<terms::TermsFitter>()?;
+    module.add_class::<stream::Stream>()?;
     module.add_class::<study::Study>()?;
     module.add_function(wrap_pyfunction!(tally::merge_moments, module)?)?;
     module.add_function(wrap_pyfunction!(tally::figures, module)?)?;

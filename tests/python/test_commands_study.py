@@ -436,7 +436,14 @@ def test_ctrl_c_says_how_to_go_on() -> None:
     Path("slow_kit.py").write_text("def peak(fit, rec):\n    return float(abs(rec.y).max())\n")
     Path("study.toml").write_text(STUDY + '\n[metrics]\npeak = "slow_kit:peak"\n')
     words = [sys.executable, "-m", "modfun", "mc", "run", "study.toml", "--out", "a", "--replicates"]
-    process = subprocess.Popen([*words, "1000000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*words, "1000000"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Tests that a shell started in the background ignore interrupts, and so would what they start.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     parts = Path("a") / "parts"
     deadline = time.monotonic() + 60
     while not (parts.exists() and len(list(parts.glob("*.part"))) > 1):

@@ -218,7 +218,7 @@ impl Fitter {
 
 impl Many {
     /// Adds one lane's results.
-    fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
+    pub(super) fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
         self.theta.extend(w.theta(d, lane));
         self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
         self.bse_hc3.extend(w.bse_hc3(d, lane));

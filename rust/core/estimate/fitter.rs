@@ -3,10 +3,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::batch::Shared;
+use super::batch::{Many, Shared};
 use super::default_band::Choice;
 use super::fit::{BandRule, Fit, FitOptions, RecordView, Time};
 use super::spare::Spare;
+use super::stream::Spectra;
 use super::uncertainty::Residuals;
 use super::window::{Window, coefficient_plans};
 use super::{Design, Options, Start, Wanted, Workspace, estimate};
@@ -31,7 +32,7 @@ pub(crate) struct RecordPlan {
     dt: Option<f64>,
     pub window: Window,
     /// One a channel, output first.
-    plans: Vec<CoefficientPlan>,
+    pub plans: Vec<CoefficientPlan>,
     /// As given, else up to the widest line of the default rule.
     pub range: Range,
     /// Highest line of the narrow fit of the default rule.
@@ -128,6 +129,62 @@ impl Fitter {
         let Choice { ranges, rule, theta } = self.choose(desk, records)?;
         let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
         self.finish(desk, &ranges, start, rule)
+    }
+
+    /// The same from coefficients of each record and channel, output first, on lines that were given.
+    ///
+    /// # Errors
+    /// As [`Fitter::fit`], and [`Error::Spec`] where the lines were not given.
+    pub(crate) fn fit_coefficients(&self, spectra: &Spectra) -> Result<Fit, Error> {
+        let mut desk = self.desks.lend();
+        let desk = desk.get_or(|| self.desk());
+        let ranges = self.take(desk, spectra)?;
+        self.finish(desk, &ranges, Start::Wls, None)
+    }
+
+    /// The same of up to eight moments, one a lane.
+    ///
+    /// # Errors
+    /// As [`Fitter::fit_coefficients`].
+    pub(crate) fn fit_moments(&self, moments: &[Spectra]) -> Result<Many, Error> {
+        let mut out = Many::default();
+        let Some(first) = moments.first() else { return Ok(out) };
+        let mut desk = self.desks.lend();
+        let desk = desk.get_or(|| self.desk());
+        let ranges = self.take(desk, first)?;
+        let mut problem = self.problem(desk, &ranges)?;
+        let lines = problem.design.lines();
+        for (lane, spectra) in moments.iter().enumerate().skip(1) {
+            for (k, (channels, own)) in spectra.iter().zip(&lines).enumerate() {
+                for (signal, ((re, im), unit)) in channels.iter().zip(&desk.units).enumerate() {
+                    let to = problem.space.signal_mut(k, signal);
+                    let from = re[own.first..].iter().zip(&im[own.first..]);
+                    for ((to_re, to_im), (re, im)) in to.0.iter_mut().zip(to.1).zip(from) {
+                        (to_re.0[lane], to_im.0[lane]) = (re / unit, im / unit);
+                    }
+                }
+            }
+        }
+        let live = std::array::from_fn(|lane| lane < moments.len());
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
+        let (d, w) = (&problem.design, &mut problem.space);
+        let outcome = estimate(self.isa, d, w, live, Start::Wls, &options);
+        (0..moments.len()).for_each(|lane| out.push(d, w, lane, &outcome));
+        desk.keep(problem);
+        Ok(out)
+    }
+
+    /// Coefficients onto the desk; the lines, as given.
+    fn take(&self, desk: &mut Desk, spectra: &Spectra) -> Result<Vec<Range>, Error> {
+        if self.o.band_is_sought() {
+            return Err(Error::Spec("fitting coefficients: no band was given".into()));
+        }
+        for ((re, im), to) in spectra.iter().flatten().zip(desk.spectra.iter_mut().flatten()) {
+            to.re.copy_from_slice(re);
+            to.im.copy_from_slice(im);
+        }
+        desk.set_units();
+        Ok(self.records.iter().map(|r| r.range).collect())
     }
 
     /// The same on lines that were given, iterated from these parameters rather than from `wls`.
@@ -239,11 +296,7 @@ impl Fitter {
                 plan.run_in(self.isa, samples, &mut s.re, &mut s.im, &mut s.scratch)?;
             }
         }
-        let size = |k: usize| {
-            let parts = desk.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
-            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
-        };
-        desk.units = (0..=inputs).map(|k| binary_unit(size(k))).collect();
+        desk.set_units();
         Ok(())
     }
 
@@ -304,6 +357,16 @@ impl Fitter {
 }
 
 impl Desk {
+    /// The power of two at the size of each channel over all records.
+    fn set_units(&mut self) {
+        let size = |k: usize| {
+            let parts = self.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
+            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        let channels = self.spectra.first().map_or(0, Vec::len);
+        self.units = (0..channels).map(|k| binary_unit(size(k))).collect();
+    }
+
     /// Keeps a problem for the next fit, the latest first.
     pub(crate) fn keep(&mut self, problem: Problem) {
         self.problems.truncate(PROBLEMS - 1);

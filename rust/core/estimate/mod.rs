@@ -13,6 +13,7 @@ mod ml;
 mod pass;
 mod qr_step;
 mod spare;
+mod stream;
 mod sums;
 pub mod terms;
 mod uncertainty;
@@ -24,6 +25,7 @@ pub use batch::{Batch, Many};
 pub use design::Design;
 pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time};
 pub use fitter::Fitter;
+pub use stream::{Slider, Stream};
 pub use workspace::Workspace;
 
 use crate::error::Status;

@@ -11,6 +11,7 @@ use crate::error::{Error, Status};
 use crate::estimate::default_band::fewest_lines;
 use crate::estimate::fit::{Band, BandRule, Time, default_lines};
 use crate::estimate::fitter::{LIVE, Range, binary_unit};
+use crate::estimate::stream::Spectra;
 use crate::estimate::window::{Window, coefficient_plans};
 use crate::estimate::{Options, Wanted};
 use crate::linalg::condition::condition_bound;
@@ -118,8 +119,20 @@ pub struct JointFitter {
 
 /// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
 pub(crate) struct Loaded {
-    spectra: Vec<Vec<(Vec<f64>, Vec<f64>)>>,
+    spectra: Spectra,
     pub units: Vec<f64>,
+}
+
+impl Loaded {
+    fn new(spectra: Spectra) -> Loaded {
+        let size = |k: usize| {
+            let parts = spectra.iter().flat_map(|s| s[k].0.iter().chain(&s[k].1));
+            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        let signals = spectra.first().map_or(0, Vec::len);
+        let units = (0..signals).map(|k| binary_unit(size(k))).collect();
+        Loaded { spectra, units }
+    }
 }
 
 impl JointFitter {
@@ -198,9 +211,26 @@ impl JointFitter {
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
     pub fn fit(&self, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
         let loaded = self.load(records)?;
-        let (ranges, rule, theta) = self.choose(&loaded, records)?;
+        self.fit_loaded(&loaded, records)
+    }
+
+    /// The same from coefficients of each record and signal (outputs, then paths), with delays that are known.
+    ///
+    /// # Errors
+    /// As [`JointFitter::fit`], and [`Error::Spec`] where a delay is to be found.
+    pub(crate) fn fit_coefficients(&self, spectra: Spectra) -> Result<JointFit, Error> {
+        if !self.o.structure.free_delays().is_empty() {
+            return Err(Error::Spec(
+                "fitting coefficients: a delay that is to be found needs the samples".into(),
+            ));
+        }
+        self.fit_loaded(&Loaded::new(spectra), &[])
+    }
+
+    fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
+        let (ranges, rule, theta) = self.choose(loaded, records)?;
         let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
-        let mut w = self.space(&d, &loaded);
+        let mut w = self.space(&d, loaded);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
@@ -427,12 +457,7 @@ impl JointFitter {
             spectra
                 .push(plan.plans.iter().zip(channels).map(one).collect::<Result<Vec<_>, Error>>()?);
         }
-        let size = |k: usize| {
-            let parts = spectra.iter().flat_map(|s| s[k].0.iter().chain(&s[k].1));
-            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
-        };
-        let units = (0..outputs + paths.len()).map(|k| binary_unit(size(k))).collect();
-        Ok(Loaded { spectra, units })
+        Ok(Loaded::new(spectra))
     }
 
     /// The problem on some lines.

@@ -1,0 +1,111 @@
+"""Estimates over time, as a stream gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+from .extras import optional
+from .tables import Table, nearest
+
+__all__ = ["Track"]
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Track:
+    """Estimates of one structure at many moments of a stream.
+
+    Attributes
+    ----------
+    t : (moment,) array
+        Time of the last sample seen, s.
+    params : (moment, p) array
+        Estimates; nan where the numbers allow none.
+    bse : (moment, p) array
+        Standard errors of the chosen `cov_type`.
+    status : (moment,) array of str
+        "ok", "maxiter", "rank" or "nonfinite".
+    nit : (moment,) array of int
+    param_names : tuple of str
+    window : float
+        Length of the window behind each moment, s. Moments less than that apart share samples: their errors
+        are correlated.
+    """
+
+    t: F64
+    params: F64
+    bse: F64
+    status: NDArray[np.str_]
+    nit: NDArray[np.intp]
+    param_names: tuple[str, ...]
+    window: float
+
+    @classmethod
+    def joined(cls, tracks: Sequence[Track]) -> Track:
+        """One track of several, in their order.
+
+        Parameters
+        ----------
+        tracks : sequence of Track
+        """
+        parts = {
+            name: np.concatenate([getattr(track, name) for track in tracks])
+            for name in ("t", "params", "bse", "status", "nit")
+        }
+        return cls(**parts, param_names=tracks[0].param_names, window=tracks[0].window)
+
+    @property
+    def success(self) -> NDArray[np.bool_]:
+        """Which estimates can be used."""
+        return np.asarray(self.status == "ok")
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    def __getitem__(self, name: str) -> F64:
+        """Estimates of one parameter, (moment,)."""
+        if name not in self.param_names:
+            raise SpecError(f"there is no parameter {name!r}; {nearest(name, self.param_names)}")
+        return self.params[:, self.param_names.index(name)]
+
+    def table(self) -> Table:
+        """A row a moment: t, each parameter with its standard error ("a1", "a1_bse"), status."""
+        columns: dict[str, Any] = {"t": self.t}
+        for k, name in enumerate(self.param_names):
+            columns |= {name: self.params[:, k], f"{name}_bse": self.bse[:, k]}
+        return Table({**columns, "status": self.status})
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame (extra ``pandas``) of `table`, indexed by time."""
+        frame = optional("pandas", "pandas", "Track.to_pandas").DataFrame(self.table().to_dict())
+        return frame.set_index("t")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw every parameter over time with its 95 % band; see `modfun.plot.track`.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+        """
+        from .plot import track
+
+        return track(self, ax)
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return f"Track of no moment ({', '.join(self.param_names)})"
+        last = ", ".join(
+            f"{name}={value:.4g}±{error:.2g}"
+            for name, value, error in zip(self.param_names, self.params[-1], self.bse[-1], strict=True)
+        )
+        return (
+            f"Track of {len(self)} moments, {self.t[0]:g} to {self.t[-1]:g} s, {int(self.success.sum())} ok; "
+            f"at last {last}"
+        )
