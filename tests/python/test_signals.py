@@ -216,6 +216,16 @@ def test_one_after_the_other():
     np.testing.assert_array_equal(again.u[0], np.append(first.u[0, :-1], first.u[0]))
 
 
+def test_other_amplitudes():
+    s = mf.signals.multisine(["de", "da"], band=(1, 8), duration=10, dt=0.1)
+    twice = s.scaled([2.0, -0.5])
+    np.testing.assert_array_equal(twice.u, [[2.0], [-0.5]] * s.u)
+    np.testing.assert_allclose(twice.resample(0.05).u[:, ::2], twice.u, atol=1e-12)
+    np.testing.assert_allclose(twice.peak_factor, s.peak_factor)
+    with pytest.raises(mf.SpecError, match=r"factor=\[1, 2, 3\] must be one number"):
+        s.scaled([1, 2, 3])
+
+
 def test_resampling_keeps_what_happens_when():
     s = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.3, dt=0.1, before=0.5, after=1.0)
     fine = s.resample(0.02)

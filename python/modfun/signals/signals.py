@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError, SpecError
 from ..samples import INTERSAMPLE, frozen
 from ..tables import Table
-from .checks import Names, names_of, number
+from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:
     from ..records import Record
@@ -250,6 +250,24 @@ class Signals:
             functions.append(_Joined(f, g, self.duration) if exact else None)
         return Signals(u, self.dt, names, kinds, functions)
 
+    def scaled(self, factor: ArrayLike) -> Signals:
+        """The same signals at other amplitudes.
+
+        Parameters
+        ----------
+        factor : float or sequence of float
+            What they are multiplied by, one for all or one an input; not 0.
+
+        Returns
+        -------
+        Signals
+        """
+        sizes = amplitudes_of("scaled: factor", factor, len(self.inputs))
+        functions = [
+            None if f is None else _Scaled(f, float(k)) for f, k in zip(self.functions, sizes, strict=True)
+        ]
+        return Signals(sizes[:, None] * self.u, self.dt, self.inputs, self.intersample, functions)
+
     def resample(self, dt: float) -> Signals:
         """The same signals sampled at another dt.
 
@@ -375,6 +393,17 @@ class Signals:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Signals, (self.u, self.dt, self.inputs, self.intersample, self.functions)
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """A function times a factor."""
+
+    function: Function
+    factor: float
+
+    def __call__(self, t: F64) -> F64:
+        return self.factor * self.function(t)
 
 
 @dataclass(frozen=True)
