@@ -56,16 +56,17 @@ def save(figure: Any, name: str, figures: str | Path) -> Path:
     return path
 
 
-def balanced(records: Any, model: Any, rounds: int = 4) -> Any:
+def balanced(records: Any, model: Any, rounds: int = 4, first: Any = None) -> Any:
     """A fit whose outputs count by the errors of their own simulation, found by fitting `rounds` times more.
 
     Equations weigh outputs by the noise of the high band, which filters leave empty in flight records: the
-    ratio of what is left there says nothing of the errors in the band. The band is that of the first fit.
+    ratio of what is left there says nothing of the errors in the band. The band is that of the first fit,
+    which may be given.
     """
     import modfun as mf
     import numpy as np
 
-    fit = mf.fit(records, model)
+    fit = first or mf.fit(records, model)
     band = fit.band
     for _ in range(rounds):
         errors = np.hstack([fit.errors(i) for i in range(len(fit.records))])
