@@ -9,7 +9,7 @@ from typing import Any
 from .errors import SpecError
 from .free import Free
 
-__all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "poles_of"]
+__all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "picked", "poles_of"]
 
 
 def by_path(
@@ -92,3 +92,14 @@ def poles_of(given: str) -> Any:
     if len(ends) > 2 or not all(word.isdigit() for word in ends):
         raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
     return range(int(ends[0]), int(ends[-1]) + 1)
+
+
+def picked(found: list[Any], given: str) -> list[Any]:
+    """Those of a list that are named by numbers from 0 with commas between."""
+    numbers = [int(word) if word.strip().isdigit() else -1 for word in given.split(",")]
+    if any(not 0 <= number < len(found) for number in numbers):
+        raise SpecError(
+            f"--only {given}: give numbers from 0 to {len(found) - 1} with commas between; there are "
+            f"{len(found)} records"
+        )
+    return [found[number] for number in numbers]

@@ -12,7 +12,16 @@ import typer
 
 from . import __version__, estimation
 from .command_output import Json, say, write_json
-from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, poles_of
+from .command_words import (
+    band_of,
+    by_path,
+    degree_of,
+    delay_of,
+    one_or_all,
+    param_of,
+    picked,
+    poles_of,
+)
 from .commands_study import mc
 from .errors import SpecError
 from .records import Record
@@ -47,6 +56,11 @@ Between = Annotated[
     list[str] | None,
     typer.Option("--intersample", help="Inputs between samples: smooth, zoh or foh; once, or one an input."),
 ]
+On = Annotated[
+    str | None, typer.Option(help="Column of an event marker: one record each time it is on, or each number.")
+]
+Only = Annotated[str | None, typer.Option(help="Which of these records, counted from 0, such as 0,1,2.")]
+Missing = Annotated[str, typer.Option(help="Gaps in outputs: refuse, or mask to leave them out.")]
 Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one an input.")]
 Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")]
 Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
@@ -79,6 +93,9 @@ def check(
     dt: Step = None,
     intersample: Between = None,
     part: Part = None,
+    on: On = None,
+    only: Only = None,
+    missing: Missing = "refuse",
     json_to: Json = None,
 ) -> None:
     """Show the columns of files; with --output, say what is wrong or doubtful about the record."""
@@ -91,11 +108,10 @@ def check(
         if json_to != "-":
             print(f"{file}\n{table}")
         if output or "output" in table["note"].tolist():  # an exported iddata says itself what is what
-            rec = _record(file, output, input, time, dt, intersample, part)
-            findings = rec.check()
-            answer["findings"] = list(findings)
+            found = _records([file], output, input, time, dt, intersample, part, on, only, missing)
+            answer["findings"] = [text for rec in found for text in rec.check()]
             if json_to != "-":
-                print(f"\n{rec}\n{findings}")
+                print("".join(f"\n{rec}\n{rec.check()}\n" for rec in found), end="")
         answers.append(answer)
     write_json(json_to, answers)
 
@@ -136,6 +152,9 @@ def fit(
     dt: Step = None,
     intersample: Between = None,
     part: Part = None,
+    on: On = None,
+    only: Only = None,
+    missing: Missing = "refuse",
     method: Annotated[str, typer.Option(help="ml, awls, wls or ls.")] = "ml",
     band: Band = None,
     harmonics: Harmonics = None,
@@ -151,7 +170,7 @@ def fit(
     """Fit a transfer function to one file, or to several files as one problem."""
     if not output:
         raise SpecError("fit: give --output, the column to be modelled; repeat it for several")
-    records = [_record(file, output, input, time, dt, intersample, part) for file in files]
+    records = _records(files, output, input, time, dt, intersample, part, on, only, missing)
     if len(output) > 1 and denominator is None:
         raise SpecError(
             f"fit: {len(output)} outputs ({', '.join(output)}): say whether they share their poles, "
@@ -202,6 +221,9 @@ def order(
     dt: Step = None,
     intersample: Between = None,
     part: Part = None,
+    on: On = None,
+    only: Only = None,
+    missing: Missing = "refuse",
     method: Annotated[str, typer.Option(help="ml or awls.")] = "ml",
     band: Band = None,
     harmonics: Harmonics = None,
@@ -215,7 +237,7 @@ def order(
     if not output or len(output) != 1:
         raise SpecError("order: give exactly one --output, the column to be modelled")
     found = select_order(
-        [_record(file, output, input, time, dt, intersample, part) for file in files],
+        _records(files, output, input, time, dt, intersample, part, on, only, missing),
         poles=poles_of(poles),
         zeros=zeros or "any",
         delay=one_or_all(delay) or 0.0,
@@ -243,6 +265,9 @@ def frf(
     dt: Step = None,
     intersample: Between = None,
     part: Part = None,
+    on: On = None,
+    only: Only = None,
+    missing: Missing = "refuse",
     method: Annotated[str, typer.Option(help="lrm, lpm or modulating.")] = "lrm",
     degree: Annotated[int, typer.Option(help="Of the local polynomials.")] = 2,
     halfwidth: Annotated[
@@ -258,7 +283,7 @@ def frf(
     if not output or not input:
         raise SpecError("frf: give --output and --input, the columns between which the response is wanted")
     found = frf(
-        [_record(file, output, input, time, dt, intersample, part) for file in files],
+        _records(files, output, input, time, dt, intersample, part, on, only, missing),
         method=method,
         degree=degree,
         halfwidth=halfwidth,
@@ -279,6 +304,9 @@ def compare(
     time: Time = None,
     dt: Step = None,
     part: Part = None,
+    on: On = None,
+    only: Only = None,
+    missing: Missing = "refuse",
     json_to: Json = None,
     plot: Picture = None,
 ) -> None:
@@ -294,7 +322,10 @@ def compare(
         if not isinstance(fit, Fit):
             raise SpecError(f"compare: {path} holds no fit; make one with modfun fit --json")
     first = next(iter(fits.values()))
-    rec = _record(data, list(first.outputs), list(first.inputs), time, dt, list(first.intersample), part)
+    words = (time, dt, list(first.intersample), part, on, only, missing)
+    rec, *more = _records([data], list(first.outputs), list(first.inputs), *words)
+    if more:
+        raise SpecError(f"compare: --on {on} makes {1 + len(more)} records; say with --only which one")
     table = compare(fits, rec)
     if json_to != "-":
         print(table)
@@ -320,19 +351,27 @@ def _report(
 # From words to objects ----------------------------------------------------------------------------
 
 
-def _record(
-    file: Path,
+def _records(
+    files: list[Path],
     output: list[str] | None,
     input: list[str] | None,
     time: str | None,
     dt: float | None,
     intersample: list[str] | None,
     part: str | None,
-) -> Record:
+    on: str | None,
+    only: str | None,
+    missing: str,
+) -> list[Record]:
+    """A record a file, or, with --on, one each time the marker is on; --only picks some of all these."""
     from .io import read
 
     between = one_or_all(intersample)
-    return read(file, time=time, dt=dt, outputs=output, inputs=input, intersample=between, part=part)
+    words: Any = {"time": time, "dt": dt, "outputs": output, "inputs": input, "keep": on, "part": part}
+    found = [read(file, intersample=between, missing=missing, **words) for file in files]
+    if on is not None:
+        found = [piece for rec in found for piece in rec.split(on=on)]
+    return found if only is None else picked(found, only)
 
 
 # Pictures -----------------------------------------------------------------------------------------

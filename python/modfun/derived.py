@@ -38,7 +38,14 @@ def derived(fit: Fit, expressions: Mapping[str, str | Callable[[Mapping[str, flo
 
 def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
     if isinstance(given, str):
-        return expression(given, names)
+        # A name such as b0[q,de] is no word of the language: it is read under one that is.
+        words = {name: f"p{k}_" for k, name in enumerate(names) if not name.isidentifier() and name in given}
+        if not words:
+            return expression(given, names)
+        for own, word in words.items():
+            given = given.replace(own, word)
+        read = expression(given, [words.get(name, name) for name in names])
+        return lambda values: read({words.get(own, own): value for own, value in values.items()})
     if callable(given):
         return lambda values: float(given(values))
     raise SpecError(f"derived: {name}={given!r} must be an expression as text, or a function of a mapping")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import DataError
 from .lti import LTI
 from .prediction import InitialState, sample_weights
 from .propagate import respond
@@ -40,6 +41,11 @@ def linear_state(
     simulated : (output, time) array
     initial : InitialState
         `trend`, of the states' equations and then of the outputs', stands on the side of the derivative.
+
+    Raises
+    ------
+    DataError
+        A response that overflows.
     """
     assert system.matrices is not None
     assert rec.dt is not None
@@ -67,6 +73,11 @@ def linear_state(
     known = [sample_weights(rec, i) for i in range(outputs)]
     own = np.array([np.ones(rec.t.size) if one is None else one for one in known])
     left, regressors = rec.y - forced, np.array(columns)
+    if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
+        raise DataError(
+            f"simulating the fit: the response overflows within {rec.duration:g} s, the model is unstable; "
+            "look at the fit's parameters, or predict a shorter piece with rec.window(start, stop)"
+        )
     weight = own / np.maximum(np.std(rec.y, axis=1), 1e-300)[:, None]
     for _ in range(1 + (outputs > 1)):
         rows = (regressors * weight).reshape(len(columns), -1).T

@@ -338,7 +338,8 @@ class Record:
             `every` exactly; a shorter rest at the end is left out.
         on : str, optional
             Name of a channel (such as an event marker carried along by `keep`): one record for each
-            time it is on, that is, above the middle of its range.
+            time it is on, that is, above the middle of its range. A counter, of three or more whole
+            numbers from 0 on that last: one record for each stretch at a number that is not 0.
 
         Returns
         -------
@@ -378,14 +379,19 @@ class Record:
                 f"split(on={channel!r}): the channel is {low:g} throughout, so it never goes on or off; "
                 "name a channel that marks the pieces"
             )
-        on = np.concatenate(([False], values > 0.5 * (low + high), [False]))
-        starts, ends = np.flatnonzero(on[1:] & ~on[:-1]), np.flatnonzero(~on[1:] & on[:-1])
+        steady = FEWEST * np.count_nonzero(np.diff(values)) < len(values)
+        counter = low == 0 and high > 1 and steady and len(np.unique(values)) > 2 and not np.any(values % 1)
+        level = values if counter else np.where(values > 0.5 * (low + high), 1.0, 0.0)
+        edges = np.flatnonzero(np.diff(level, prepend=np.nan, append=np.nan) != 0)
+        on = level[edges[:-1]] > 0
+        starts, ends = edges[:-1][on], edges[1:][on]
         long = ends - starts >= FEWEST
         if not long.any():
+            times = ", ".join(f"{self.t[start]:g}" for start in starts[:6])
             raise DataError(
                 f"split(on={channel!r}): the channel is on {len(starts)} times, never for {FEWEST} samples "
-                "or more; "
-                "name another channel or use window"
+                f"or more (at t = {times}{', ...' if len(starts) > 6 else ''} s); name another channel, or "
+                "cut pieces that begin there with window"
             )
         if not long.all():
             warnings.warn(

@@ -184,9 +184,9 @@ class Fit:
         Parameters
         ----------
         **expressions : str or callable
-            Name and expression, as ``wn="sqrt(a2)"``: parameter names, numbers, + - * / ** and the
-            functions of signal texts. Or a function of a mapping from parameter name to value (for names
-            that are no identifiers, as ``lambda p: p["b0[de]"] / p["a2"]``).
+            Name and expression, as ``wn="sqrt(a2)"`` or ``gain="b0[de]/a2"``: parameter names, numbers,
+            + - * / ** and the functions of signal texts. Or a function of a mapping from parameter name to
+            value.
 
         Returns
         -------
