@@ -62,7 +62,7 @@ def warnings_of(fit: Fit) -> list[str]:
         return [f"fit: {fit.message}"]
     found = [text for text in (_few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
-        found.append(text)
+        found.append(text + (_weights(fit) if fit.chi2 > LEVEL**2 * fit.df_resid else ""))
     return [f"fit: {text}" for text in found]
 
 
@@ -213,9 +213,11 @@ def _weights(fit: Fit) -> str:
     """What to do where equations weigh outputs by levels that are not those of their misfit."""
     if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
         return ""
+    which = "0" if len(fit.intervals) > 1 else ""
     return (
-        f" {', '.join(fit.outputs)} count by these levels: if the second, weigh them by their own errors, "
-        "noise=mf.Noise(y=fit.errors().std(axis=1)), and so again until nothing changes."
+        f" {', '.join(fit.outputs)} count by the noise of the unused high band, not by their errors here: "
+        f"weigh them by these, noise=mf.Noise(y=fit.errors({which}).std(axis=1)), and so again until nothing "
+        "changes."
     )
 
 
