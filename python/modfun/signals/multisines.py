@@ -18,7 +18,7 @@ __all__ = ["multisine"]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 NORMS = (4, 8, 16, 32, 64, 128)  # powers of two: p-norms that close in on the largest |u|
-STEPS = 150  # of the search, a norm
+STEPS = 80  # of the search, a norm
 FINE = 16  # points a period of the highest line at which peaks are made low
 FINER = 8  # times as many where the peak is measured
 
