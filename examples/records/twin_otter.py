@@ -15,6 +15,13 @@ SHORT_PERIOD = mf.StateSpace(
     [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"]
 )
 
+LATE_VANE = mf.Equation(  # the vane shows alpha h seconds late
+    ["alpha' = Za*alpha + q(t-h) + Zd*de(t-h)", "q(t-h)' = Ma*alpha + Mq*q(t-h) + Md*de(t-h)"],
+    outputs=["alpha", "q"],
+    inputs=["de"],
+    params={"h": mf.Free(0.02, min=0, max=0.1)},
+)
+
 
 def read(run, folder=None):
     """Angle of attack (deg), pitch rate (deg/s) and elevator (deg) of a run, 50 Hz."""
@@ -71,7 +78,12 @@ def main(folder=None, figures=None):
         for i, c in enumerate(CHANNELS)
     }
     print(f"\nS/E, dB\n{mf.Table({'fit': list(fits)} | {k: np.round(v, 1) for k, v in columns.items()})}")
-    last = out["fits"]["both, alpha earlier"]
+    both, last = out["fits"]["both"], out["fits"]["both, alpha earlier"]
+    weights = mf.Noise(y=both.errors(0).std(axis=1))
+    out["late"] = mf.fit(
+        [*runs.values()], LATE_VANE, noise=weights, band=both.band, trend="constant", maxiter=200
+    )
+    print(f"\nBoth runs, the lag h of the vane (s) a parameter\n{out['late'].table()}")
     print(f"\nBoth runs, alpha earlier\n{last.table()}")
 
     qbar, speed = (np.mean([rec[name].mean() for rec in runs.values()]) for name in ("qbar", "V"))
