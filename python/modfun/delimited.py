@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +18,16 @@ __all__ = ["Delimited", "number", "read_delimited"]
 F64 = NDArray[np.float64]
 
 TRUTH = {"true": 1.0, "false": 0.0}
+CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:\.\d*)?)")  # days (IRIG), hours, minutes
+LONGEST_UNIT = 12  # letters; more is a description
 MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
 
 
 def number(text: str) -> float | None:
-    """Return the number a text stands for, nan for the usual marks of a missing value, else None."""
+    """Return the number a text stands for, nan for the usual marks of a missing value, else None.
+
+    Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds.
+    """
     stripped = text.strip()
     if stripped.lower() in MISSING:
         return math.nan
@@ -30,7 +36,11 @@ def number(text: str) -> float | None:
     try:
         return float(stripped)
     except ValueError:
-        return None
+        clock = CLOCK.fullmatch(stripped)
+        if clock is None:
+            return None
+        days, hours, minutes, seconds = clock.groups(default="0")
+        return 86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,7 @@ class Delimited:
     delimiter: str
     rows: list[str]
     line_numbers: list[int]
+    units: dict[str, str]
 
     def load(self, names: Sequence[str]) -> dict[str, F64]:
         """Return the numbers of some columns, nan where one is missing.
@@ -81,11 +92,11 @@ class Delimited:
 
 
 def read_delimited(path: Path) -> Delimited:
-    """Read a text file with columns separated by comma, semicolon or tab.
+    """Read a text file with columns separated by comma, semicolon, tab or blanks.
 
     Empty lines and lines that begin with # or % are skipped. The first line names the columns, unless
-    it is all numbers: then they are ``column1``, ``column2``, ... A line of units below the header
-    (no number in it) is skipped.
+    it is all numbers: then they are ``column1``, ``column2``, ... A line below the header without a number
+    in it holds the units.
 
     Raises
     ------
@@ -101,14 +112,22 @@ def read_delimited(path: Path) -> Delimited:
     kept = [k for k, line in enumerate(lines) if line and line[0] not in "#%" and _holds_data(line)]
     if not kept:
         raise DataError(f"{path.name} holds no data; it needs a line of column names and rows of numbers")
-    first = lines[kept[0]]
+    if _blanks_separate([lines[k] for k in kept[:2]]):
+        for k in kept:
+            lines[k] = "\t".join(lines[k].split())
+    first, units = lines[kept[0]], {}
     delimiter = max(",;\t", key=lambda mark: len(_fields(first, mark)))
     names = tuple(field.strip() for field in _fields(first, delimiter))
     if all(number(name) is not None for name in names):
         names = tuple(f"column{k}" for k in range(1, len(names) + 1))
     else:
         kept = kept[1:]
-        if kept and all(number(field) is None for field in _fields(lines[kept[0]], delimiter)):
+        second = [field.strip() for field in _fields(lines[kept[0]], delimiter)] if kept else []
+        said = {
+            name: field for name, field in zip(names, second, strict=False) if field.lower() not in MISSING
+        }
+        if said and all(number(field.replace(",", ".")) is None for field in said.values()):
+            units = {name: unit.strip("()[]") for name, unit in said.items() if len(unit) <= LONGEST_UNIT}
             kept = kept[1:]
     if not kept:
         raise DataError(f"{path.name} has column names ({', '.join(names)}) but no rows of numbers")
@@ -120,7 +139,17 @@ def read_delimited(path: Path) -> Delimited:
                 f"{path.name}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
             )
-    return Delimited(path.name, names, delimiter, rows, [k + 1 for k in kept])
+    return Delimited(path.name, names, delimiter, rows, [k + 1 for k in kept], units)
+
+
+def _blanks_separate(lines: Sequence[str]) -> bool:
+    """Tell whether columns are separated by blanks: no other mark, and as many words in both lines."""
+    words = {len(line.split()) for line in lines}
+    return (
+        len(lines) == 2
+        and not any(mark in line for line in lines for mark in ",;\t")
+        and len(words) == 1 < max(words)
+    )
 
 
 def _holds_data(line: str) -> bool:

@@ -44,8 +44,8 @@ def read(
     Parameters
     ----------
     source : path, frame or mapping
-        A text file (.csv, .tsv, .txt, .dat; columns separated by comma, semicolon or tab; see Notes), an
-        .npz file of arrays, a .mat file (extra ``mat`` for version 7.3), a .parquet file (extra
+        A text file (.csv, .tsv, .txt, .dat; columns separated by comma, semicolon, tab or blanks; see
+        Notes), an .npz file of arrays, a .mat file (extra ``mat`` for version 7.3), a .parquet file (extra
         ``parquet``), a frame with ``columns`` (pandas, polars), an xarray.Dataset or DataArray, or arrays
         by name.
     outputs, inputs : str, sequence of str or mapping
@@ -90,7 +90,8 @@ def read(
     Notes
     -----
     In text files, empty lines and lines that begin with # or % are skipped, the first line names the
-    columns (``column1``, ``column2``, ... if it is all numbers) and a line of units below it is skipped.
+    columns (``column1``, ``column2``, ... if it is all numbers) and a line below it without a number holds
+    the units. Times of day, ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.

@@ -107,7 +107,8 @@ def _open_file(path: Path) -> Source:
     if kind not in ("", ".csv", ".tsv", ".txt", ".dat"):
         raise SpecError(f"read: {path.name}: files of kind {kind} are not read; convert it to {KINDS}")
     text = read_delimited(path)
-    return Source(path.name, text.names, text.load, lambda row: f"line {text.line_numbers[row]}")
+    told = Told(units=text.units)
+    return Source(path.name, text.names, text.load, lambda row: f"line {text.line_numbers[row]}", told)
 
 
 def _open_parquet(path: Path) -> Source:

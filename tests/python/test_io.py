@@ -45,10 +45,34 @@ def test_csv_with_any_delimiter(file, mark):
 
 
 def test_comments_empty_lines_units_row_and_byte_order_mark(file):
-    content = "\ufeff# logger 7\n% x\n\n" + text("t,q,de\n s,deg/s,deg") + "# the end\n\n"
-    assert read(file(content), outputs="q", inputs="de") == expected()
+    content = "\ufeff# logger 7\n% x\n\n" + text("t,q,de\n s,deg/s,[deg]") + "# the end\n\n"
+    units = {"q": "deg/s", "de": "deg"}
+    assert read(file(content), outputs="q", inputs="de") == expected(units=units)
     windows = content.replace("\n", "\r\n")
-    assert read(file(windows), outputs="q", inputs="de") == expected()
+    assert read(file(windows), outputs="q", inputs="de") == expected(units=units)
+
+
+def test_units_row_with_blanks_in_it_and_descriptions(file):
+    """A dash is no unit, a sentence neither; milliseconds are what they say."""
+    rec = read(file(text("t,q,de\nms,-,elevator at the left hinge")), outputs="q", inputs="de")
+    assert rec.units == {}
+    np.testing.assert_allclose(rec.t, 1e-3 * np.array(T, float))
+
+
+def test_times_of_day_are_seconds(file):
+    """14:05:36.00, and the same with the day of the year, as telemetry writes it."""
+    clock = [f"14:{5 + k // 60:02d}:{k % 60:02d}.50" for k in range(70)]
+    for before, start in (("", 50700.5), ("325:", 325 * 86400 + 50700.5)):
+        rows = "".join(f"{before}{one},{k}\n" for k, one in enumerate(clock))
+        rec = read(file("TIME,q\n" + rows), time="TIME", outputs="q")
+        assert (rec.t0, rec.dt, rec.intervals) == (start, 1.0, 69)
+
+
+def test_columns_between_blanks(file):
+    rows = "".join(f"  {0.1 * k:.1f}   {k}  {-k}\n" for k in range(20))
+    rec = read(file("  t    q   de\n" + rows), outputs="q", inputs="de")
+    np.testing.assert_array_equal(rec.y[0], np.arange(20.0))
+    np.testing.assert_array_equal(rec.u[0], -np.arange(20.0))
 
 
 def test_quoted_header_with_commas_and_old_encoding(file):
