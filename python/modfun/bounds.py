@@ -166,11 +166,11 @@ def crlb(
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
-    states: list[Any] = [None if start is None else np.asarray(start, dtype=np.float64)]
+    states: list[Any] = [None if start is None else _numbers("start", start)]
     if isinstance(sys, Fit):
         if experiment is None:
             if sys.records is None:
-                raise SpecError("crlb: a fit from a file has no records; give the experiment")
+                raise SpecError("crlb: the fit has no records with it; give the experiment")
             experiment = sys.records
             if start is None:
                 states = [sys.initial_state(k).state for k in range(len(sys.records))]
@@ -179,7 +179,7 @@ def crlb(
         trend = sys.trend if trend is None else trend
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
-    given = [experiment] if isinstance(experiment, Record | Signals) else list(experiment or [])
+    given: list[Any] = list(experiment) if isinstance(experiment, list | tuple) else [experiment]
     if not given or not all(isinstance(one, Record | Signals) for one in given):
         raise SpecError(
             f"crlb: the experiment is a {type(experiment).__name__}; give a Record, mf.signals, or a list of "
@@ -189,6 +189,8 @@ def crlb(
     records = [record_for(known, one) for one in given]
     found = [known.slopes(*one) for one in zip(records, states * (len(records) // len(states)), strict=True)]
     y = np.concatenate([one.y for one in found], axis=1)
+    if not np.all(np.abs(y) < 1e100):
+        raise DataError("crlb: the response grows without bound; shorten the experiment")
     cov = _covariance(nsr, sigma, np.sqrt(np.mean(y**2, axis=1)))
     size = np.zeros(len(known.names))
     factors = []
@@ -206,16 +208,20 @@ def crlb(
     return Bound(param_names=known.names, values=known.values, cov=half @ half.T, sigma=sd)
 
 
+def _numbers(name: str, given: Any) -> F64:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SpecError(f"crlb: {name}={given!r} must be numbers") from None
+
+
 # Noise and information -----------------------------------------------------------------------
 
 
 def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64:
     """Covariance of the outputs' noise."""
     q, name = rms.size, "nsr" if sigma is None else "sigma"
-    try:
-        values = np.asarray(sigma if nsr is None else nsr, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
+    values = _numbers(name, sigma if nsr is None else nsr)
     matrix = values.ndim == 2 and nsr is None
     sizes = np.diag(values) if matrix and values.shape == (q, q) else values
     if not np.all(np.isfinite(values)) or np.any(sizes <= 0) or sizes.shape not in ((), (q,)):

@@ -161,6 +161,11 @@ def expression(text: str, names: Sequence[str]) -> Callable[[Mapping[str, float]
 def sources(given: Any, inputs: int) -> list[Source]:
     """One source an input, from what a user may give: one source, a sequence, a 2-D array, Signals, None."""
     found: list[Source]
+    if isinstance(given, list | tuple) and any(isinstance(one, Signals) for one in given):
+        raise SpecError(
+            "giving the input: a list with mf.signals in it; give Signals alone, several inputs as "
+            "multisine([...]), first.then(second), or mf.signals.Signals(u, dt, names)"
+        )
     if given is None:
         found = []
     elif isinstance(given, Signals):

@@ -30,6 +30,7 @@ from .samples import (
     refuse_nonfinite,
     times_of,
 )
+from .signals.signals import Signals
 from .spectra import Spectrum
 from .tables import Findings, Table, nearest
 
@@ -46,8 +47,8 @@ class Record:
     ----------
     y : array_like, shape (time,) or (channel, time)
         Measured outputs.
-    u : array_like, shape (time,) or (channel, time), optional
-        Inputs; none: free motion.
+    u : array_like, shape (time,) or (channel, time), or Signals, optional
+        Inputs; none: free motion. `mf.signals` bring their names, dt and intersample.
     dt : float, optional
         Sampling interval in seconds. Exactly one of `dt`, `fs` and `t` is needed.
     fs : float, optional
@@ -128,7 +129,7 @@ class Record:
     def __init__(
         self,
         y: ArrayLike,
-        u: ArrayLike | None = None,
+        u: ArrayLike | Signals | None = None,
         *,
         dt: float | None = None,
         fs: float | None = None,
@@ -143,6 +144,12 @@ class Record:
         sigma: ArrayLike | None = None,
         t0: float = 0.0,
     ) -> None:
+        if isinstance(u, Signals):
+            if dt is fs is t is None:
+                dt = u.dt
+            inputs = u.inputs if inputs is None else inputs
+            intersample = u.intersample if intersample == "smooth" else intersample
+            u = u.u if axis != 0 else u.u.T
         ys = channels_of(y, "y", axis)
         if ys.shape[0] == 0:
             raise DataError("Record: y has no channel; give at least one output")

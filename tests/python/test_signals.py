@@ -252,9 +252,12 @@ def test_files_tables_pickles_and_plots(tmp_path):
     assert table["input"].tolist() == ["de", "da"]
     assert "peak_factor" in repr(s)
     assert "<table" in s._repr_html_()
-    np.testing.assert_array_equal(np.asarray(s), s.u)
     measured = s.record(np.zeros(101), outputs="q")
     assert (measured.inputs, measured.intersample, measured.dt) == (s.inputs, s.intersample, 0.1)
+    np.testing.assert_array_equal(measured.u, s.u)
+    held = mf.signals.doublet("de", width=0.5, dt=0.1, after=1.0)
+    other = mf.Record(y=np.zeros((21, 1)), u=held, axis=0)
+    assert (other.inputs, other.intersample, other.dt) == (("de",), ("zoh",), 0.1)
     import matplotlib
 
     matplotlib.use("Agg")
@@ -403,6 +406,12 @@ def test_what_disagrees_with_signals_is_refused():
         s.then(s.resample(0.05))
     with pytest.raises(mf.SpecError, match="goes smooth and zoh between samples"):
         s.then(mf.signals.multisine("de", band=(2, 8), duration=4, dt=0.1))
+    with pytest.raises(mf.SpecError, match=r"a list with mf.signals in it; give Signals alone"):
+        mf.simulate(EQ24, input=[s], duration=3.0, intervals=30)
+    with pytest.raises(mf.DataError, match="holds no samples"):
+        mf.signals.Signals("sin(t)", 0.1)
+    with pytest.raises(mf.DataError, match=r"give u\.T"):
+        mf.signals.Signals(np.zeros((30, 2)), 0.1)
     with pytest.raises(mf.DataError, match="finite samples"):
         mf.signals.Signals([0.0, np.nan], 0.1)
     with pytest.raises(mf.SpecError, match="rows of u"):

@@ -39,6 +39,7 @@ def names_of(what: str, given: Names) -> tuple[str, ...]:
         if not 1 <= given <= 100:
             raise SpecError(f"{what}: inputs={given} must be 1 to 100 inputs, or their names")
         return ("u",) if given == 1 else tuple(f"u{k}" for k in range(1, int(given) + 1))
+    given = given.tolist() if isinstance(given, np.ndarray) else given
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Sequence) else ()
     if not names or not all(isinstance(name, str) and name.strip() for name in names):
         raise SpecError(

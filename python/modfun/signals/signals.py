@@ -78,10 +78,20 @@ class Signals:
         intersample: str | Sequence[str] = "zoh",
         functions: Sequence[Function | None] | None = None,
     ) -> None:
-        values = np.atleast_2d(np.array(u, dtype=np.float64))
+        try:
+            values = np.atleast_2d(np.array(u, dtype=np.float64))
+        except (TypeError, ValueError) as error:
+            raise DataError(
+                f"Signals: u holds no samples ({error}); give numbers, (time) or (input, time)"
+            ) from None
         if values.ndim != 2 or values.shape[1] < 2 or not np.all(np.isfinite(values)):
             raise DataError(
                 f"Signals: u has shape {values.shape}; give finite samples, (time) or (input, time)"
+            )
+        if values.shape[0] > values.shape[1]:
+            raise DataError(
+                f"Signals: u would be {values.shape[0]} inputs of {values.shape[1]} samples; time is "
+                "the last axis, give u.T"
             )
         count = len(values)
         names = names_of("Signals", count if inputs is None else inputs)
@@ -194,9 +204,6 @@ class Signals:
         from .. import plot
 
         return plot.signals(self, ax=ax)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> F64:
-        return np.array(self.u, dtype=dtype)
 
     # What can be made of them --------------------------------------------------------------------
 
@@ -322,9 +329,7 @@ class Signals:
         """
         from ..records import Record
 
-        return Record(
-            y=y, u=self.u, dt=self.dt, outputs=outputs, inputs=self.inputs, intersample=self.intersample
-        )
+        return Record(y=y, u=self, outputs=outputs)
 
     def to_csv(self, path: str | Path) -> None:
         """Write times and samples as a file of comma separated values: t in seconds, then the inputs.

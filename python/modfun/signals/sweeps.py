@@ -77,8 +77,11 @@ def chirp(
             'chirp: one input at a time; chirp("da", ...).then(chirp("dr", ...)) is one after the other'
         )
     step, lead, count, _ = intervals_of(what, duration, dt, before, after)
-    edges = tuple(band) if isinstance(band, Sequence) and len(band) == 2 else (None, None)
-    if any(isinstance(w, bool) or not isinstance(w, int | float | np.number) for w in edges):
+    try:
+        edges = np.array(band, dtype=np.float64).ravel().tolist()
+    except (TypeError, ValueError):
+        edges = []
+    if len(edges) != 2:
         raise SpecError(f"chirp: band={band!r} must be (first, last) frequency in rad/s")
     low, high = band_of(what, sorted(edges), step)
     if sweep not in SWEEPS:
