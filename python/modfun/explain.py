@@ -283,6 +283,7 @@ def facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Model", f"{_path(fit)}: {fit.structure}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
+        *([("Weights", f"of the records: {_numbers(fit.window_weights)}")] if fit.window_weights else []),
         ("Method", f"{fit.options.method}; {fit.status}. {fit.message}"),
         ("Band", _band(fit)),
         (

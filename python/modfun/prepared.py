@@ -96,8 +96,8 @@ def prepare_stream(
 ) -> Prepared:
     """What the fits of a stream share; `channels`: outputs, inputs, how these go between samples.
 
-    The last `intervals` of it are fitted, and as many before them for each further weight, which multiplies
-    their samples. Delays are known, noise is white or given by numbers.
+    The last `intervals` of it are fitted, and as many before them for each further weight, that of their
+    squared residuals. Delays are known, noise is white or given by numbers.
     """
     outputs, inputs, intersample = channels
     layout = structure.layout(outputs, inputs)
@@ -107,7 +107,9 @@ def prepare_stream(
     words = plain_words(layout, intersample, options)
     if joint:
         words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
-    core = _core.Stream(samples, dt, list(weights), **words)
+    remembered = samples + (len(weights) - 1) * intervals
+    factors = [weight**0.5 for weight in weights]
+    core = _core.Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
     return Prepared(core, layout, (intervals,), joint)
 
 

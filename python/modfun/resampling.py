@@ -310,6 +310,11 @@ def _records(fit: Fit) -> tuple[Record, ...]:
         raise SpecError(f"bootstrap: expected a Fit, as from mf.fit, got {type(fit).__name__}")
     if not fit.success:
         raise FitError(f"bootstrap: the fit did not succeed (status {fit.status!r}). {fit.message}")
+    if fit.window_weights:
+        raise SpecError(
+            "bootstrap: the fit weighs its windows (a stream that forgets), and refits would not; bootstrap "
+            "mf.fit(stream.record(), fit.structure, **fit.options.given())"
+        )
     if fit.records is None:
         raise FitError(
             "bootstrap: this fit was loaded or made without its samples; fit the records again: "

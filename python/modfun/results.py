@@ -79,6 +79,8 @@ class Fit:
         How it was fitted.
     records : tuple of Record or None
         The fit's own records; None after `load`.
+    window_weights : tuple of float
+        Of the squared residuals of each record, where a `Stream` forgets; else empty.
     condition_bound : float
         No less than `cond`, and had for nothing; inf where not known.
     """
@@ -108,6 +110,7 @@ class Fit:
     records: tuple[Record, ...] | None = None
     condition_bound: float = inf
     known_level: F64 | None = None
+    window_weights: tuple[float, ...] = ()
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -41,6 +41,8 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         values[name] = getattr(fit, name)
     for name in _TUPLES:
         values[name] = list(getattr(fit, name))
+    if fit.window_weights:
+        values["window_weights"] = list(fit.window_weights)
     for name in _ARRAYS:
         values[name] = getattr(fit, name).tolist()
     for name in _OF_EQUATIONS:
@@ -75,6 +77,7 @@ def fit_from_dict(values: Any) -> Fit:
         fields["cost"], fields["noise_scale"] = float(values["cost"]), float(values["noise_scale"])
         fields["known_level"] = _array(values["high_band_levels"])
         fields.update({name: tuple(values[name]) for name in _TUPLES})
+        fields["window_weights"] = tuple(values.get("window_weights", ()))
         fields.update({name: _array(values[name]) for name in _ARRAYS})
         fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])
         pieces = [_array(e["re"]) + 1j * _array(e["im"]) for e in values["residuals"]]

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import ceil, exp, isfinite, log
-from typing import Any
+from threading import RLock
+from typing import Any, Never
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from .errors import DataError, SpecError
 from .estimation import Estimator, _answered, _fit
+from .layout import Layout
 from .many import STATUS
 from .noise import Noise
-from .prepared import prepare_stream, refuse_standing
+from .options import Options
+from .prepared import Prepared, prepare_stream, refuse_standing
 from .progress import Progress
 from .records import Record
 from .results import Fit
 from .samples import Names, intersample_of, names_of
 from .structures import TransferFunction
-from .track import Track
+from .track import Track, joined
 
 __all__ = ["Stream"]
 
@@ -28,6 +33,7 @@ _WORDS = np.array(STATUS)
 FEWEST = 8  # intervals of a window
 LEAST = 0.01  # weight of a window that is no longer remembered
 MOST = 50  # windows remembered
+LONGEST = 1 << 20  # samples remembered
 AT_ONCE = 4096  # samples of a record between two looks at Ctrl-C
 
 
@@ -48,10 +54,12 @@ class Stream:
     dt : float
         Time between samples, s.
     window : float, optional
-        Length of the window, s, rounded to whole intervals.
+        Length of the window, s, rounded to whole intervals. With delays the samples of the longest one are
+        kept before it.
     forgetting : float, optional
         Time constant, s: windows before the last one count as well, each by exp(-age/forgetting), until that
-        is below 1 %. Without `window` they are as long as this.
+        is below 1 %; at most 50. Without `window` they are as long as this. For what coefficients are carried
+        on for, with "wls", "awls" and "ml".
     outputs, inputs : str or sequence of str, optional
         Names of the channels. Default: those of an equation or state space; else ``y`` and ``u``, numbered
         if the structure has several.
@@ -59,6 +67,8 @@ class Stream:
         How the inputs go between samples, as in `Record`.
     units : mapping of str to str, optional
         Units by channel name, for labels.
+    t0 : float, default 0.0
+        Time of the first sample, s.
 
     Attributes
     ----------
@@ -74,6 +84,12 @@ class Stream:
     ------
     SpecError
         No window, no band, options that do not go with a stream.
+    DataError
+        Lines that are too few for the parameters.
+
+    Notes
+    -----
+    Several threads may push and ask. A Stream cannot be copied or pickled.
 
     Examples
     --------
@@ -98,58 +114,64 @@ class Stream:
         inputs: Names = None,
         intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
         units: Mapping[str, str] | None = None,
+        t0: float = 0.0,
     ) -> None:
         if not isinstance(estimator, Estimator):
             raise SpecError(
                 f"Stream: the estimator is a {type(estimator).__name__}; give a structure with its options, "
                 "mf.Estimator(model, band=...)"
             )
-        if estimator.options.band is None and estimator.options.harmonics is None:
+        model, options = estimator.model, estimator.options
+        if options.band is None and options.harmonics is None:
             raise SpecError(
                 "Stream: the estimator has no band, and a stream keeps the coefficients of fixed lines; give "
                 "mf.Estimator(model, band=...), say the fit.band of a record like it"
             )
         if window is None and forgetting is None:
             raise SpecError("Stream: say how much of the past counts, window= or forgetting= in seconds")
-        model = estimator.model
         self.estimator = estimator
         self.dt = _seconds("dt", dt)
+        self._begin = self._t0 = float(t0)
         length = _seconds("window", window if window is not None else forgetting)
-        self._intervals = round(length / self.dt)
-        if self._intervals < FEWEST:
-            raise SpecError(
-                f"Stream: a window of {length:g} s holds {self._intervals} intervals of {self.dt:g} s; at "
-                f"least {FEWEST} are needed"
-            )
+        self._intervals = _intervals(length, self.dt)
         self.window = self._intervals * self.dt
-        self.weights = (
-            (1.0,) if forgetting is None else _weights(self.window, _seconds("forgetting", forgetting))
-        )
+        self.weights = _weights(self.window, forgetting)
         self.outputs = _names(model, "outputs", outputs, "y")
         self.inputs = _names(model, "inputs", inputs, "u")
         self.intersample = intersample_of(intersample, self.inputs)
         self._units = dict(units or {})
-        lead = 0
-        self._core: Any = None
-        if isinstance(model, TransferFunction):
-            layout = model.layout(self.outputs, self.inputs)
-            lead = ceil(layout.longest_delay / self.dt - 1e-9)
-            if _slides(layout.free_delays, estimator.options.noise):
-                channels = (self.outputs, self.inputs, self.intersample)
-                factors = [weight**0.5 for weight in self.weights]
-                self._made = prepare_stream(
-                    model, estimator.options, channels, self._intervals, self.dt, factors
-                )
-                self._core = self._made.core
-        if self._core is None and len(self.weights) > 1:
+        self._record(
+            np.zeros((len(self.outputs) + len(self.inputs), FEWEST)), 0.0
+        )  # names and units, checked
+        layout = model.layout(self.outputs, self.inputs) if isinstance(model, TransferFunction) else None
+        late = 0.0 if layout is None else layout.longest_delay
+        if late >= self.window:
             raise SpecError(
-                "Stream: forgetting= takes a TransferFunction with known delays and white noise; give "
-                "window= for this estimator"
+                f"Stream: a delay of {late:g} s beside a window of {self.window:g} s; take a longer window"
             )
-        self.param_names = tuple(model.param_names(self.inputs, self.outputs))
-        self._samples = self._intervals + 1 + lead
+        self._samples = self._intervals + 1 + ceil(late / self.dt - 1e-9)
         remembered = self._samples + (len(self.weights) - 1) * self._intervals
-        self._past = _Past(len(self.outputs) + len(self.inputs), remembered)
+        if remembered > LONGEST:
+            raise SpecError(
+                f"Stream: {remembered} samples would be remembered, at most {LONGEST} are; take shorter "
+                "windows or longer steps"
+            )
+        self._made: Prepared | None = None
+        if layout is not None and _slides(layout, options.noise):
+            _refuse_options(options, len(self.weights))
+            channels = (self.outputs, self.inputs, self.intersample)
+            self._made = prepare_stream(model, options, channels, self._intervals, self.dt, self.weights)
+            self._core: Any = self._made.core
+        else:
+            if len(self.weights) > 1:
+                raise SpecError(
+                    "Stream: forgetting= takes a TransferFunction with known delays and white noise; give "
+                    "window= for this estimator"
+                )
+            count = len(self.outputs) + len(self.inputs)
+            self._core = _core.Stream(count, remembered, self._samples, self.dt, [])
+        self.param_names = tuple(model.param_names(self.inputs, self.outputs))
+        self._lock = RLock()  # pushing and asking from two threads
         self._latest: Track | None = None
 
     # What goes in --------------------------------------------------------------------------------
@@ -175,9 +197,10 @@ class Stream:
         Parameters
         ----------
         rec : Record
-            With the channels and the step of the stream; it goes on where the stream stands.
+            With the channels and the step of the stream; it goes on where the stream stands. A stream without
+            samples takes the record's times.
         every : int, default 1
-            Samples from one estimate to the next.
+            Estimates are those after every `every`-th sample of the stream.
         progress : {"auto", True, False}
             A line on standard error for work that takes a while.
 
@@ -192,50 +215,55 @@ class Stream:
             A record with other channels, another step or masked samples.
         """
         self._refuse(rec)
-        if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
-            raise SpecError(f"Stream.follow: every={every!r} must be a whole number of samples from 1 on")
+        whole = isinstance(every, int | np.integer) and not isinstance(every, bool)
+        if not (whole and 1 <= every <= LONGEST):
+            raise SpecError(
+                f"Stream.follow: every={every!r} must be a whole number of samples from 1 to {LONGEST}"
+            )
         block = np.vstack([rec.y, rec.u])
         total, found = block.shape[1], [self._nothing()]
-        with Progress(progress, "following", "samples") as report:
+        with self._lock, Progress(progress, "following", "samples") as report:
+            if not self.count:
+                self._begin = float(rec.t[0])
             for at in range(0, total, AT_ONCE):
                 found.append(self._followed(block[:, at : at + AT_ONCE], int(every)))
                 report(min(at + AT_ONCE, total), total)
-        return Track.joined(found)
+        return joined(found)
 
     def clear(self) -> None:
-        """Forget all samples; time goes on from 0."""
-        self._past.clear()
-        self._latest = None
-        if self._core is not None:
+        """Forget all samples; time begins at `t0` again."""
+        with self._lock:
+            self._latest = None
             self._core.clear()
+            self._begin = self._t0
 
     # What comes out ------------------------------------------------------------------------------
 
     @property
     def count(self) -> int:
         """Samples taken."""
-        return self._past.count
+        return int(self._core.count)
 
     @property
     def t(self) -> float:
-        """Time of the last sample, s; the first one's is 0."""
-        return max(self._past.count - 1, 0) * self.dt
+        """Time of the last sample, s."""
+        return self._begin + max(self.count - 1, 0) * self.dt
 
     @property
     def ready(self) -> bool:
         """Whether the first window is full."""
-        return self._past.count >= self._samples
+        return self.count >= self._samples
 
     @property
     def params(self) -> F64:
         """The estimate of this moment, (p,); nan where the numbers allow none."""
-        params: F64 = self._estimate().params[-1]
+        params: F64 = self._estimate().params[-1].copy()
         return params
 
     @property
     def bse(self) -> F64:
         """Its standard errors of the estimator's `cov_type`, (p,)."""
-        bse: F64 = self._estimate().bse[-1]
+        bse: F64 = self._estimate().bse[-1].copy()
         return bse
 
     @property
@@ -244,7 +272,7 @@ class Stream:
         return str(self._estimate().status[-1])
 
     def record(self) -> Record:
-        """The last window as a record, with the times of the stream.
+        """The last window (and the longest delay before it) as a record, with the times of the stream.
 
         Raises
         ------
@@ -261,12 +289,25 @@ class Stream:
         DataError
             Before the first window is full, or where a channel does not move.
         """
-        records = self._windows()
-        if self._core is None:
-            return _fit(records, self.estimator.model, self.estimator.options)
-        refuse_standing(self._made.layout, [rec.y for rec in records], [rec.u for rec in records])
+        with self._lock:
+            records = self._windows()
+            if self._made is None:
+                return _fit(records, self.estimator.model, self.estimator.options)
+            refuse_standing(self._made.layout, [rec.y for rec in records], [rec.u for rec in records])
+            found = self._core.fit()
         made = self._made.for_windows(len(records))
-        return _answered(self._core.fit(), made, records, self.estimator.model, self.estimator.options)
+        fit = _answered(found, made, records, self.estimator.model, self.estimator.options)
+        return _unweighted(fit, self.weights[: len(records)])
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in self.__dict__ and not name.startswith("_"):
+            raise AttributeError(f"a Stream cannot be changed ({name}); make a new one")
+        object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> Never:
+        raise TypeError(
+            "a Stream cannot be copied or pickled; make another one and push it stream.record().y and .u"
+        )
 
     def __repr__(self) -> str:
         past = f"window {self.window:g} s"
@@ -285,7 +326,7 @@ class Stream:
         above = _rows("y", y, q)
         block = np.empty((q + k, above.shape[1]))
         block[:q] = above
-        if k or u is not None:
+        if k or (u is not None and np.size(u)):
             below = _rows("u", () if u is None else u, k)
             if below.shape[1] != above.shape[1]:
                 raise DataError(
@@ -302,32 +343,30 @@ class Stream:
         return block
 
     def _take(self, block: F64) -> None:
-        if self._core is not None:
+        with self._lock:
+            self._latest = None
             self._core.push(block)
-        self._past.push(block)
-        self._latest = None
 
     def _followed(self, block: F64, every: int) -> Track:
-        if self._core is not None:
-            found = self._core.follow(np.ascontiguousarray(block), every)
-            self._past.push(block)
+        if self._made is not None:
             self._latest = None
-            return self._noted(found)
+            return self._noted(self._core.follow(np.ascontiguousarray(block), every))
         parts = [self._nothing()]
         for k in range(block.shape[1]):
-            self._take(block[:, k : k + 1])
+            self._take(block[:, k : k + 1].copy())
             if self.ready and self.count % every == 0:
                 parts.append(self._estimate())
-        return Track.joined(parts)
+        return joined(parts)
 
     def _estimate(self) -> Track:
         """The estimate of this moment as a track of one."""
-        if self._latest is None:
-            self._latest = self._of_now()
-        return self._latest
+        with self._lock:
+            if self._latest is None:
+                self._latest = self._of_now()
+            return self._latest
 
     def _of_now(self) -> Track:
-        if self._core is not None and self.ready:
+        if self._made is not None and self.ready:
             return self._noted(self._core.now())
         p, t = len(self.param_names), np.array([self.t])
         try:
@@ -342,8 +381,14 @@ class Stream:
 
     def _noted(self, found: dict[str, Any]) -> Track:
         """What the core noted."""
-        errors = found["bse_hc3" if self.estimator.options.cov_type == "HC3" else "bse_nonrobust"]
-        t = (found["count"] - 1) * self.dt
+        robust = self.estimator.options.cov_type == "HC3"
+        errors = found["bse_hc3" if robust else "bse_nonrobust"]
+        t = self._begin + (found["count"] - 1) * self.dt
+        if len(self.weights) > 1 and not robust:
+            windows = 1 + (found["count"] - self._samples) // self._intervals
+            factors = [_loss(self.weights[: k + 1]) ** 0.5 for k in range(len(self.weights))]
+            each = np.array(factors)[np.minimum(windows, len(factors)) - 1]
+            errors = errors * each[:, None]
         shape = (t.size, len(self.param_names))  # of no moment, too
         params, errors = found["theta"].reshape(shape), errors.reshape(shape)
         return self._track(t, params, errors, _WORDS[found["status"]], found["nit"])
@@ -362,26 +407,29 @@ class Stream:
                 f"Stream: {self.count} of the {self._samples} samples of the first window are there; ask "
                 "when stream.ready"
             )
-        q, samples = len(self.outputs), self._past.samples
-        made = []
-        for end in range(samples.shape[1], self._samples - 1, -self._intervals):
-            own = samples[:, end - self._samples : end]
-            begin = (self.count - samples.shape[1] + end - self._samples) * self.dt
-            made.append(
-                Record(
-                    y=own[:q],
-                    u=own[q:] if self.inputs else None,
-                    dt=self.dt,
-                    t0=begin,
-                    outputs=self.outputs,
-                    inputs=self.inputs,
-                    intersample=self.intersample,
-                    units=self._units,
-                )
-            )
+        samples = self._core.past()
+        have, made = samples.shape[1], []
+        for end in range(have, self._samples - 1, -self._intervals):
+            begin = self._begin + (self.count - have + end - self._samples) * self.dt
+            made.append(self._record(samples[:, end - self._samples : end], begin))
         return tuple(made)
 
+    def _record(self, samples: F64, begin: float) -> Record:
+        q = len(self.outputs)
+        return Record(
+            y=samples[:q],
+            u=samples[q:] if self.inputs else None,
+            dt=self.dt,
+            t0=begin,
+            outputs=self.outputs,
+            inputs=self.inputs,
+            intersample=self.intersample,
+            units=self._units,
+        )
+
     def _refuse(self, rec: Record) -> None:
+        if not isinstance(rec, Record):
+            raise SpecError(f"Stream.follow: {type(rec).__name__} is no Record; push samples, or make one")
         if (rec.outputs, rec.inputs) != (self.outputs, self.inputs):
             raise DataError(
                 f"Stream.follow: the record has outputs {list(rec.outputs)}, inputs {list(rec.inputs)}, the "
@@ -390,47 +438,77 @@ class Stream:
         if rec.dt is None or abs(rec.dt - self.dt) > 1e-6 * self.dt:
             have = "uneven steps" if rec.dt is None else f"a step of {rec.dt:g} s"
             raise DataError(f"Stream.follow: the record has {have}, the stream one of {self.dt:g} s")
+        if rec.intersample != self.intersample:
+            raise DataError(
+                f"Stream.follow: between samples the record's inputs are {', '.join(rec.intersample)}, the "
+                f"stream's {', '.join(self.intersample)}; make it Stream(..., intersample=...)"
+            )
         if rec.mask is not None or rec.sigma is not None:
             raise DataError("Stream.follow: masked samples and sigma are for records; fill them first")
 
 
-class _Past:
-    """The last samples (channel, time) of a stream, in a buffer twice as long so that they lie together."""
-
-    def __init__(self, channels: int, size: int) -> None:
-        self._buffer = np.zeros((channels, 2 * size))
-        self._size, self._end, self.count = size, 0, 0
-
-    def push(self, block: F64) -> None:
-        more, size = block.shape[1], self._size
-        self.count += more
-        if more >= size:
-            self._buffer[:, :size], self._end = block[:, more - size :], size
-            return
-        if self._end + more > 2 * size:
-            keep = size - more
-            self._buffer[:, :keep] = self._buffer[:, self._end - keep : self._end]
-            self._end = keep
-        self._buffer[:, self._end : self._end + more] = block
-        self._end += more
-
-    @property
-    def samples(self) -> F64:
-        have = min(self.count, self._size)
-        return self._buffer[:, self._end - have : self._end]
-
-    def clear(self) -> None:
-        self._end = self.count = 0
-
-
-def _slides(free_delays: Sequence[Any], noise: Any) -> bool:
+def _slides(layout: Layout, noise: Any) -> bool:
     """Whether the coefficients of fixed lines are all that a fit needs."""
+    if layout.free_delays:
+        return False
     if isinstance(noise, Noise):
-        levels = [
-            one for given in (noise.y, noise.u) for one in (given if isinstance(given, tuple) else (given,))
-        ]
-        return not free_delays and not any(callable(level) for level in levels)
-    return not free_delays and noise in ("output", "equation")
+        both = (noise.y, noise.u)
+        levels = [one for given in both for one in (given if isinstance(given, tuple) else (given,))]
+        return not any(callable(level) for level in levels)
+    return noise in ("output", "equation")
+
+
+def _refuse_options(options: Options, windows: int) -> None:
+    if options.rule == "parabolic":
+        raise SpecError(
+            'Stream: rule="parabolic" weighs a sample by whether it is odd or even, which changes as the '
+            'window slides; use "gregory"'
+        )
+    if windows > 1 and options.method == "ls":
+        raise SpecError('Stream: forgetting= goes with method="wls", "awls" and "ml", not with "ls"')
+
+
+def _unweighted(fit: Fit, weights: Sequence[float]) -> Fit:
+    """A fit of weighted windows with noise, residuals and classical errors as of the windows themselves.
+
+    The samples of window k were multiplied by √w_k. With mean(w) = Σw/K its cost is that of noise mean(w) σ²;
+    its degrees of freedom are those of the chi-square that fits a weighted sum of such.
+    """
+    if len(weights) == 1:
+        return fit
+    w = np.array(weights)
+    mean, free = w.mean(), max(round(fit.df_resid * w.sum() ** 2 / (w.size * np.sum(w**2))), 1)
+    return replace(
+        fit,
+        window_weights=tuple(weights),
+        cost=fit.cost * free / (fit.df_resid * mean),
+        df_resid=free,
+        noise_cov=fit.noise_cov / mean,
+        noise_scale=fit.noise_scale / mean,
+        cov_nonrobust=fit.cov_nonrobust * _loss(weights),
+        pieces=tuple(piece * (mean / one) ** 0.5 for piece, one in zip(fit.pieces, weights, strict=True)),
+    )
+
+
+def _loss(weights: Sequence[float]) -> float:
+    """What unequal weights of windows that tell alike cost: variance over that of equal weights."""
+    w = np.array(weights)
+    return float(w.size * np.sum(w**2) / w.sum() ** 2)
+
+
+def _intervals(length: float, dt: float) -> int:
+    if length / dt > LONGEST:
+        raise SpecError(
+            f"Stream: a window of {length:g} s holds {length / dt:.3g} intervals of {dt:g} s, at most "
+            f"{LONGEST}; take a shorter window or longer steps"
+        )
+    intervals = round(length / dt)
+    if intervals < FEWEST:
+        raise SpecError(
+            f"Stream: a window of {length:g} s holds {intervals} intervals of {dt:g} s; at least {FEWEST} "
+            "are needed"
+        )
+    return intervals
 
 
 def _weights(window: float, forgetting: float | None) -> tuple[float, ...]:
@@ -438,7 +516,12 @@ def _weights(window: float, forgetting: float | None) -> tuple[float, ...]:
     if forgetting is None:
         return (1.0,)
     forgetting = _seconds("forgetting", forgetting)
-    count = ceil(-log(LEAST) * forgetting / window)
+    count = ceil(min(-log(LEAST) * forgetting / window, LONGEST))
+    if count == 1:
+        raise SpecError(
+            f"Stream: forgetting={forgetting:g} s leaves nothing of the windows before the last one, "
+            f"{window:g} s; leave it out, or take shorter windows"
+        )
     if count > MOST:
         raise SpecError(
             f"Stream: forgetting={forgetting:g} s would keep {count} windows of {window:g} s, at most {MOST} "
@@ -458,10 +541,14 @@ def _names(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]
 
 
 def _rows(name: str, given: ArrayLike, channels: int) -> F64:
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise DataError(f"Stream.push: {name} holds no numbers; give a sample or a block of them") from None
+    masked = isinstance(given, np.ma.MaskedArray) and np.ma.getmaskarray(given).any()
+    values = np.asarray(given)
+    if masked or values.dtype.kind not in "biuf":
+        what = "masked samples" if masked else f"{values.dtype.name} values"
+        raise DataError(
+            f"Stream.push: {name} holds {what}; give numbers, the last good one for what is missing"
+        )
+    values = values.astype(np.float64, copy=False)
     if values.ndim == 0:
         values = values.reshape(1, 1)
     elif values.ndim == 1:
@@ -469,7 +556,7 @@ def _rows(name: str, given: ArrayLike, channels: int) -> F64:
     if values.ndim != 2 or values.shape[0] != channels:
         raise DataError(
             f"Stream.push: {name} has shape {np.shape(given)}, the stream {channels} channel(s) of it; give "
-            "(channel,) for one sample or (channel, time) for a block"
+            "(channel,) for one sample or (channel, time) for a block, time last"
         )
     return values
 

@@ -13,7 +13,7 @@ from .errors import SpecError
 from .extras import optional
 from .tables import Table, nearest
 
-__all__ = ["Track"]
+__all__ = ["Track", "joined"]
 
 F64 = NDArray[np.float64]
 
@@ -46,20 +46,6 @@ class Track:
     nit: NDArray[np.intp]
     param_names: tuple[str, ...]
     window: float
-
-    @classmethod
-    def joined(cls, tracks: Sequence[Track]) -> Track:
-        """One track of several, in their order.
-
-        Parameters
-        ----------
-        tracks : sequence of Track
-        """
-        parts = {
-            name: np.concatenate([getattr(track, name) for track in tracks])
-            for name in ("t", "params", "bse", "status", "nit")
-        }
-        return cls(**parts, param_names=tracks[0].param_names, window=tracks[0].window)
 
     @property
     def success(self) -> NDArray[np.bool_]:
@@ -109,3 +95,12 @@ class Track:
             f"Track of {len(self)} moments, {self.t[0]:g} to {self.t[-1]:g} s, {int(self.success.sum())} ok; "
             f"at last {last}"
         )
+
+
+def joined(tracks: Sequence[Track]) -> Track:
+    """One track of several, in their order."""
+    parts = {
+        name: np.concatenate([getattr(track, name) for track in tracks])
+        for name in ("t", "params", "bse", "status", "nit")
+    }
+    return Track(**parts, param_names=tracks[0].param_names, window=tracks[0].window)

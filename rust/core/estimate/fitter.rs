@@ -246,7 +246,7 @@ impl Fitter {
     }
 
     /// The problem on some lines.
-    fn design(&self, ranges: &[Range]) -> Result<Design, Error> {
+    pub(super) fn design(&self, ranges: &[Range]) -> Result<Design, Error> {
         let o = &self.o;
         let lines: Vec<Lines> = ranges
             .iter()

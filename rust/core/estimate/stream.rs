@@ -30,6 +30,11 @@ pub trait Slider: Sized {
     ) -> Result<Self, Error>;
     /// The plans of a record, and which channel (outputs, then inputs) each takes.
     fn plans(&self) -> Vec<(usize, &CoefficientPlan)>;
+    /// Whether the lines allow an estimate of one record.
+    ///
+    /// # Errors
+    /// As the fitter's own.
+    fn check(&self) -> Result<(), Error>;
     /// Parameters.
     fn parameters(&self) -> usize;
     /// Fits coefficients of all records.
@@ -77,6 +82,7 @@ impl<F: Slider> Stream<F> {
             return Err(Error::Spec("streaming: no window is to be remembered".into()));
         }
         let fitter = F::make(options.clone(), samples, dt, 1, isa)?;
+        fitter.check()?;
         let slide = |(channel, plan): (usize, &CoefficientPlan)| {
             let one = Sliding::new(plan)?;
             Ok((channel, vec![one; weights.len()]))
@@ -263,6 +269,10 @@ impl Slider for Fitter {
         self.records[0].plans.iter().enumerate().collect()
     }
 
+    fn check(&self) -> Result<(), Error> {
+        self.design(&[self.records[0].range]).map(drop)
+    }
+
     fn parameters(&self) -> usize {
         self.o.structure.parameters()
     }
@@ -294,6 +304,11 @@ impl Slider for JointFitter {
         let outputs = self.o.structure.orders.len();
         let inputs = self.o.structure.paths.iter().map(|path| outputs + path.input);
         (0..outputs).chain(inputs).zip(&self.records[0].plans).collect()
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        let units = vec![1.0; self.records[0].plans.len()];
+        self.design(&[self.records[0].range], &units, &self.o.noise).map(drop)
     }
 
     fn parameters(&self) -> usize {

@@ -4,7 +4,8 @@
 //! for a few samples at either end (end weights, holds, taps of a delay). The middle part slides: one sample
 //! comes, one goes, with the phase of their number in the stream. Sums that samples leave again keep the
 //! rounding of all that passed; so a second set of sums counts only the samples since the last multiple of N,
-//! and takes the place of the first when it has seen a whole window.
+//! and takes the place of the first when it has seen a whole window. Where a sample leaves that is much larger
+//! than what stays, the sums are made anew at once.
 
 use crate::error::Error;
 use crate::math::root_of_unity;
@@ -16,6 +17,8 @@ use super::{CoefficientPlan, Sums};
 const ENDS: usize = 16;
 /// Below this part of the middle's coefficient a difference is rounding.
 const ROUNDING: f64 = 1e-13;
+/// A sample so many times larger than all sums leaves rounding behind that counts.
+const LARGE: f64 = 1e3;
 
 /// Coefficients of one channel over a window that slides along its samples.
 #[derive(Debug, Clone)]
@@ -148,9 +151,33 @@ impl Sliding {
             let held = |number: u64| self.ring[(number % size) as usize];
             let leaving = entering.checked_sub(n).map_or(0.0, held);
             self.slide(held(entering), leaving, (entering % n) as usize);
+            let size = |sums: &[(f64, f64)]| {
+                sums.iter().fold(0.0, |most: f64, s| most.max(s.0.abs()).max(s.1.abs()))
+            };
+            if leaving.abs() > LARGE * size(&self.window) {
+                self.renew(entering);
+            }
         }
         self.ring[slot] = sample;
         self.count += 1;
+    }
+
+    /// Sums made anew of the N samples up to this one, number `last` of the stream.
+    fn renew(&mut self, last: u64) {
+        let (n, size) = (self.intervals as u64, self.ring.len() as u64);
+        self.window.fill((0.0, 0.0));
+        self.block.fill((0.0, 0.0));
+        for number in (last + 1).saturating_sub(n)..=last {
+            let (sample, phase) = (self.ring[(number % size) as usize], number % n);
+            for (m, (window, block)) in self.window.iter_mut().zip(&mut self.block).enumerate() {
+                let (cos, sin) = self.roots[(m as u64 * phase % n) as usize];
+                *window = (window.0 + sample * cos, window.1 - sample * sin);
+                // The block holds what came after the last multiple of N.
+                if number / n == (last + 1) / n {
+                    *block = (block.0 + sample * cos, block.1 - sample * sin);
+                }
+            }
+        }
     }
 
     fn slide(&mut self, new: f64, old: f64, phase: usize) {
@@ -300,6 +327,27 @@ mod tests {
             sliding.push(signal(k));
         }
         assert!(off(&plan, &sliding, signal) < 1e-13, "{}", off(&plan, &sliding, signal));
+    }
+
+    #[test]
+    fn a_spike_is_gone_when_it_leaves() {
+        for (intervals, spike) in [(500, 1e36), (64, 1e15), (77, -1e9)] {
+            for at in [3, 40, 499, 500, 777] {
+                let signal = |k: u64| sample(k) + if k == at { spike } else { 0.0 };
+                let plan =
+                    CoefficientPlan::new(intervals, 20, Kind::Rule(Rule::Gregory), 0.0, 0).unwrap();
+                let mut sliding = Sliding::new(&plan).unwrap();
+                for k in 0..at + 3 * intervals as u64 {
+                    sliding.push(signal(k));
+                    if k > at + intervals as u64 {
+                        assert!(
+                            off(&plan, &sliding, signal) < 1e-10,
+                            "{intervals} {spike} {at} {k}"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]
