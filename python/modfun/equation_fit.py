@@ -249,9 +249,9 @@ class EquationFit(Fit):
 
 @lru_cache(KEPT)
 def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
+    compiled = structure.compiled(outputs, inputs)
     from .symbolic.formulas import formulas
 
-    compiled = structure.compiled(outputs, inputs)
     noisy = list(outputs)
     if options.noise == "errors-in-variables" or (
         isinstance(options.noise, Noise) and options.noise.u is not None

@@ -292,7 +292,7 @@ def facts(fit: Fit) -> list[tuple[str, str]]:
         ),
         ("Noise", _noise(fit)),
         ("Chi-square", _chi2(fit)),
-        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors){_bic(fit)}"),
+        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
         ("Errors", f"{fit.cov_type}; Student's t with {_degrees(fit)} degrees of freedom"),
     ]
 
@@ -346,10 +346,6 @@ def _noise(fit: Fit) -> str:
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
         return text
     return f"{text}; in the unused high band {_numbers(fit.high_band_sigma)}"
-
-
-def _bic(fit: Fit) -> str:
-    return f"; BIC {fit.bic:.5g}" if len(fit.outputs) == 1 else ""
 
 
 def _chi2(fit: Fit) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import DataError, SpecError
 from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
-from .pieces import pieces
+from .pieces import pieces, refined
 from .propagate import intersample_kinds
 from .signals import Signals
 
@@ -246,11 +246,14 @@ class NonlinearModel:
         columns = np.tile(np.array(theta)[:, None], count) if params is None else params
         shaped = None
         if form.tape is not None and n:
-            shaped = pieces([*drives, *known], grid)
+            fine = refined(grid, drives)
+            shaped = pieces([*drives, *known], fine)
         grid, x = grid[:length], None
         if form.tape is not None and shaped is not None:
-            shaped = np.ascontiguousarray(shaped[:, : grid.size - 1])
-            x = integrate_pieces(form.tape, starts, grid, shaped, columns, rtol)
+            at = np.searchsorted(fine, grid)
+            fine, shaped = fine[: at[-1] + 1], np.ascontiguousarray(shaped[:, : at[-1]])
+            x = integrate_pieces(form.tape, starts, fine, shaped, columns, rtol)
+            x = None if x is None else x[:, :, at]
         if x is None:
             x = integrate(
                 rate,

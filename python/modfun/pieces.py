@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .integration import Function, Signal
 
-__all__ = ["pieces"]
+__all__ = ["pieces", "refined"]
 
 F64 = NDArray[np.float64]
 TERMS = 10  # coefficients of a piece: functions are interpolated at so many Chebyshev nodes
@@ -20,7 +20,8 @@ CLOSE = 1e-9  # of the largest value: an interpolation further off has met a jum
 def pieces(drives: Sequence[Signal | Function], grid: F64) -> F64 | None:
     """Coefficients (drive, interval, power), descending in the time since the interval began.
 
-    None where a drive is no smooth function within the intervals.
+    The grid holds every instant at which samples begin a piece (`refined`). None where a function is not
+    smooth within the intervals.
     """
     found = np.empty((len(drives), grid.size - 1, TERMS))
     for k, drive in enumerate(drives):
@@ -31,18 +32,35 @@ def pieces(drives: Sequence[Signal | Function], grid: F64) -> F64 | None:
     return found
 
 
-def _sampled(drive: Signal, grid: F64) -> F64 | None:
-    """Pieces of samples, where a delay leaves them on the intervals."""
+def refined(grid: F64, drives: Sequence[Signal | Function]) -> F64:
+    """The grid, and the instants at which delayed samples begin a piece."""
+    late = [np.asarray(one.knots) + one.delay for one in drives if isinstance(one, Signal) and one.delay]
+    if not late:
+        return grid
+    near = 1e-9 * float(np.min(np.diff(grid)))
+    new = np.sort(np.concatenate(late))
+    new = new[(new > grid[0] + near) & (new < grid[-1] - near)]
+    place = np.searchsorted(grid, new)
+    new = new[np.minimum(new - grid[place - 1], grid[place] - new) > near]
+    return np.sort(np.concatenate([grid, new[np.diff(new, prepend=-np.inf) > near]]))
+
+
+def _sampled(drive: Signal, grid: F64) -> F64:
+    """Pieces of samples, each counted from where the interval begins."""
     knots, own = np.asarray(drive.knots), np.asarray(drive.pieces)
     begins = grid[:-1] - drive.delay
-    near = 1e-9 * float(np.min(np.diff(grid)))
+    near = 1e-9 * float(np.min(np.diff(knots)))
     place = np.searchsorted(knots, begins + near, side="right") - 1
-    known = place >= 0
-    if drive.delay and not np.all(np.abs(knots[np.maximum(place, 0)] - begins)[known] <= near):
-        return None
+    before, place = place < 0, np.clip(place, 0, len(own) - 1)
     rows = np.zeros((grid.size - 1, TERMS))
-    rows[known, TERMS - own.shape[1] :] = own[place[known]]
-    rows[~known, -1] = drive.before
+    rows[:, TERMS - own.shape[1] :] = own[place]
+    since = begins - knots[place]
+    since[np.abs(since) <= near] = 0.0
+    for done in range(own.shape[1] - 1):  # p(s + since), by repeated division by s - since
+        for k in range(TERMS - own.shape[1] + 1, TERMS - done):
+            rows[:, k] += rows[:, k - 1] * since
+    rows[before] = 0.0
+    rows[before, -1] = drive.before
     return rows
 
 

@@ -273,11 +273,18 @@ class Fit:
     def bic(self) -> float:
         """Bayesian information criterion N log(cost/N) + p log N over the N real equations.
 
-        Comparable between fits of the same records over the same band only.
+        Where the noise covariance of several outputs was fitted, the cost is N less the unknowns whatever the
+        model: then N/outputs times the logarithm of that covariance's determinant takes its place, the
+        same for one output. Comparable between fits of the same records over the same band only.
         """
-        rows = self.df_resid + self.params.size
-        with np.errstate(divide="ignore"):
-            return float(rows * np.log(self.cost / rows) + self.params.size * np.log(rows))
+        rows, outputs = self.df_resid + self.params.size, len(self.outputs)
+        penalty = self.params.size * np.log(rows)
+        known = self.options.output_weights is not None or isinstance(self.options.noise, Noise)
+        if outputs == 1 or known or self.options.noise == "errors-in-variables":
+            with np.errstate(divide="ignore"):
+                return float(rows * np.log(self.cost / rows) + penalty)
+        _, size = np.linalg.slogdet(self.noise_cov * (self.df_resid / rows))
+        return float(rows / outputs * size + penalty)
 
     @property
     def trend(self) -> str | None:

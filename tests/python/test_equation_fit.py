@@ -1,5 +1,7 @@
 """Fits of equations: against the linear path, against dense matrices, and what users can ask of them."""
 
+import subprocess
+import sys
 from itertools import product
 
 import modfun as mf
@@ -362,3 +364,18 @@ def test_parameters_that_no_record_tells_apart():
         fit = mf.fit(rec, twice, harmonics=11)
     assert fit.status == "rank"
     assert np.all(np.isnan(fit.bse))
+
+
+def test_without_sympy_the_cure_is_told():
+    look = """
+import sys
+sys.modules["sympy"] = None
+import modfun as mf
+rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=64)
+try:
+    mf.fit(rec, mf.Equation("y'' + a*y' + b*y = c*u"))
+except ImportError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert done.stdout == "Equation needs sympy: pip install 'modfun[symbolic]'\n"

@@ -1,6 +1,7 @@
 """Several outputs, noise as it is, held and bounded parameters, unknown delays."""
 
 import itertools
+import warnings
 
 import modfun as mf
 import numpy as np
@@ -73,6 +74,26 @@ def test_one_output_in_the_joint_estimator_is_the_fast_one():
         np.testing.assert_allclose(joint.bse, fast.bse, rtol=1e-6)
         np.testing.assert_allclose(joint.cov_nonrobust, fast.cov_nonrobust, rtol=1e-8)
         np.testing.assert_allclose([joint.cost, joint.sigma], [fast.cost, fast.sigma], rtol=1e-9)
+
+
+def test_the_information_criterion_of_several_outputs_finds_the_order():
+    """One pole too few costs hundreds, one too many its log N a parameter less what noise lets it gain."""
+    system = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4])
+    rec = mf.simulate(
+        system, input="sin(t**2/6)", duration=20.0, intervals=400, nsr=0.1, seed=3, outputs=["alpha", "q"]
+    )
+    found = {}
+    for n in (1, 2, 3):
+        with warnings.catch_warnings():  # the first is too small, the last has a pole and a zero too many
+            warnings.simplefilter("ignore", mf.ModfunWarning)
+            found[n] = mf.fit(rec, mf.TransferFunction(poles=n, zeros=n - 1, denominator="common"), band=6.0)
+    assert found[2].bic < found[3].bic < found[1].bic - 100
+    assert f"BIC {found[2].bic:.5g}" in str(found[2].summary())
+    # The same number as of one output, where Sigma is the cost over the equations.
+    one = mf.fit(rec.select(outputs=["q"]), mf.TransferFunction(poles=2, zeros=0), band=6.0)
+    rows, p = one.df_resid + one.params.size, one.params.size
+    level = one.noise_cov[0, 0] * one.df_resid / rows
+    assert one.bic == pytest.approx(rows * np.log(level) + p * np.log(rows), rel=1e-9)
 
 
 def test_without_noise_the_truth_comes_back():
