@@ -71,10 +71,10 @@ def main(folder=None, figures=None):
 
 def draw(fits, rec, figures):
     """A part that was not fitted."""
-    figure, axes = common.panels(3, 1, size=(7.0, 5.0), sharex=True)
+    figure, axes = common.panels(3, 1, size=(7.0, 4.4), sharex=True)
     for ax, name in zip(axes, OUTPUTS, strict=True):
         part = rec.select(outputs=[name]).window(CUT, 2999)
-        shown = part.t < CUT + 400
+        shown = part.t < CUT + 300
         own = fits[name, 4].predict(part)[name]
         ax.plot(part.t[shown], part[name][shown], color="0.6", lw=1.5, label="measured")
         ax.plot(part.t[shown], own[shown], color="C0", lw=1, label="predicted, 4 poles")

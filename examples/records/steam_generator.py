@@ -101,7 +101,7 @@ def main(folder=None, figures=None):
 
 def draw(fits, records, figures):
     """The part that was not fitted."""
-    figure, axes = common.panels(4, 1, size=(7.0, 6.0), sharex=True)
+    figure, axes = common.panels(4, 1, size=(7.0, 5.0), sharex=True)
     units = {"p": "p, psi", "o2": "O2, %", "level": "level", "steam": "steam, kg/s"}
     for ax, (name, unit) in zip(axes, units.items(), strict=True):
         rec = records[name].window(9600, 14397)
