@@ -231,6 +231,8 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
             + (", or their covariance matrix" if nsr is None and q > 1 else "")
         )
     if matrix:
+        if not np.allclose(values, values.T, rtol=1e-9, atol=0):
+            raise SpecError("crlb: sigma= is no covariance matrix: it is not symmetric")
         try:
             np.linalg.cholesky(values)
         except np.linalg.LinAlgError:

@@ -214,10 +214,11 @@ def _weights(fit: Fit) -> str:
     if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
         return ""
     which = "0" if len(fit.intervals) > 1 else ""
+    masked = fit.records is not None and any(rec.mask is not None for rec in fit.records)
+    spread = f"np.nanstd(fit.errors({which}), axis=1)" if masked else f"fit.errors({which}).std(axis=1)"
     return (
         f" {', '.join(fit.outputs)} count by the noise of the unused high band, not by their errors here: "
-        f"weigh them by these, noise=mf.Noise(y=fit.errors({which}).std(axis=1)), and so again until nothing "
-        "changes."
+        f"weigh them by these, noise=mf.Noise(y={spread}), and so again until nothing changes."
     )
 
 

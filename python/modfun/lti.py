@@ -38,12 +38,15 @@ class LTI:
         A, B, C, D; None for a transfer function.
     delays : tuple of float
         Delay of each input, s.
+    inputs : tuple of str or None
+        Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
     """
 
     numerators: Table | None
     denominators: Table | None
     matrices: Matrices | None
     delays: tuple[float, ...]
+    inputs: tuple[str, ...] | None = None
 
     # What it is ------------------------------------------------------------------------------
 
@@ -188,6 +191,7 @@ class LTI:
         outputs, inputs = self.shape
         if isinstance(u, Signals):
             u.agree("simulating", dt=dt, intervals=intervals, intersample=intersample)
+            u = u.arranged("simulating", self.inputs, inputs)
             dt, intervals, intersample = u.dt, u.intervals, u.intersample
         if dt is None:
             raise SpecError("simulating: give dt=, the sampling interval in s")

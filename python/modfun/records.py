@@ -145,10 +145,13 @@ class Record:
         t0: float = 0.0,
     ) -> None:
         if isinstance(u, Signals):
-            if dt is fs is t is None:
-                dt = u.dt
-            inputs = u.inputs if inputs is None else inputs
-            intersample = u.intersample if intersample == "smooth" else intersample
+            _refuse_beside(u, dt=dt, fs=fs, t=t, inputs=inputs)
+            if intersample not in ("smooth", u.intersample):
+                raise SpecError(
+                    f"Record: intersample={intersample!r} beside signals that are "
+                    f"{', '.join(u.intersample)}; leave it out, or give signals.u"
+                )
+            dt, inputs, intersample = u.dt, u.inputs, u.intersample
             u = u.u if axis != 0 else u.u.T
         ys = channels_of(y, "y", axis)
         if ys.shape[0] == 0:
@@ -671,6 +674,15 @@ class Record:
     def _repr_html_(self) -> str:
         line, rows = self._summary()
         return html.table(("channel", "role", "range"), rows, title=line)
+
+
+def _refuse_beside(signals: Signals, **given: Any) -> None:
+    """What `Signals` bring themselves is not said twice."""
+    if said := [name for name, value in given.items() if value is not None]:
+        raise SpecError(
+            f"Record: {said[0]}= beside signals, which have dt={signals.dt:g} s and the names "
+            f"{', '.join(signals.inputs)}; leave it out, resample or rename them, or give signals.u"
+        )
 
 
 class Batch:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -184,7 +185,8 @@ class StateSpace(Written):
                 f"StateSpace.model: {', '.join(lost)} cannot be found from {', '.join(self.outputs)}, and so "
                 "have no numbers; hold them, params={...}"
             )
-        return ss(*(numbers(matrix, self, given) for matrix in (self.A, self.B, self.C, self.D)))
+        made = ss(*(numbers(matrix, self, given) for matrix in (self.A, self.B, self.C, self.D)))
+        return replace(made, inputs=self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
         """The model as plain Python values, for `from_dict`."""

@@ -44,8 +44,9 @@ def valued(
     if isinstance(sys, LTI):
         structure = TransferFunction.from_system(sys) if model is None else model
         q, k = sys.shape
-        inputs = first.inputs if len(first.inputs) == k else _numbered("u", k)
-        return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(sys))
+        inputs = sys.inputs or (first.inputs if len(first.inputs) == k else _numbered("u", k))
+        named = sys.inputs if isinstance(first, Signals) else None
+        return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(sys), named)
     if isinstance(sys, NonlinearModel):
         return Equations(sys)
     assert params is not None or not structured

@@ -139,3 +139,10 @@ def test_mistakes_in_systems_and_records():
     t = np.cumsum(np.random.default_rng(0).uniform(0.01, 0.05, 257))
     with pytest.raises(mf.DataError, match="evenly"):
         mf.crlb(EQ24, mf.Record(y=rec.y, u=rec.u, t=t), nsr=0.1)
+
+
+def test_a_covariance_is_symmetric():
+    system = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4])
+    rec = mf.simulate(system, input="sin(t**2/6)", duration=20.0, intervals=400)
+    with pytest.raises(mf.SpecError, match="not symmetric"):
+        mf.crlb(system, rec, sigma=[[1.0, 0.5], [0.0, 1.0]])

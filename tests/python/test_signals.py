@@ -416,3 +416,60 @@ def test_what_disagrees_with_signals_is_refused():
         mf.signals.Signals([0.0, np.nan], 0.1)
     with pytest.raises(mf.SpecError, match="rows of u"):
         mf.signals.Signals(np.zeros((2, 9)), 0.1, ["a", "b"], ["zoh", "hold", "foh"])
+
+
+def lateral():
+    pytest.importorskip("sympy")
+    model = mf.StateSpace(
+        [["Lp", 0], [0, "Nr"]], [["Lda", "Ldr"], ["Nda", "Ndr"]], states=["p", "r"], inputs=["da", "dr"]
+    )
+    return model, {"Lp": -2.0, "Nr": -0.5, "Lda": -10.0, "Ldr": 1.5, "Nda": 0.3, "Ndr": -2.0}
+
+
+def test_signals_go_to_the_inputs_of_their_names():
+    """Of a state space with numbers too, in whatever order they stand."""
+    model, values = lateral()
+    system = model.model(values)
+    signals = mf.signals.multisine(["dr", "da"], band=(0.6, 6), duration=20, dt=0.02)
+    rec = mf.simulate(system, input=signals, outputs=["p", "r"])
+    assert rec.inputs == ("da", "dr")
+    np.testing.assert_array_equal(rec["dr"], signals.u[0])
+    by_place = system.simulate(u=signals.u[::-1], dt=0.02)
+    np.testing.assert_allclose(rec.y, by_place, atol=1e-4 * np.abs(by_place).max())
+    np.testing.assert_allclose(system.simulate(u=signals), rec.y, rtol=1e-12, atol=1e-12)
+    with pytest.raises(mf.SpecError, match="name the signals so"):
+        mf.simulate(system, input=mf.signals.multisine(["x", "da"], band=(0.6, 6), duration=20, dt=0.02))
+    of_names, of_places = (
+        mf.crlb(system, mf.signals.Signals(signals.u[rows], 0.02, names, "smooth"), nsr=0.1).sd
+        for rows, names in (([0, 1], ["dr", "da"]), ([1, 0], ["da", "dr"]))
+    )
+    np.testing.assert_allclose(of_names, of_places, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("beside", "words"),
+    [
+        ({"dt": 0.01}, "dt= beside signals"),
+        ({"t": np.arange(801) * 0.02}, "t= beside signals"),
+        ({"inputs": "x"}, "inputs= beside signals"),
+        ({"intersample": "zoh"}, "beside signals that are smooth"),
+    ],
+)
+def test_what_signals_bring_is_not_said_twice(beside, words):
+    de = mf.signals.multisine("de", band=(0.8, 4.7), duration=16, dt=0.02)
+    with pytest.raises(mf.SpecError, match=words):
+        mf.Record(y=de.u, u=de, **beside)
+
+
+def test_smooth_signals_are_not_sampled_too_slowly():
+    fast = mf.signals.multisine("de", band=(0.6, 40), duration=20, dt=0.01)
+    with pytest.raises(mf.SpecError, match="of its energy above half the rate"):
+        fast.resample(0.25)
+    assert fast.resample(0.05).intervals == 400
+
+
+def test_a_sequence_that_never_changes_is_refused():
+    with pytest.raises(mf.SpecError, match="never changes"):
+        mf.signals.prbs("u", dt=0.02, clock=20, duration=10)
+    with pytest.raises(mf.SpecError, match="never changes"):
+        mf.signals.prbs("u", band=(0.5, 10), dt=0.02, duration=0.1)

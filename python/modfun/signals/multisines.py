@@ -62,7 +62,7 @@ def multisine(
     Returns
     -------
     Signals
-        "smooth" between samples. ``.peak_factor`` says what was reached: .98 to 1.02 for one or two inputs,
+        "smooth" between samples. ``.peak_factor`` says what was reached: .98 to 1.06 for one or two inputs,
         up to 1.13 for more, 1.2 with four lines an input.
 
     Raises

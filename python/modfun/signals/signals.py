@@ -297,6 +297,7 @@ class Signals:
         rows = []
         for name, row, kind, exact in zip(self.inputs, self.u, self.intersample, self.functions, strict=True):
             if exact is not None:
+                _refuse_fewer(name, row, count)
                 rows.append(exact(t))
                 continue
             if kind == "smooth":
@@ -398,6 +399,17 @@ class Signals:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Signals, (self.u, self.dt, self.inputs, self.intersample, self.functions)
+
+
+def _refuse_fewer(name: str, row: F64, count: int) -> None:
+    """Refuse samples too few for what a signal holds: more than 1e-4 of its energy above half their rate."""
+    power = np.abs(np.fft.rfft(row[:-1])) ** 2
+    above = power[count // 2 + 1 :]
+    if above.sum() > 1e-4 * power.sum():
+        raise SpecError(
+            f"resample: {name!r} has {100 * above.sum() / power.sum():.2g} % of its energy above half the "
+            f"rate of {count} samples; take a smaller dt"
+        )
 
 
 @dataclass(frozen=True)

@@ -228,6 +228,11 @@ def prbs(
     step, lead, count, tail = intervals_of(what, length, step, before, after)
     sequence = _sequence(order, seed)
     ticks = np.resize(sequence, ceil(count / tick))
+    if np.ptp(ticks) == 0:
+        raise SpecError(
+            f"prbs: {count * step:g} s hold {ticks.size} tick(s) of {tick * step:g} s, and the sequence "
+            "never changes; give a longer duration or a shorter clock"
+        )
     target = np.concatenate([np.zeros(lead), np.repeat(ticks, tick)[:count], np.zeros(tail + 1)])
     peak = float(amplitudes_of("prbs: amplitude", amplitude, 1)[0])
     return _limited(what, name, peak * target, step, rate, tick)
