@@ -344,12 +344,13 @@ def bode(
     upper, lower = _axes(ax, 2, height=2.4)
     factor, label = _frequency(hz)
     color = 0
+    drawn: dict[str, Any] = {}  # the phase of each path as first drawn
     for k, system in enumerate(systems):
         named = None if labels is None else labels[k]
         for name, w, gain, db_error, degrees_error, inside in _paths(system, omega):
             with np.errstate(divide="ignore"):
                 db = 20 * np.log10(np.abs(gain))
-            degrees = np.degrees(np.unwrap(np.angle(gain)))
+            degrees = _turned(np.degrees(np.unwrap(np.angle(gain))), w, drawn, name)
             text = " ".join(part for part in (named, name) if part) or type(system).__name__
             for here, values, error in ((upper, db, db_error), (lower, degrees, degrees_error)):
                 line = f"C{color % 10}"
@@ -731,6 +732,17 @@ def _range(systems: Sequence[Any]) -> tuple[float, float]:
             sizes = np.abs(system.poles())
             marks += [x for size in sizes[sizes > 0] for x in (size / 10, size * 10)]
     return (min(marks), max(marks)) if marks else (0.1, 10.0)
+
+
+def _turned(degrees: Any, omega: Any, drawn: dict[str, Any], name: str) -> Any:
+    """A phase on the branch, of all that differ by whole turns, that is nearest to the path's first one."""
+    # A single path of one system may have no name.
+    other = drawn.get(name) or (next(iter(drawn.values())) if len(drawn) == 1 else None)
+    if other is None:
+        drawn[name] = (omega, degrees)
+        return degrees
+    apart = np.interp(omega, *other) - degrees
+    return degrees + 360 * np.round(np.median(apart[np.isfinite(apart)]) / 360) if apart.size else degrees
 
 
 def _paths(system: Any, omega: Any) -> Any:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .equations import Equation
 from .errors import DataError, SpecError
 from .lti import LTI
+from .noise import Noise
 from .nonlinear import NonlinearModel
 from .records import Record
 from .results import Fit
@@ -83,7 +84,12 @@ def _of_fit(fit: Fit) -> Known:
 
 
 def noise_of(fit: Fit) -> F64:
-    if fit.options.noise != "output":
+    """Covariance of the white noise that a fit found on the samples of its outputs."""
+    noise = fit.options.noise
+    told = (
+        isinstance(noise, Noise) and noise.u is None and not any(map(callable, np.atleast_1d(noise.y).flat))
+    )
+    if noise != "output" and not told:
         raise SpecError(
             f"crlb: the fit's noise is {fit.options.noise!r}, and the bound is for white noise on the "
             "outputs; give sigma= or nsr="

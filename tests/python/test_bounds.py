@@ -146,3 +146,15 @@ def test_a_covariance_is_symmetric():
     rec = mf.simulate(system, input="sin(t**2/6)", duration=20.0, intervals=400)
     with pytest.raises(mf.SpecError, match="not symmetric"):
         mf.crlb(system, rec, sigma=[[1.0, 0.5], [0.0, 1.0]])
+
+
+def test_a_fit_with_given_noise_has_a_bound():
+    """Levels given by `Noise` are known up to the factor that the fit found."""
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1)
+    tf2 = mf.TransferFunction(poles=2, zeros=0)
+    fit = mf.fit(rec, tf2, noise=mf.Noise(y=0.3), cov_type="nonrobust")
+    bound = mf.crlb(fit)
+    assert bound.sigma == pytest.approx(float(np.sqrt(fit.noise_cov[0, 0])))
+    assert np.all(np.abs(bound.sd / fit.bse - 1) < 0.1)
+    with pytest.raises(mf.SpecError, match="give sigma= or nsr="):
+        mf.crlb(mf.fit(rec, tf2, noise="coloured"))

@@ -212,3 +212,16 @@ def test_bad_use_with_several_outputs_is_refused(two, call, cure):
 def test_bad_use_is_refused(fit, call, cure):
     with pytest.raises(mf.SpecError, match=cure):
         call(fit)
+
+
+def test_bode_puts_phases_of_one_path_on_one_branch():
+    """180 and -180 degrees are the same angle: what begins at either must be drawn side by side."""
+    omega = np.geomspace(0.5, 8, 40)
+    gain = mf.tf([-5, -1], [1, 3, 8]).frequency_response(omega).response[0, 0]
+    above, below = (
+        mf.FrequencyResponse(omega=omega, response=gain / gain[0] * np.exp(1j * angle))
+        for angle in (np.pi - 0.01, np.pi + 0.01)
+    )
+    lower = mf.plot.bode(above, below, band=(0.5, 8.0))[1]
+    first, second = (np.asarray(line.get_ydata()) for line in lower.lines)
+    np.testing.assert_allclose(second - first, np.degrees(0.02), rtol=1e-6)
