@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from math import ceil, exp, isfinite, log
+from math import ceil, isfinite
 from threading import RLock
 from typing import Any, Never
 
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .errors import DataError, SpecError
 from .estimation import Estimator, _answered, _fit
+from .forgetting import loss, unweighted, weights_of
 from .layout import Layout
 from .many import STATUS
 from .noise import Noise
@@ -31,8 +31,6 @@ __all__ = ["Stream"]
 F64 = NDArray[np.float64]
 _WORDS = np.array(STATUS)
 FEWEST = 8  # intervals of a window
-LEAST = 0.01  # weight of a window that is no longer remembered
-MOST = 50  # windows remembered
 LONGEST = 1 << 20  # samples remembered
 AT_ONCE = 4096  # samples of a record between two looks at Ctrl-C
 
@@ -135,7 +133,9 @@ class Stream:
         length = _seconds("window", window if window is not None else forgetting)
         self._intervals = _intervals(length, self.dt)
         self.window = self._intervals * self.dt
-        self.weights = _weights(self.window, forgetting)
+        self.weights = weights_of(
+            self.window, None if forgetting is None else _seconds("forgetting", forgetting)
+        )
         self.outputs = _names(model, "outputs", outputs, "y")
         self.inputs = _names(model, "inputs", inputs, "u")
         self.intersample = intersample_of(intersample, self.inputs)
@@ -297,7 +297,7 @@ class Stream:
             found = self._core.fit()
         made = self._made.for_windows(len(records))
         fit = _answered(found, made, records, self.estimator.model, self.estimator.options)
-        return _unweighted(fit, self.weights[: len(records)])
+        return unweighted(fit, self.weights[: len(records)])
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in self.__dict__ and not name.startswith("_"):
@@ -386,7 +386,7 @@ class Stream:
         t = self._begin + (found["count"] - 1) * self.dt
         if len(self.weights) > 1 and not robust:
             windows = 1 + (found["count"] - self._samples) // self._intervals
-            factors = [_loss(self.weights[: k + 1]) ** 0.5 for k in range(len(self.weights))]
+            factors = [loss(self.weights[: k + 1]) ** 0.5 for k in range(len(self.weights))]
             each = np.array(factors)[np.minimum(windows, len(factors)) - 1]
             errors = errors * each[:, None]
         shape = (t.size, len(self.param_names))  # of no moment, too
@@ -468,34 +468,6 @@ def _refuse_options(options: Options, windows: int) -> None:
         raise SpecError('Stream: forgetting= goes with method="wls", "awls" and "ml", not with "ls"')
 
 
-def _unweighted(fit: Fit, weights: Sequence[float]) -> Fit:
-    """A fit of weighted windows with noise, residuals and classical errors as of the windows themselves.
-
-    The samples of window k were multiplied by √w_k. With mean(w) = Σw/K its cost is that of noise mean(w) σ²;
-    its degrees of freedom are those of the chi-square that fits a weighted sum of such.
-    """
-    if len(weights) == 1:
-        return fit
-    w = np.array(weights)
-    mean, free = w.mean(), max(round(fit.df_resid * w.sum() ** 2 / (w.size * np.sum(w**2))), 1)
-    return replace(
-        fit,
-        window_weights=tuple(weights),
-        cost=fit.cost * free / (fit.df_resid * mean),
-        df_resid=free,
-        noise_cov=fit.noise_cov / mean,
-        noise_scale=fit.noise_scale / mean,
-        cov_nonrobust=fit.cov_nonrobust * _loss(weights),
-        pieces=tuple(piece * (mean / one) ** 0.5 for piece, one in zip(fit.pieces, weights, strict=True)),
-    )
-
-
-def _loss(weights: Sequence[float]) -> float:
-    """What unequal weights of windows that tell alike cost: variance over that of equal weights."""
-    w = np.array(weights)
-    return float(w.size * np.sum(w**2) / w.sum() ** 2)
-
-
 def _intervals(length: float, dt: float) -> int:
     if length / dt > LONGEST:
         raise SpecError(
@@ -509,25 +481,6 @@ def _intervals(length: float, dt: float) -> int:
             "are needed"
         )
     return intervals
-
-
-def _weights(window: float, forgetting: float | None) -> tuple[float, ...]:
-    """Weights of windows back in time, down to LEAST."""
-    if forgetting is None:
-        return (1.0,)
-    forgetting = _seconds("forgetting", forgetting)
-    count = ceil(min(-log(LEAST) * forgetting / window, LONGEST))
-    if count == 1:
-        raise SpecError(
-            f"Stream: forgetting={forgetting:g} s leaves nothing of the windows before the last one, "
-            f"{window:g} s; leave it out, or take shorter windows"
-        )
-    if count > MOST:
-        raise SpecError(
-            f"Stream: forgetting={forgetting:g} s would keep {count} windows of {window:g} s, at most {MOST} "
-            "are kept; give longer windows"
-        )
-    return tuple(exp(-k * window / forgetting) for k in range(count))
 
 
 def _names(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]:
