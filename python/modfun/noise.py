@@ -53,6 +53,14 @@ class Noise:
         object.__setattr__(self, "y", _given("y", y))
         object.__setattr__(self, "u", None if u is None else _given("u", u))
 
+    @property
+    def white(self) -> bool:
+        """Whether all levels are numbers; else some are spectra."""
+        given = [
+            one for level in (self.y, self.u) for one in (level if isinstance(level, tuple) else (level,))
+        ]
+        return not any(callable(one) for one in given)
+
     def __repr__(self) -> str:
         words = f"y={_plain(self.y)!r}" + ("" if self.u is None else f", u={_plain(self.u)!r}")
         return f"Noise({words})"

@@ -140,9 +140,8 @@ class Stream:
         self.inputs = _names(model, "inputs", inputs, "u")
         self.intersample = intersample_of(intersample, self.inputs)
         self._units = dict(units or {})
-        self._record(
-            np.zeros((len(self.outputs) + len(self.inputs), FEWEST)), 0.0
-        )  # names and units, checked
+        channels = len(self.outputs) + len(self.inputs)
+        self._record(np.zeros((channels, FEWEST)), 0.0)  # checks names and units
         layout = model.layout(self.outputs, self.inputs) if isinstance(model, TransferFunction) else None
         late = 0.0 if layout is None else layout.longest_delay
         if late >= self.window:
@@ -159,8 +158,8 @@ class Stream:
         self._made: Prepared | None = None
         if layout is not None and _slides(layout, options.noise):
             _refuse_options(options, len(self.weights))
-            channels = (self.outputs, self.inputs, self.intersample)
-            self._made = prepare_stream(model, options, channels, self._intervals, self.dt, self.weights)
+            names = (self.outputs, self.inputs, self.intersample)
+            self._made = prepare_stream(model, options, names, self._intervals, self.dt, self.weights)
             self._core: Any = self._made.core
         else:
             if len(self.weights) > 1:
@@ -168,8 +167,7 @@ class Stream:
                     "Stream: forgetting= takes a TransferFunction with known delays and white noise; give "
                     "window= for this estimator"
                 )
-            count = len(self.outputs) + len(self.inputs)
-            self._core = _core.Stream(count, remembered, self._samples, self.dt, [])
+            self._core = _core.Stream(channels, remembered, self._samples, self.dt, [])
         self.param_names = tuple(model.param_names(self.inputs, self.outputs))
         self._lock = RLock()  # pushing and asking from two threads
         self._latest: Track | None = None
@@ -449,13 +447,8 @@ class Stream:
 
 def _slides(layout: Layout, noise: Any) -> bool:
     """Whether the coefficients of fixed lines are all that a fit needs."""
-    if layout.free_delays:
-        return False
-    if isinstance(noise, Noise):
-        both = (noise.y, noise.u)
-        levels = [one for given in both for one in (given if isinstance(given, tuple) else (given,))]
-        return not any(callable(level) for level in levels)
-    return noise in ("output", "equation")
+    white = noise.white if isinstance(noise, Noise) else noise in ("output", "equation")
+    return white and not layout.free_delays
 
 
 def _refuse_options(options: Options, windows: int) -> None:

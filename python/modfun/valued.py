@@ -86,9 +86,7 @@ def _of_fit(fit: Fit) -> Known:
 def noise_of(fit: Fit) -> F64:
     """Covariance of the white noise that a fit found on the samples of its outputs."""
     noise = fit.options.noise
-    told = (
-        isinstance(noise, Noise) and noise.u is None and not any(map(callable, np.atleast_1d(noise.y).flat))
-    )
+    told = isinstance(noise, Noise) and noise.u is None and noise.white
     if noise != "output" and not told:
         raise SpecError(
             f"crlb: the fit's noise is {fit.options.noise!r}, and the bound is for white noise on the "

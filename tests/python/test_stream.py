@@ -30,6 +30,11 @@ def simulated(system, count=2001, seed=0, nsr=0.1, **names):
     )
 
 
+def stream(**words):
+    """A stream of the model most tests take, with a window of 8 s."""
+    return mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, **words)
+
+
 def quiet(*arguments, **words):
     """A fit without its warnings, which are not the matter here."""
     with warnings.catch_warnings():
@@ -217,7 +222,7 @@ def test_a_channel_that_stands_is_no_estimate():
     """Before the manoeuvre nothing moves: the status says so, and rounding is not taken for signal."""
     rec = simulated(ONE, nsr=0.0)
     hold = np.full((1, 1000), 0.1)
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     track = live.follow(mf.Record(y=np.hstack([3 * hold, rec.y]), u=np.hstack([hold, rec.u]), dt=DT))
     standing = track.t < 1000 * DT
     assert set(track.status[standing]) == {"rank"}
@@ -233,7 +238,7 @@ def test_a_channel_that_stands_is_no_estimate():
 
 
 def test_before_the_first_window():
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     live.push(np.zeros(400), np.zeros(400))
     assert not live.ready
     for ask in (live.fit, live.record, lambda: live.params, lambda: live.status):
@@ -285,19 +290,19 @@ BAD = {
         'not with "ls"',
     ),
     "forgetting too short": (
-        lambda: mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, forgetting=0.1),
+        lambda: stream(forgetting=0.1),
         "leaves nothing",
     ),
     "names": (
-        lambda: mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, outputs=["a", "b"]),
+        lambda: stream(outputs=["a", "b"]),
         "outputs names 2",
     ),
     "one name twice": (
-        lambda: mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, outputs="q", inputs="q"),
+        lambda: stream(outputs="q", inputs="q"),
         "'q' names more than one",
     ),
     "units of nothing": (
-        lambda: mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, units={"zz": "m"}),
+        lambda: stream(units={"zz": "m"}),
         "zz",
     ),
     "huge window": (
@@ -326,7 +331,7 @@ def test_what_makes_no_stream_is_said(case):
 
 def test_bad_samples_are_refused_and_nothing_is_taken():
     rec = simulated(ONE)
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     live.push(rec.y, rec.u)
     before = live.params
     y = rec.y[0, :5].copy()
@@ -393,7 +398,7 @@ def test_noise_of_windows_that_are_forgotten():
 
 
 def test_a_weighted_fit_is_kept_and_read_again(tmp_path):
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, forgetting=8.0)
+    live = stream(forgetting=8.0)
     live.push(*(simulated(ONE).y, simulated(ONE).u))
     live.fit().save(tmp_path / "fit.json")
     assert mf.load(tmp_path / "fit.json").window_weights == live.fit().window_weights
@@ -402,7 +407,7 @@ def test_a_weighted_fit_is_kept_and_read_again(tmp_path):
 def test_an_interrupt_leaves_nothing_half_done():
     """Whenever Ctrl-C comes, estimates and samples are of the same moment."""
     rec = simulated(ONE, 30_001)
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     live.push(rec.y[:, :1000], rec.u[:, :1000])
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
@@ -422,7 +427,7 @@ def test_an_interrupt_leaves_nothing_half_done():
 
 def test_one_thread_pushes_and_another_asks():
     rec = simulated(ONE, 4001)
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     live.push(rec.y[:, :500], rec.u[:, :500])
     raised, done = [], threading.Event()
 
@@ -446,7 +451,7 @@ def test_one_thread_pushes_and_another_asks():
 
 
 def test_a_stream_is_not_changed_from_outside():
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     rec = simulated(ONE)
     live.push(rec.y, rec.u)
     kept = live.params
@@ -461,7 +466,7 @@ def test_a_stream_is_not_changed_from_outside():
 
 def test_times_are_those_of_the_record():
     rec = simulated(ONE).window(10.0, 30.0)
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0, t0=3.0)
+    live = stream(t0=3.0)
     track = live.follow(rec, every=401)
     assert track.t[0] == pytest.approx(18.0)
     assert live.t == pytest.approx(30.0)
@@ -489,7 +494,7 @@ def test_a_picture_of_the_estimates():
     import matplotlib
 
     matplotlib.use("Agg")
-    live = mf.Stream(mf.Estimator(TF2, band=9.0), dt=DT, window=8.0)
+    live = stream()
     track = live.follow(simulated(ONE), every=10)
     axes = track.plot()
     assert len(axes) == 3
