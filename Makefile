@@ -5,7 +5,7 @@ BIN := .venv/bin
 FIGURES ?= figures
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format bench rivals counts clean
+.PHONY: demo test test-rust test-python lint format docs bench rivals counts clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -33,6 +33,10 @@ format: .venv/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+## The documentation site into target/docs; a warning is an error.
+docs: .venv/docs
+	$(BIN)/sphinx-build -W --keep-going -n -q -d target/doctrees docs target/docs
+
 ## modfun against its rivals into docs/benchmarks.md; stages and growth of costs into docs/performance.md.
 bench: .venv/bench
 	$(BIN)/python benches/compare/bench.py
@@ -59,6 +63,11 @@ clean:
 # What a user gets from `pip install "modfun[cli,plot]"`.
 .venv/demo: .venv/created pyproject.toml Cargo.toml Cargo.lock $(RUST) $(shell find python -name '*.py')
 	$(BIN)/python -m pip install --quiet ".[cli,plot]"
+	touch $@
+
+# The tools of the documentation site.
+.venv/docs: .venv/dev docs/requirements.txt
+	$(BIN)/python -m pip install --quiet -r docs/requirements.txt
 	touch $@
 
 # The rivals' tools, apart from those of development.

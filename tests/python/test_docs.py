@@ -18,12 +18,17 @@ import modfun as mf
 import pytest
 
 ROOT = Path(__file__).parents[2]
-CONTINUED = {"flight.md": ("flight_test", "run7.csv")}  # pages whose blocks follow one another, in a folder
-# with the sample file of an example
+SAMPLES = {"docs/flight.md": ("flight_test", "run7.csv")}  # pages that read a sample file
 PAGES = [
     page
     for page in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
     if not page.name.startswith(".")
+]
+# Pages whose blocks follow one another: these, and those that the site runs (docs/conf.py).
+CONTINUED = [
+    str(page.relative_to(ROOT))
+    for page in PAGES
+    if re.match(r"docs/(flight\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT)))
 ]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -37,8 +42,31 @@ def blocks(language):
                 yield pytest.param(page, found[2], line, id=f"{page.name}:{line}")
 
 
+SECTIONS = [
+    "docs/index.md",
+    "docs/guides.md",
+    "docs/examples.md",
+    "docs/project.md",
+]  # and READMEs of folders
+
+
+def test_every_page_has_its_place_in_the_site():
+    """Linked from one section page, a README of a folder or one of SECTIONS: the site's table of contents."""
+    placed = []
+    for section in [*(ROOT / name for name in SECTIONS), *(ROOT / "docs").glob("*/README.md")]:
+        text = section.read_text(encoding="utf-8")
+        links = dict.fromkeys(re.findall(r"\]\((?!https?:)([^)\s#]+\.md)\)", prose(section)))
+        if section.name == "index.md":
+            contents = re.search(r"```\{toctree\}\n(.*?)```", text, re.DOTALL)[1].split()
+            links = [f"{name}.md" for name in contents if name != ":hidden:"]
+        placed += [(section.parent / link).resolve() for link in links]
+    pages = sorted((ROOT / "docs").rglob("*.md"))
+    pages.remove(ROOT / "docs" / "index.md")
+    assert sorted(path for path in placed if path.suffix == ".md" and path.exists()) == pages
+
+
 def separate_blocks():
-    return [block for block in blocks("python") if block.values[0].name not in CONTINUED]
+    return [block for block in blocks("python") if str(block.values[0].relative_to(ROOT)) not in CONTINUED]
 
 
 def prose(page):
@@ -51,18 +79,19 @@ def test_the_pages_are_there():
     assert list(blocks("python"))
 
 
-@pytest.mark.parametrize("name", sorted(CONTINUED))
+@pytest.mark.parametrize("name", CONTINUED)
 def test_blocks_that_follow_one_another_run_without_a_warning(name, tmp_path, monkeypatch, capsys):
     matplotlib.use("Agg")
-    example, sample = CONTINUED[name]
-    monkeypatch.syspath_prepend(str(ROOT / "examples"))
-    importlib.import_module(example).write_sample(tmp_path / sample)
+    if name in SAMPLES:
+        example, sample = SAMPLES[name]
+        monkeypatch.syspath_prepend(str(ROOT / "examples"))
+        importlib.import_module(example).write_sample(tmp_path / sample)
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for page, code, line in (block.values for block in blocks("python")):
-            if page.name == name:
+            if page == ROOT / name:
                 exec(compile("\n" * (line - 1) + code, str(page), "exec"), names)
 
 
