@@ -85,6 +85,23 @@ def _modfun(
 
 
 @app.command()
+def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path("flight.csv")) -> None:
+    """Write a small simulated flight (t, pitch rate q, elevator de) to try the other commands on."""
+    from . import lti, signals, simulation
+
+    if file.exists():
+        raise SpecError(f"sample: {file} is there already; give another name")
+    steps = signals.multistep("de", [3, 2, 1, 1], unit=0.6, dt=0.02, amplitude=2.0, duration=10, before=1)
+    doublet = signals.doublet("de", width=0.8, dt=0.02, amplitude=2.0, duration=10, before=1)
+    aircraft, moving = lti.tf([-4, -3], [1, 1.8, 5]), [1.0, -1.0]
+    run = simulation.simulate(
+        aircraft, input=steps.then(doublet), nsr=0.05, initial_state=moving, outputs="q", seed=7
+    )
+    run.assign(q=run["q"] + 0.5).to_csv(file)
+    say(f"wrote {file}; next: modfun check {file}")
+
+
+@app.command()
 def check(
     files: Files,
     output: Outputs = None,

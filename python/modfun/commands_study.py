@@ -154,9 +154,7 @@ def replicate(
     where = {name: _label(axes.get(name, ()), text) for name, text in _pairs("--cell", cell or []).items()}
     rec, fits = shards.replicate(directory, number, where)
     if csv is not None:
-        columns = {"t": rec.t} | dict(zip((*rec.outputs, *rec.inputs), (*rec.y, *rec.u), strict=True))
-        np.savetxt(csv, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",", comments="",
-                   header=",".join(columns))  # fmt: skip
+        rec.to_csv(csv)
         say(f"wrote {csv}")
     if json_to != "-":
         print(rec)

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -613,6 +614,24 @@ class Record:
         from . import plot
 
         return plot.record(self, ax=ax)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write times and channels as a file of comma separated values, to the last bit.
+
+        The first column is ``t``, in seconds; masked samples are written nan. Units, roles and the form of
+        inputs between samples are not in it: say them again in `modfun.read`.
+
+        Parameters
+        ----------
+        path : str or Path
+        """
+        import csv
+
+        columns = [self.t, *(self._shown(name) for name in self.channels)]
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(["t", *self.channels])
+            writer.writerows(np.column_stack(columns).tolist())
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).

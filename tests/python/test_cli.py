@@ -48,6 +48,21 @@ def test_json_goes_to_standard_output_or_to_a_file_that_loads(table, tmp_path, c
     assert fit.params.tolist() == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
 
 
+def test_a_sample_to_try_the_commands_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sample"]) == 0
+    assert "modfun check flight.csv" in capsys.readouterr().err
+    assert main(["fit", "flight.csv", "-y", "q", "-u", "de", "--intersample", "zoh", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    # four standard errors of four parameters: false alarm below 1 in 1,000, and the seed is fixed
+    fit = mf.fit(mf.read("flight.csv", outputs="q", inputs="de", intersample="zoh"),
+                 mf.TransferFunction(poles=2))  # fmt: skip
+    assert found["params"] == fit.params.tolist()
+    assert (abs(fit.params - [1.8, 5.0, -4.0, -3.0]) < 4 * fit.bse).all()
+    assert main(["sample"]) == 2
+    assert "flight.csv is there already" in capsys.readouterr().err
+
+
 def test_a_wrong_column_gets_the_nearest_names(table, capsys):
     assert main(["fit", str(table), "--output", "Qq", "--input", "de"]) == 2
     assert "run.csv has no column 'Qq'; did you mean 'q'? there are: t_s, q, de" in capsys.readouterr().err

@@ -181,6 +181,21 @@ def test_to_pandas(rec):
 # Parts and changes -------------------------------------------------------------------------------
 
 
+def test_to_csv_is_read_to_the_last_bit(rec, tmp_path):
+    ok = np.ones(len(rec.t), dtype=bool)
+    ok[3:5] = False
+    gappy = rec.weigh(mask=ok)
+    gappy.to_csv(tmp_path / "run.csv")
+    read = mf.read(
+        tmp_path / "run.csv", time="t", outputs=rec.outputs, inputs=rec.inputs, missing="mask",
+        intersample=rec.intersample,
+    )  # fmt: skip
+    assert (read.mask == gappy.mask).all()
+    assert (read.y[:, ok] == rec.y[:, ok]).all()
+    assert (read.u == rec.u).all()
+    assert (read.t == rec.t).all()
+
+
 def test_window_includes_both_ends_and_keeps_the_clock(rec):
     part = rec.window(2.0, 6.0)
     assert part.intervals == 200
