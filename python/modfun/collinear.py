@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .equations import Equation
     from .statespace import StateSpace
 
-__all__ = ["Collinearity", "collinearity"]
+__all__ = ["Collinearity", "collinearity", "diagnosed"]
 
 F64 = NDArray[np.float64]
 STRONG = 30.0  # condition index (Belsley, Kuh and Welsch)
@@ -104,7 +104,11 @@ def collinearity(
         The fit has no finite regressors.
     """
     structure, chosen = _model(model, options)
-    fit = _fit(_records(data, "collinearity"), structure, chosen)
+    return diagnosed(_fit(_records(data, "collinearity"), structure, chosen))
+
+
+def diagnosed(fit: Fit) -> Collinearity:
+    """The same of a fit that is there."""
     gram = fit.gram
     if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(fit.params))):
         raise FitError(
@@ -115,7 +119,7 @@ def collinearity(
     indices = np.sqrt(values[-1] / values)
     parts = vectors**2 / values  # (parameter, direction): shares of the inflation
     inflation = parts.sum(axis=1)
-    errors = np.sqrt(np.diag(fit.cov_params("nonrobust")))
+    errors = np.sqrt(np.diag(fit.cov_nonrobust))
     # A direction of unit-length regressors changes parameter j by v_j over its length: errors hold both.
     directions = (vectors / np.sqrt(inflation)[:, None]).T
     directions /= np.abs(directions).max(axis=1, keepdims=True)

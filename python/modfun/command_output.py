@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,11 +12,30 @@ import typer
 
 from .storage import told
 
-__all__ = ["Json", "say", "write_json"]
+__all__ = ["Json", "command_line", "say", "write_json"]
 
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write JSON to a file, or - for standard output.")
 ]
+
+
+def command_line(context: typer.Context) -> str:
+    """The command as it was given, files by their names alone."""
+    words, files = ["modfun", *context.command_path.split()[1:]], []
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[option.name or ""]
+        every = given if isinstance(given, list | tuple) else [given]
+        texts = [one.name if isinstance(one, Path) else str(one) for one in every]
+        if option.param_type_name == "argument":
+            files += texts
+        elif isinstance(given, bool):
+            words.append(option.opts[0] if given else option.secondary_opts[0])
+        else:
+            words += [word for text in texts for word in (max(option.opts, key=len), text)]
+    return shlex.join([*words, *files])
 
 
 def say(text: str) -> None:

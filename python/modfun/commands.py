@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from . import __version__, estimation
-from .command_output import Json, say, write_json
+from .command_output import Json, command_line, say, write_json
 from .command_words import (
     band_of,
     by_path,
@@ -25,6 +25,7 @@ from .command_words import (
 from .commands_study import mc
 from .errors import SpecError
 from .records import Record
+from .report.page import check_place
 from .results import Fit
 from .storage import told
 from .structures import TransferFunction
@@ -66,6 +67,9 @@ Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in r
 Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
 Trend = Annotated[str, typer.Option(help="auto, none, constant or linear.")]
 Picture = Annotated[Path | None, typer.Option(help="Draw to a file (.png, .pdf, .svg).")]
+ReportTo = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE.html", help="Write a page about it.")
+]
 Part = Annotated[str | None, typer.Option(help="Struct or experiment of a .mat file that holds several.")]
 
 
@@ -135,6 +139,7 @@ def check(
 
 @app.command()
 def fit(
+    context: typer.Context,
     files: Files,
     output: Outputs = None,
     input: Inputs = None,
@@ -183,10 +188,13 @@ def fit(
     plot: Annotated[
         Path | None, typer.Option(help="Draw response and Bode plot to a file (.png, .pdf, .svg).")
     ] = None,
+    report: ReportTo = None,
 ) -> None:
     """Fit a transfer function to one file, or to several files as one problem."""
     if not output:
         raise SpecError("fit: give --output, the column to be modelled; repeat it for several")
+    if report is not None:
+        check_place(report, "--report")
     records = _records(files, output, input, time, dt, intersample, part, on, only, missing)
     if len(output) > 1 and denominator is None:
         raise SpecError(
@@ -220,6 +228,8 @@ def fit(
     write_json(json_to, result.to_dict())
     if plot is not None and usable:
         _save(plot, partial(_response_and_bode, result))
+    if report is not None:
+        say(f"wrote {result.report(report, command=command_line(context))}")
     if not result.success:
         raise typer.Exit(1)
 

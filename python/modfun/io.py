@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from .errors import DataError, SpecError
 from .masking import Mask, mask_of
 from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
 from .records import Record
-from .samples import EVEN
+from .samples import EVEN, Origin
 from .sources import Source, Told, open_source
 from .tables import Table, nearest
 
@@ -145,9 +147,16 @@ def read(
         mask=ok,
         sigma=[values[trust[new]] if new in trust else np.ones(count) for new in out] if trust else None,
     )
+    if isinstance(source, str | os.PathLike):
+        record = record._like(source=_origin(Path(source)))
     if clock is not None and record.dt is not None and record.dt == told.dt:
         return record._like(t=values[clock] * seconds_of(clock, told))  # as written, to the last bit
     return record
+
+
+def _origin(path: Path) -> Origin:
+    with open(path, "rb") as file:
+        return Origin(path.name, hashlib.file_digest(file, "sha256").hexdigest())
 
 
 def columns(

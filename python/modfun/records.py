@@ -20,6 +20,7 @@ from .samples import (
     F64,
     FEWEST,
     Names,
+    Origin,
     channels_of,
     floats,
     frozen,
@@ -92,6 +93,8 @@ class Record:
     mask : ndarray of bool, shape (output, time), or None
         None where every sample counts.
     sigma : ndarray, shape (output, time), or None
+    source : Origin or None
+        Name and SHA-256 of the file that `read` took it from; parts of a record keep it.
 
     Raises
     ------
@@ -112,7 +115,7 @@ class Record:
     """
 
     __slots__ = (
-        "_keep", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "t", "u", "y",
+        "_keep", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "source", "t", "u", "y",
     )  # fmt: skip
 
     y: F64
@@ -124,6 +127,7 @@ class Record:
     intersample: tuple[str, ...]
     mask: Mask | None
     sigma: F64 | None
+    source: Origin | None
     _units: dict[str, str]
     _keep: dict[str, F64]
 
@@ -199,6 +203,7 @@ class Record:
             intersample=intersample_of(intersample, in_names),
             mask=good,
             sigma=sigma_of(sigma, good, times, ys.shape, axis),
+            source=None,
             _units={str(name): str(unit) for name, unit in (units or {}).items()},
             _keep={name: values[0] for name, values in kept.items()},
         )

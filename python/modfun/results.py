@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -628,6 +629,39 @@ class Fit:
         """Write the fit (without the samples) as JSON; `modfun.load` reads it."""
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         Path(path).write_text(text + "\n", encoding="utf-8")
+
+    def report(
+        self, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None
+    ) -> Path:
+        """Write a page about the fit: data, model, uncertainty, checks, provenance (extra ``report``).
+
+        One HTML file that needs nothing else, and is written whole or not at all. A part that the fit does
+        not allow, as the response of loaded samples, says why.
+
+        Parameters
+        ----------
+        path : path
+            Ends in .html; a page that is there is replaced.
+        title : str, optional
+            Default: what was fitted.
+        command : str, optional
+            The command line that made the fit, for the provenance; default: the call of `fit`.
+
+        Returns
+        -------
+        Path
+            Where it was written.
+
+        Raises
+        ------
+        SpecError
+            A place that cannot be written; the message says what to change.
+        ImportError
+            jinja2 or matplotlib is not installed.
+        """
+        from .report import write_fit
+
+        return write_fit(self, path, title=title, command=command)
 
     def without_samples(self) -> Fit:
         """The same fit without the records it came from."""

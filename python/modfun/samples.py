@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +20,14 @@ Names = str | Sequence[str] | None
 INTERSAMPLE = ("smooth", "zoh", "foh")
 FEWEST = 8  # samples a record must have
 EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The file that samples were read from: its name without folders, and the SHA-256 of its bytes."""
+
+    name: str
+    sha256: str
 
 
 def frozen(values: Array) -> Array:

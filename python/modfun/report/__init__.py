@@ -1,0 +1,24 @@
+"""Reports: one self-contained HTML page about a fit or a study. Needs the extra ``report``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .page import check_place, save
+
+if TYPE_CHECKING:
+    from ..results import Fit
+
+__all__ = ["write_fit"]
+
+
+def write_fit(
+    fit: Fit, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None
+) -> Path:
+    """Write the report of a fit; see `Fit.report`."""
+    from .of_fit import page_of
+
+    check_place(path, "report")
+    return save(page_of(fit, title, command), path, "report")

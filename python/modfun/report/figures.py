@@ -1,0 +1,79 @@
+"""Plots as SVG within a page: in the page's colours, light or dark, whatever the user's settings are."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from ..extras import optional
+
+__all__ = ["drawn"]
+
+MANY = 3000  # points of a line beyond which it is a picture within the drawing
+# Black, greys that are dark, and white follow the page; all other colours show on both.
+_COLOURS = {
+    "#000000": "currentColor",
+    "#4d4d4d": "var(--soft)",
+    "#666666": "var(--soft)",
+    "#ffffff": "var(--paper)",
+}
+_COLOUR = re.compile("|".join(_COLOURS), re.IGNORECASE)
+
+
+def drawn(
+    draw: Callable[[list[Any]], Any],
+    rows: int,
+    *,
+    columns: int = 1,
+    height: float = 2.0,
+    width: float = 8.0,
+    sharex: bool = False,
+) -> str:
+    """What a function draws on Axes, as SVG.
+
+    Parameters
+    ----------
+    draw : callable
+        Takes the Axes, row by row.
+    rows, columns : int
+        Of Axes.
+    height, width : float
+        Of a row, and of the whole, in inches.
+    sharex : bool, default False
+        One horizontal axis for all rows.
+
+    Raises
+    ------
+    ImportError
+        matplotlib is not installed.
+    """
+    style = optional("matplotlib.style", "report", "a report")
+    figures = optional("matplotlib.figure", "report", "a report")
+    words = {"svg.fonttype": "none", "svg.hashsalt": "modfun"}
+    with warnings.catch_warnings(), style.context(["default", words]):
+        # The page's fonts have letters that matplotlib's own has not.
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+        figure = figures.Figure(figsize=(width, height * rows + 0.5), layout="constrained")
+        axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel())
+        draw(axes)
+        for here in figure.axes:
+            _plain_names(here)
+            for line in here.get_lines():
+                line.set_rasterized(len(line.get_xdata()) > MANY)
+        buffer = io.StringIO()
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
+    text = buffer.getvalue()
+    text = re.sub(r"<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    return _COLOUR.sub(lambda found: _COLOURS[found[0].lower()], text)
+
+
+def _plain_names(here: Any) -> None:
+    """Names of channels are text: a $ in them begins no formula."""
+    legend = here.get_legend()
+    texts = [here.title, here.xaxis.label, here.yaxis.label, *(legend.get_texts() if legend else [])]
+    for text in texts:
+        text.set_parse_math(False)

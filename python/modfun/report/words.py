@@ -1,0 +1,150 @@
+"""What a fit says for itself, in words: the verdict, what standard errors rest on, how it was called."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModfunError
+from ..explain import UNLIKELY
+from ..noise import Noise
+from ..results import Fit
+
+__all__ = ["assumption", "explained", "python_call", "tests", "verdict"]
+
+_OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
+
+
+def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
+    """A sentence, its tone, and the findings behind it."""
+    usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
+    if not usable:
+        return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
+    findings = tuple(fit.check())
+    told = explained(fit)
+    if findings:
+        count = f"{len(findings)} thing{'s' if len(findings) > 1 else ''}"
+        return (
+            f"Usable with reservations: the checks found {count} wrong or doubtful. {told}",
+            "doubtful",
+            findings,
+        )
+    return f"The checks found nothing wrong. {told}", "good", ()
+
+
+def explained(fit: Fit) -> str:
+    """How much of the outputs the model explains, and which parameters it hardly knows."""
+    said = []
+    try:
+        scores = fit.score()
+    except (ModfunError, FloatingPointError, OverflowError, np.linalg.LinAlgError):
+        scores = None
+    if scores is not None:
+        several = len(fit.outputs) > 1 or len(fit.records or ()) > 1
+        share = scores["r2"]
+        low, high = (float(f(share)) for f in (np.min, np.max))
+        if math.isfinite(low):
+            of = (
+                "of the measured variation of each output"
+                if several
+                else f"of the variation of {fit.outputs[0]}"
+            )
+            amount = f"{100 * low:.4g} %" if not several else f"{100 * low:.4g} to {100 * high:.4g} %"
+            said.append(f"Simulated from the inputs, never one step ahead, the model explains {amount} {of}.")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weak = [n for n, v, e in zip(fit.param_names, fit.params, fit.bse, strict=True) if not abs(v) > 2 * e]
+    weak = [name for name in weak if name not in fit.at_bound]
+    if weak:
+        said.append(
+            f"{', '.join(weak)} {'is' if len(weak) == 1 else 'are'} within two standard errors of zero."
+        )
+    return " ".join(said)
+
+
+def assumption(fit: Fit) -> str:
+    """What the standard errors and intervals rest on."""
+    if fit.cov_type == "gains":
+        return (
+            "Standard errors come from those of the gains that were fitted, enlarged where the misfit is "
+            "larger than these. Intervals are 95 %, Student's t."
+        )
+    kind = fit.options.noise
+    if isinstance(kind, Noise):
+        noise = "noise as it was given"
+    else:
+        noise = {
+            "output": "white noise on the outputs, of unknown level",
+            "equation": "white noise in the equation",
+            "coloured": "noise of the fitted colour on the outputs",
+            "errors-in-variables": "white noise on outputs and inputs",
+            "log-normal": "white noise on the logarithms of the outputs",
+        }[kind]
+    both = (
+        "The HC3 standard errors assume that the residual lines are independent, but nothing about "
+        f"the noise's colour or level over frequency; the classical ones assume {noise}."
+    )
+    used = "HC3" if fit.cov_type == "HC3" else "classical"
+    return (
+        f"{both} t and the 95 % intervals (Student's t) are those of the {used} ones. Neither covers "
+        "errors of the model itself."
+    )
+
+
+def tests(fit: Fit) -> list[tuple[str, str, str, str]]:
+    """Tests of the residual lines: what is asked, of what, the figure, and the answer."""
+    from ..diagnosis import diagnose
+    from ..validation import colour_of_lines, correlation_of_lines
+
+    rows = []
+    for i, name in enumerate(fit.row_names):
+        pieces = [piece[i] for piece in fit.pieces]
+        near, _ = correlation_of_lines(pieces)
+        rows.append(("neighbouring lines uncorrelated", name, *_answer("Ljung-Box", near)))
+        level, ratio = colour_of_lines(pieces)
+        rows.append(
+            (
+                "one level over the band",
+                name,
+                *_answer(f"lower half {ratio:.3g} × upper, Kolmogorov-Smirnov", level),
+            )
+        )
+    found = diagnose(fit)
+    if math.isfinite(found.chi2_p):
+        figure = f"chi-square {fit.chi2:.4g} of {fit.df_resid}, p = {found.chi2_p:.2g}"
+        rows.append(("level as the noise explains", "all", figure, _said(found.chi2_p)))
+    for lag in found.lags:
+        figure = f"delay {lag.amount:+.2g} s" if lag.path else f"gain {lag.amount:+.2g}"
+        rows.append(
+            (f"nothing of {lag.channel} left", "all", f"{figure}, p = {lag.p_value:.2g}", _said(lag.p_value))
+        )
+    return rows
+
+
+def _answer(name: str, test: Any) -> tuple[str, str]:
+    if math.isnan(test.p_value):
+        return "too few lines", "not tested"
+    return f"{name} {test.statistic:.3g}, p = {test.p_value:.2g}", _said(test.p_value)
+
+
+def _said(p_value: float) -> str:
+    return "no" if p_value < UNLIKELY else "no objection"
+
+
+def python_call(fit: Fit) -> list[str]:
+    """The call that makes the fit again."""
+    options = "".join(f", {name}={value!r}" for name, value in fit.options.given().items())
+    count = len(fit.records or ())
+    data = (
+        "rec" if count < 2 else "records" if count > 4 else f"[{', '.join(f'rec{k}' for k in range(count))}]"
+    )
+    made = f"fit = mf.fit({data}, {fit.structure!r}{options})"
+    lines = [_OWN.sub(r"mf.\1(", made)]
+    for k, rec in enumerate((fit.records or ())[:4]):
+        if rec.source is not None:
+            name = "rec" if count < 2 else f"rec{k}"
+            channels = f"outputs={list(rec.outputs)}, inputs={list(rec.inputs)}"
+            lines.insert(k, f"{name} = mf.read({rec.source.name!r}, {channels})")
+    return ["import modfun as mf", *lines]
