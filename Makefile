@@ -5,7 +5,7 @@ BIN := .venv/bin
 FIGURES ?= figures
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs bench rivals counts clean
+.PHONY: demo test test-rust test-python lint format docs bench rivals validate counts clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -47,6 +47,10 @@ bench: .venv/bench
 ## keeps what is computed, so that a run that was stopped goes on.
 rivals: .venv/rivals/created
 	.venv/rivals/bin/python benches/compare/accuracy.py $(if $(RECORDS),--keep $(RECORDS))
+
+## docs/validation.md: report, benchmarks, coverage, oracles, orders, bits; half an hour. ONLY=orders makes one section.
+validate: .venv/dev
+	$(BIN)/python benches/validate/validate.py $(if $(ONLY),--only $(ONLY))
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created

@@ -7,6 +7,7 @@ on a busy one it leaves out what others took. Who may use two cores is timed by 
 import gc
 import os
 import platform
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -74,16 +75,19 @@ def compete(contestants: list[Contestant], rounds: int, seconds: float) -> int:
 
 
 def machine() -> str:
-    """Processor, instruction sets, versions, date and load in one line each."""
+    """Processor, instruction sets, system, versions, commit, date and load: what the head of a page says."""
     info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     fields = dict(line.split(":", 1) for line in info.splitlines() if ":" in line)
     values = {name.strip(): value.strip() for name, value in fields.items()}
     sets = [flag for flag in FLAGS if flag in values.get("flags", "").split()]
     family = f" (family {values['cpu family']}, model {values['model']})" if "cpu family" in values else ""
-    versions = ", ".join(f"{name} {_version(name)}" for name in ("modfun", "numpy", "scipy", "numba", "jax"))
+    versions = ", ".join(f"{name} {_version(name)}" for name in ("numpy", "scipy", "numba", "jax"))
+    best = "avx512" if has_avx512() else "avx2" if "avx2" in sets else "plain"
     return (
         f"{values.get('model name', platform.processor())}{family}, {len(os.sched_getaffinity(0))} cores; "
-        f"{' '.join(sets)}. Python {platform.python_version()}, {versions}. "
+        f"{' '.join(sets)}; {platform.system()} {platform.release().split('-')[0]}. "
+        f"modfun {_version('modfun')}{_commit()}, instruction set {os.environ.get('MODFUN_ISA') or best}; "
+        f"Python {platform.python_version()}, {versions}{_compiler()}. "
         f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, load average {os.getloadavg()[0]:.1f}."
     )
 
@@ -92,6 +96,29 @@ def has_avx512() -> bool:
     """Whether the processor has what modfun's widest path needs."""
     info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     return "avx512f" in info and "avx512dq" in info
+
+
+def _said(*command: str) -> str:
+    """What a program prints, "" where it is not there or fails."""
+    try:
+        done = subprocess.run(
+            command, cwd=Path(__file__).parent, check=True, capture_output=True, text=True, timeout=30
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def _commit() -> str:
+    """The commit of what is measured, and whether it was changed since."""
+    commit = _said("git", "rev-parse", "--short", "HEAD")
+    changed = _said("git", "status", "--porcelain", "--untracked-files=no", "--", ":/rust", ":/python/modfun")
+    return f" ({commit}{', changed' if changed else ''})" if commit else ""
+
+
+def _compiler() -> str:
+    said = _said("rustc", "--version").split()
+    return f", rustc {said[1]}" if len(said) > 1 else ""
 
 
 def _version(package: str) -> str:
