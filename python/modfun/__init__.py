@@ -5,6 +5,7 @@ Units are seconds and rad/s, arrays are (channel, time).
 
 from . import plot, rivals, signals, timelag
 from ._core import __version__
+from .batches import Batch
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
 from .common import CommonPoles, common_poles
@@ -20,7 +21,7 @@ from .nonlinear import NonlinearModel
 from .nonparametric import frf
 from .order import OrderSelection, select_order
 from .rank import rank_test
-from .records import Batch, Record
+from .records import Record
 from .reduction import Reduction, reduce
 from .resampling import bootstrap
 from .response import FrequencyResponse

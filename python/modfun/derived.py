@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import SpecError
 from .expressions import expression
-from .lti import roots_of
+from .polynomials import roots_of
 from .tables import Table
 
 if TYPE_CHECKING:

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .batches import Batch
 from .errors import DataError, SpecError
 from .gaps import bridged, variances
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
-from .records import Batch, Record
+from .records import Record
 from .results import Fit
 
 if TYPE_CHECKING:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, Never, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .batches import Batch
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
 from .noise import Noise
 from .options import Choices, Options
 from .prepared import Prepared, prepare, refuse_standing
-from .records import Batch, Record
+from .records import Record
 from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SpecError
 from .expressions import is_samples, sources
+from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
+from .samples import frequencies
 from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
@@ -21,7 +23,6 @@ __all__ = ["LTI", "ss", "tf"]
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 Matrices = tuple[F64, F64, F64, F64]
-Table = tuple[tuple[F64, ...], ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +74,7 @@ class LTI:
     def den(self) -> Any:
         """Monic denominator in descending powers of s: an array where it is common to all paths."""
         table = self.polynomials()[1]
-        return table[0][0] if _common(table) else table
+        return table[0][0] if all_equal(table) else table
 
     @property
     def delay(self) -> Any:
@@ -87,14 +88,14 @@ class LTI:
         else:
             assert self.denominators is not None
             paths = [d for row in self.denominators for d in row]
-            if _common(self.denominators):
+            if all_equal(self.denominators):
                 paths = paths[:1]
-            found = np.concatenate([_roots(d) for d in paths])
-        return _sorted(found)
+            found = np.concatenate([roots(d) for d in paths])
+        return by_modulus(found)
 
     def zeros(self) -> Any:
         """Zeros in rad/s: an array, or nested tuples of arrays a path (output, input) if several."""
-        table = tuple(tuple(_sorted(_roots(n)) for n in row) for row in self.polynomials()[0])
+        table = tuple(tuple(by_modulus(roots(n)) for n in row) for row in self.polynomials()[0])
         return table[0][0] if self.shape == (1, 1) else table
 
     @property
@@ -126,11 +127,7 @@ class LTI:
         FrequencyResponse
             ``.response`` is (output, input, omega); infinite where ω is a pole.
         """
-        w = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        if w.ndim != 1 or not np.all(np.isfinite(w)):
-            raise DataError(
-                "frequency_response: omega must be one list of finite angular frequencies in rad/s"
-            )
+        w = frequencies(omega, "frequency_response")
         s = 1j * w
         g = np.empty((*self.shape, w.size), dtype=np.complex128)
         if self.matrices is None:
@@ -306,7 +303,7 @@ class LTI:
         # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
         num = tuple(
             tuple(
-                _strip(
+                strip(
                     (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1))
                     + (d[i, j] - 1.0) * den,
                     relative=1e-12,
@@ -353,7 +350,7 @@ class LTI:
         num, den = self.polynomials()
         for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
             for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
-                top, bottom = _text(n), _text(d)
+                top, bottom = text_of(n), text_of(d)
                 if self.delays[j]:
                     top = f"({top}) e^(-{self.delays[j]:.6g} s)"
                 width = max(len(top), len(bottom))
@@ -384,7 +381,7 @@ class LTI:
         outputs, inputs = self.shape
         blocks: list[tuple[int, list[int], F64]] = []
         for i in range(outputs):
-            if _common((den[i],)):
+            if all_equal((den[i],)):
                 blocks.append((i, list(range(inputs)), den[i][0]))
             else:
                 blocks.extend((i, [j], den[i][j]) for j in range(inputs))
@@ -450,9 +447,9 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
         from . import interop
 
         return interop.system_of(num, delay)
-    nums = _table(num, "num")
+    nums = polynomials_of(num, "num")
     outputs, inputs = len(nums), len(nums[0])
-    dens = _table(den, "den")
+    dens = polynomials_of(den, "den")
     if len(dens) == 1 and len(dens[0]) == 1:
         dens = [dens[0] * inputs] * outputs
     if any(len(row) != inputs for row in [*nums, *dens]) or len(dens) != outputs:
@@ -464,7 +461,7 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
     for num_row, den_row in zip(nums, dens, strict=True):
         tops, bottoms = [], []
         for n, d in zip(num_row, den_row, strict=True):
-            n, d = _strip(n), _strip(d)
+            n, d = strip(n), strip(d)
             if d[0] == 0:
                 raise SpecError("mf.tf: the denominator is zero; give at least one nonzero coefficient")
             if n.size > d.size:
@@ -534,33 +531,6 @@ def ss(
     return LTI(None, None, matrices, _delays(delay, b.shape[1], "mf.ss"))
 
 
-def _table(given: Any, name: str) -> list[list[F64]]:
-    """Polynomials as (output, input), whatever the nesting given."""
-
-    def depth(x: Any) -> int:
-        if isinstance(x, np.ndarray) and x.dtype != object:
-            return int(x.ndim)
-        return 1 + max(map(depth, x), default=0) if isinstance(x, list | tuple | np.ndarray) else 0
-
-    deep = depth(given)
-    if deep > 3 or (deep and len(given) == 0):
-        raise SpecError(f"mf.tf: {name} is empty or nested too deep; give [[polynomial an input] an output]")
-    nested: Any = given if deep == 3 else [given] if deep == 2 else [[given]]
-    table = []
-    for row in nested:
-        polynomials = []
-        for p in row:
-            try:
-                array = np.atleast_1d(np.asarray([0.0] if p is None else p, dtype=np.float64))
-            except (TypeError, ValueError) as error:
-                raise SpecError(f"mf.tf: {name} holds something that is no number ({error})") from None
-            if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
-                raise SpecError(f"mf.tf: {name} must hold polynomials with finite coefficients, got {p!r}")
-            polynomials.append(array)
-        table.append(polynomials)
-    return table
-
-
 def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
     values = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
@@ -581,50 +551,3 @@ def _freeze(array: F64) -> F64:
     frozen = np.array(array, dtype=np.float64, order="C")
     frozen.flags.writeable = False
     return frozen
-
-
-def _strip(p: F64, relative: float = 0.0) -> F64:
-    """Without leading zeros (or, of a computed polynomial, what is rounding of zero)."""
-    keep = np.flatnonzero(np.abs(p) > relative * np.max(np.abs(p)))
-    return p[keep[0] :] if keep.size else np.zeros(1)
-
-
-def _roots(p: F64) -> C128:
-    """Roots, with the variable scaled as the coefficients suggest."""
-    p = _strip(p)
-    if p.size < 2:
-        return np.zeros(0, dtype=np.complex128)
-    q = p / p[0]
-    w = max(abs(q[k]) ** (1.0 / k) for k in range(1, q.size)) or 1.0
-    return np.asarray(np.roots(q * w ** -np.arange(float(q.size))) * w, dtype=np.complex128)
-
-
-def roots_of(p: F64) -> C128:
-    """Roots of a polynomial in descending powers, by increasing modulus."""
-    return _sorted(_roots(p))
-
-
-def _sorted(roots: Any) -> C128:
-    found = np.asarray(roots, dtype=np.complex128)
-    return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]
-
-
-def _common(table: Table) -> bool:
-    first = table[0][0]
-    return all(np.array_equal(p, first) for row in table for p in row)
-
-
-def _text(p: F64) -> str:
-    """A polynomial for reading: "s^2 + 3 s + 8"."""
-    terms: list[str] = []
-    for k, value in enumerate(p):
-        power = p.size - 1 - k
-        if value == 0 and p.size > 1:
-            continue
-        size = f"{abs(value):.6g}"
-        symbol = "" if power == 0 else "s" if power == 1 else f"s^{power}"
-        body = symbol if size == "1" and symbol else f"{size} {symbol}".strip()
-        terms.append(
-            ("-" if value < 0 else "") + body if not terms else f" {'-' if value < 0 else '+'} {body}"
-        )
-    return "".join(terms) or "0"

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .batches import Batch
 from .errors import DataError, SpecError
 from .extras import optional
 from .options import Options
 from .prepared import prepare, refuse_standing
-from .records import Batch, Record
+from .records import Record
 from .results import Fit
 from .structures import TransferFunction
 from .tables import Table, nearest

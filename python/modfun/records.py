@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from . import html, spectra
 from .checking import check_record
+from .cutting import SLACK, pieces_every, pieces_on
 from .errors import DataError, ModfunWarning, SpecError
 from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .samples import (
@@ -22,12 +21,10 @@ from .samples import (
     Names,
     Origin,
     channels_of,
-    floats,
     frozen,
     intersample_of,
     listed,
     names_of,
-    positive,
     refuse_duplicates,
     refuse_nonfinite,
     times_of,
@@ -36,7 +33,7 @@ from .signals.signals import Signals
 from .spectra import Spectrum
 from .tables import Findings, Table, nearest
 
-__all__ = ["Batch", "Record"]
+__all__ = ["Record"]
 
 
 class Record:
@@ -320,7 +317,7 @@ class Record:
         DataError
             If fewer than 8 samples lie in the window, or the mask leaves fewer of an output.
         """
-        slack = 1e-6 * self.duration / self.intervals  # so that 0.1·k typed as a decimal hits its sample
+        slack = SLACK * self.duration / self.intervals
         first = int(np.searchsorted(self.t, t0 - slack, side="left"))
         last = int(np.searchsorted(self.t, t1 + slack, side="right"))
         if last - first < FEWEST:
@@ -372,53 +369,9 @@ class Record:
         if (every is None) == (on is None):
             raise SpecError("split: give one of every= (seconds) and on= (name of a channel)")
         if on is not None:
-            return self._split_on(on)
+            return self._pieces(*pieces_on(self.t, self[on], on))
         assert every is not None
-        if not (math.isfinite(every) and every > 0):
-            raise SpecError(f"split: every={every!r} must be a positive number of seconds")
-        slack = 1e-6 * self.duration / self.intervals
-        pieces = int((self.duration + slack) // every)
-        edges = np.searchsorted(self.t, self.t[0] + every * np.arange(pieces + 1) - slack, side="left")
-        if pieces == 0 or np.min(np.diff(edges)) + 1 < FEWEST:
-            raise DataError(
-                f"split(every={every:g}): pieces need at least {FEWEST} samples and may not be longer than "
-                "the "
-                f"record, which has {len(self.t)} samples in {self.duration:g} s"
-            )
-        return self._pieces([(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={every:g})")
-
-    def _split_on(self, channel: str) -> list[Record]:
-        values = self[channel]
-        low, high = float(values.min()), float(values.max())
-        if low == high:
-            raise DataError(
-                f"split(on={channel!r}): the channel is {low:g} throughout, so it never goes on or off; "
-                "name a channel that marks the pieces"
-            )
-        steady = FEWEST * np.count_nonzero(np.diff(values)) < len(values)
-        counter = low == 0 and high > 1 and steady and len(np.unique(values)) > 2 and not np.any(values % 1)
-        level = values if counter else np.where(values > 0.5 * (low + high), 1.0, 0.0)
-        edges = np.flatnonzero(np.diff(level, prepend=np.nan, append=np.nan) != 0)
-        on = level[edges[:-1]] > 0
-        starts, ends = edges[:-1][on], edges[1:][on]
-        long = ends - starts >= FEWEST
-        if not long.any():
-            times = ", ".join(f"{self.t[start]:g}" for start in starts[:6])
-            raise DataError(
-                f"split(on={channel!r}): the channel is on {len(starts)} times, never for {FEWEST} samples "
-                f"or more (at t = {times}{', ...' if len(starts) > 6 else ''} s); name another channel, or "
-                "cut pieces that begin there with window"
-            )
-        if not long.all():
-            warnings.warn(
-                f"split(on={channel!r}): {int((~long).sum())} of {len(long)} pieces have fewer than {FEWEST} "
-                "samples "
-                f"and are left out, the first at t = {self.t[starts[~long][0]]:g} s",
-                ModfunWarning,
-                stacklevel=3,
-            )
-        bounds = [(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)]
-        return self._pieces(bounds, f"split(on={channel!r})")
+        return self._pieces(*pieces_every(self.t, every))
 
     def _pieces(self, bounds: Sequence[tuple[int, int]], what: str) -> list[Record]:
         """Return the pieces of which the mask leaves enough."""
@@ -431,7 +384,7 @@ class Record:
                 f"{what}: of {len(pieces) - len(left)} of {len(pieces)} pieces the mask leaves fewer than "
                 f"{FEWEST} samples of an output; they are left out",
                 ModfunWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
         return left
 
@@ -709,135 +662,7 @@ def _refuse_beside(signals: Signals, **given: Any) -> None:
         )
 
 
-class Batch:
-    """Many records of one experiment, sampled alike: what `fit_many` takes.
-
-    Parameters
-    ----------
-    y : array_like, shape (replicate, channel, time) or (replicate, time)
-        Outputs. A replicate with samples that are not finite gets the status "nonfinite" and leaves the
-        others alone.
-    u : array_like, optional
-        Inputs: (replicate, channel, time), or shared by all replicates: (time,) or (channel, time).
-    dt : float
-        Sampling interval in seconds.
-    outputs, inputs, intersample
-        As in `Record`.
-
-    Attributes
-    ----------
-    y : ndarray, shape (replicate, channel, time), read only
-        The given array itself where it is float64 and C-contiguous, otherwise a copy.
-    u : ndarray, shape (replicate or 1, channel, time), read only
-        Its first axis is 1 where the inputs are shared.
-    dt : float
-
-    Raises
-    ------
-    DataError, SpecError
-        As in `Record`.
-    """
-
-    __slots__ = ("dt", "inputs", "intersample", "outputs", "u", "y")
-
-    y: F64
-    u: F64
-    dt: float
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-    intersample: tuple[str, ...]
-
-    def __init__(
-        self,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        dt: float | None = None,
-        *,
-        outputs: Names = None,
-        inputs: Names = None,
-        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
-    ) -> None:
-        ys = floats(y, "y")
-        if ys.ndim == 2:
-            ys = ys[:, None, :]
-        if ys.ndim != 3 or 0 in ys.shape:
-            raise DataError(
-                f"Batch: y has shape {floats(y, 'y').shape}, it must be (replicate, channel, time)"
-            )
-        us = np.empty((1, 0, ys.shape[2])) if u is None else floats(u, "u")
-        if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
-            raise DataError(
-                f"Batch: u of shape {us.shape} may be one input a replicate or {us.shape[0]} inputs shared "
-                "by all; "
-                "give u[:, None, :] for the first, u[None] for the second"
-            )
-        if us.ndim < 3:
-            us = us.reshape((1, *us.shape)) if us.ndim == 2 else us.reshape(1, 1, -1)
-        if us.ndim != 3 or us.shape[0] not in (1, ys.shape[0]) or us.shape[2] != ys.shape[2]:
-            raise DataError(
-                f"Batch: u has shape {us.shape} and y {ys.shape}; u must be (replicate, channel, time), "
-                "(channel, time) or (time), with as many samples as y"
-            )
-        if ys.shape[2] < FEWEST:
-            raise DataError(f"Batch: {ys.shape[2]} samples are too few; at least {FEWEST} are needed")
-        if ys.shape[1] > ys.shape[2]:
-            raise DataError(
-                f"Batch: y has {ys.shape[1]} channels of {ys.shape[2]} samples; time must be the last axis: "
-                "give np.moveaxis(y, 1, 2)"
-            )
-        if dt is None:
-            raise SpecError("Batch: give dt=, the sampling interval in seconds")
-        out_names = names_of(outputs, ys.shape[1], "y", "outputs")
-        in_names = names_of(inputs, us.shape[1], "u", "inputs")
-        refuse_duplicates((*out_names, *in_names))
-        for one in us:
-            refuse_nonfinite(in_names, one)
-        for name, value in {
-            "y": frozen(ys),
-            "u": frozen(us),
-            "dt": positive(dt, "dt", "seconds"),
-            "outputs": out_names,
-            "inputs": in_names,
-            "intersample": intersample_of(intersample, in_names),
-        }.items():
-            object.__setattr__(self, name, value)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a Batch cannot be changed ({name})")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self.intersample)
-
-    def __len__(self) -> int:
-        """Return the number of replicates."""
-        return int(self.y.shape[0])
-
-    def __getitem__(self, replicate: int) -> Record:
-        """Return one replicate as a Record."""
-        u = self.u[replicate if self.u.shape[0] > 1 else 0]
-        return Record(
-            y=self.y[replicate],
-            u=u if len(u) else None,
-            dt=self.dt,
-            outputs=self.outputs,
-            inputs=self.inputs,
-            intersample=self.intersample,
-        )
-
-    def __repr__(self) -> str:
-        replicates, channels, count = self.y.shape
-        shared = "shared " if self.u.shape[0] == 1 < replicates else ""
-        return (
-            f"Batch of {replicates} replicates: {channels} outputs, {self.u.shape[1]} {shared}inputs, "
-            f"{count} samples, dt = {self.dt:.6g} s"
-        )
-
-
 def _restore(fields: dict[str, Any]) -> Record:
     record = object.__new__(Record)
     record._set(**fields)
     return record
-
-
-def _restore_batch(y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str]) -> Batch:
-    return Batch(y, u if u.shape[1] else None, dt, outputs=outputs, inputs=inputs, intersample=words)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .batches import Batch
 from .errors import FitError, SpecError
 from .estimation import _fit, _threads, fit_many
 from .many import FitMany, collect
 from .options import Options
 from .progress import Progress
-from .records import Batch, Record
+from .records import Record
 from .resampled_noise import white, wild
 from .results import Fit
 from .tables import Table, nearest

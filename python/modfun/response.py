@@ -13,6 +13,7 @@ from . import html
 from .errors import DataError, SpecError
 from .extras import optional
 from .options import Options
+from .samples import frequencies
 from .tables import Table
 
 __all__ = ["FrequencyResponse"]
@@ -98,11 +99,7 @@ class FrequencyResponse:
         inputs: Sequence[str] | None = None,
         source: str = "",
     ) -> None:
-        where = np.atleast_1d(np.array(omega, dtype=np.float64))
-        if where.ndim != 1 or not np.all(np.isfinite(where)):
-            raise DataError(
-                "FrequencyResponse: omega must be one list of finite angular frequencies in rad/s"
-            )
+        where = frequencies(omega, "FrequencyResponse").copy()
         gains = _gains(response, magnitude_db, phase_deg)
         if gains.ndim != 3 or gains.shape[2] != where.size:
             raise DataError(

@@ -23,6 +23,7 @@ from .noise import Noise
 from .options import Options
 from .prediction import InitialState
 from .records import Record
+from .samples import frequencies
 from .structures import system_of
 from .tables import Findings, Table, nearest
 
@@ -424,7 +425,7 @@ class Fit:
             the delta method.
         """
         self._need_numbers("frequency_response")
-        response, gradient = self._response(np.asarray(omega, float))
+        response, gradient = self._response(frequencies(omega, "frequency_response"))
         return (response[0], gradient[:, 0]) if len(self.outputs) == 1 else (response, gradient)
 
     # Against records ----------------------------------------------------------------------------

@@ -99,6 +99,17 @@ def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
             )
 
 
+def frequencies(omega: ArrayLike, what: str) -> F64:
+    """Angular frequencies in rad/s: one list, finite."""
+    try:
+        found = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+    except (TypeError, ValueError):
+        found = np.array([np.nan])
+    if found.ndim != 1 or not np.all(np.isfinite(found)):
+        raise DataError(f"{what}: omega must be one list of finite angular frequencies in rad/s")
+    return found
+
+
 def listed(names: Names) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names or ())
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import SpecError
+from .samples import frequencies
 
 if TYPE_CHECKING:
     from .delay.design import Design
@@ -162,7 +163,7 @@ class DelaySystem:
         from .delay.roots import characteristic
         from .response import FrequencyResponse
 
-        w = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        w = frequencies(omega, "frequency_response")
         s = np.asarray(1j * w, dtype=np.complex128)
         drive = np.sum([np.exp(-s * r)[:, None, None] * m for r, m in self.b], axis=0)
         found: C128 = self.C @ np.linalg.solve(characteristic(self.a, s), drive)

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .batches import Batch
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS, shown
-from .records import Batch, Record
+from .records import Record
 from .samples import FEWEST
 from .tables import nearest
 from .tone_results import KINDS, Sinusoids, SinusoidsMany

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..plot import _axes, _frequency, _label, _returned
+from ..plot.axes import frequency_axis, label_axes, returned, take_axes
 
 if TYPE_CHECKING:
     from .motion import Trajectory
@@ -18,7 +18,7 @@ __all__ = ["margin", "roots", "trajectory"]
 
 def roots(found: Roots, ax: Any = None) -> Any:
     """Characteristic roots in the complex plane, and the line right of which all are shown."""
-    (here,) = _axes(ax, 1, height=4.0, width=5.0)
+    (here,) = take_axes(ax, 1, height=4.0, width=5.0)
     here.plot(found.real, found.imag, "x", markersize=7, markeredgewidth=1.6)
     if np.isfinite(found.line):
         here.axvline(found.line, color="0.5", linestyle=":", linewidth=1.0)
@@ -27,26 +27,26 @@ def roots(found: Roots, ax: Any = None) -> Any:
     here.set_xlabel("real part (1/s)")
     here.set_ylabel("imaginary part (rad/s)")
     here.grid(True, alpha=0.3)
-    return _returned(ax, [here])
+    return returned(ax, [here])
 
 
 def trajectory(found: Trajectory, ax: Any = None) -> Any:
     """States above, inputs below."""
     names = (*found.plant.states, *found.plant.inputs)
-    axes = _axes(ax, len(names), height=1.6)
+    axes = take_axes(ax, len(names), height=1.6)
     for k, (name, values, here) in enumerate(zip(names, [*found.x, *found.u], axes, strict=True)):
         is_input = k >= len(found.x)
         style = "steps-post" if is_input and found.z is not None else "default"
         color = "C1" if is_input and len(set(axes)) > 1 else None
         here.plot(found.t, values, label=name, drawstyle=style, color=color, linewidth=1.0)
-    _label(axes, names, {}, "time (s)")
-    return _returned(ax, axes)
+    label_axes(axes, names, {}, "time (s)")
+    return returned(ax, axes)
 
 
 def margin(found: Margin, ax: Any = None, *, hz: bool = False) -> Any:
     """The bound of μ over frequency, its peak marked."""
-    (here,) = _axes(ax, 1, height=3.2)
-    scale, label = _frequency(hz)
+    (here,) = take_axes(ax, 1, height=3.2)
+    scale, label = frequency_axis(hz)
     shown = found.omega > 0
     here.semilogx(scale * found.omega[shown], found.upper[shown], linewidth=1.2)
     if found.peak_omega > 0:
@@ -55,4 +55,4 @@ def margin(found: Margin, ax: Any = None, *, hz: bool = False) -> Any:
     here.set_ylabel(f"upper bound of μ, peak {found.peak:.3g}")
     here.set_xlabel(label)
     here.grid(True, alpha=0.3)
-    return _returned(ax, [here])
+    return returned(ax, [here])

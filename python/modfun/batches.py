@@ -1,0 +1,154 @@
+"""Batches: records of one experiment sampled alike, checked once, here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import DataError, SpecError
+from .records import Record
+from .samples import (
+    F64,
+    FEWEST,
+    Names,
+    floats,
+    frozen,
+    intersample_of,
+    names_of,
+    positive,
+    refuse_duplicates,
+    refuse_nonfinite,
+)
+
+__all__ = ["Batch"]
+
+
+class Batch:
+    """Many records of one experiment, sampled alike: what `fit_many` takes.
+
+    Parameters
+    ----------
+    y : array_like, shape (replicate, channel, time) or (replicate, time)
+        Outputs. A replicate with samples that are not finite gets the status "nonfinite" and leaves the
+        others alone.
+    u : array_like, optional
+        Inputs: (replicate, channel, time), or shared by all replicates: (time,) or (channel, time).
+    dt : float
+        Sampling interval in seconds.
+    outputs, inputs, intersample
+        As in `Record`.
+
+    Attributes
+    ----------
+    y : ndarray, shape (replicate, channel, time), read only
+        The given array itself where it is float64 and C-contiguous, otherwise a copy.
+    u : ndarray, shape (replicate or 1, channel, time), read only
+        Its first axis is 1 where the inputs are shared.
+    dt : float
+
+    Raises
+    ------
+    DataError, SpecError
+        As in `Record`.
+    """
+
+    __slots__ = ("dt", "inputs", "intersample", "outputs", "u", "y")
+
+    y: F64
+    u: F64
+    dt: float
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    intersample: tuple[str, ...]
+
+    def __init__(
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        dt: float | None = None,
+        *,
+        outputs: Names = None,
+        inputs: Names = None,
+        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+    ) -> None:
+        ys = floats(y, "y")
+        if ys.ndim == 2:
+            ys = ys[:, None, :]
+        if ys.ndim != 3 or 0 in ys.shape:
+            raise DataError(
+                f"Batch: y has shape {floats(y, 'y').shape}, it must be (replicate, channel, time)"
+            )
+        us = np.empty((1, 0, ys.shape[2])) if u is None else floats(u, "u")
+        if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
+            raise DataError(
+                f"Batch: u of shape {us.shape} may be one input a replicate or {us.shape[0]} inputs shared "
+                "by all; "
+                "give u[:, None, :] for the first, u[None] for the second"
+            )
+        if us.ndim < 3:
+            us = us.reshape((1, *us.shape)) if us.ndim == 2 else us.reshape(1, 1, -1)
+        if us.ndim != 3 or us.shape[0] not in (1, ys.shape[0]) or us.shape[2] != ys.shape[2]:
+            raise DataError(
+                f"Batch: u has shape {us.shape} and y {ys.shape}; u must be (replicate, channel, time), "
+                "(channel, time) or (time), with as many samples as y"
+            )
+        if ys.shape[2] < FEWEST:
+            raise DataError(f"Batch: {ys.shape[2]} samples are too few; at least {FEWEST} are needed")
+        if ys.shape[1] > ys.shape[2]:
+            raise DataError(
+                f"Batch: y has {ys.shape[1]} channels of {ys.shape[2]} samples; time must be the last axis: "
+                "give np.moveaxis(y, 1, 2)"
+            )
+        if dt is None:
+            raise SpecError("Batch: give dt=, the sampling interval in seconds")
+        out_names = names_of(outputs, ys.shape[1], "y", "outputs")
+        in_names = names_of(inputs, us.shape[1], "u", "inputs")
+        refuse_duplicates((*out_names, *in_names))
+        for one in us:
+            refuse_nonfinite(in_names, one)
+        for name, value in {
+            "y": frozen(ys),
+            "u": frozen(us),
+            "dt": positive(dt, "dt", "seconds"),
+            "outputs": out_names,
+            "inputs": in_names,
+            "intersample": intersample_of(intersample, in_names),
+        }.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Batch cannot be changed ({name})")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self.intersample)
+
+    def __len__(self) -> int:
+        """Return the number of replicates."""
+        return int(self.y.shape[0])
+
+    def __getitem__(self, replicate: int) -> Record:
+        """Return one replicate as a Record."""
+        u = self.u[replicate if self.u.shape[0] > 1 else 0]
+        return Record(
+            y=self.y[replicate],
+            u=u if len(u) else None,
+            dt=self.dt,
+            outputs=self.outputs,
+            inputs=self.inputs,
+            intersample=self.intersample,
+        )
+
+    def __repr__(self) -> str:
+        replicates, channels, count = self.y.shape
+        shared = "shared " if self.u.shape[0] == 1 < replicates else ""
+        return (
+            f"Batch of {replicates} replicates: {channels} outputs, {self.u.shape[1]} {shared}inputs, "
+            f"{count} samples, dt = {self.dt:.6g} s"
+        )
+
+
+def _restore_batch(y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str]) -> Batch:
+    return Batch(y, u if u.shape[1] else None, dt, outputs=outputs, inputs=inputs, intersample=words)

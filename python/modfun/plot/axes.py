@@ -1,0 +1,120 @@
+"""What every plot uses: Axes new or given, their labels, gaps of masked samples, units of frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import SpecError
+from ..extras import optional
+from ..tables import nearest
+
+if TYPE_CHECKING:
+    from ..records import Record
+    from ..results import Fit
+
+
+def take_axes(
+    ax: Any, count: int, *, height: float = 2.4, width: float = 7.0, sharex: bool = True
+) -> list[Any]:
+    """Return `count` Axes: new ones below each other, the given ones, or the given one `count` times."""
+    if ax is None:
+        pyplot = optional("matplotlib.pyplot", "plot", "plotting")
+        size = (width, max(height * count, 2.6) + 0.5)
+        _, made = pyplot.subplots(count, 1, sharex=sharex, squeeze=False, figsize=size, layout="constrained")
+        return list(made[:, 0])
+    if hasattr(ax, "plot"):
+        return [ax] * count
+    given = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(given) != count:
+        raise SpecError(f"plot: ax has {len(given)} Axes where {count} are needed, or a single one for all")
+    return given
+
+
+def take_pairs(ax: Any, outputs: int, *, height: float, sharex: bool = True) -> list[tuple[Any, Any]]:
+    """Return two Axes an output; a single Axes serves as both of a single output."""
+    if outputs > 1 and hasattr(ax, "plot"):
+        raise SpecError(
+            f"plot: ax is a single Axes and there are {outputs} outputs; give {2 * outputs} Axes, or choose "
+            "one output, as output="
+        )
+    axes = take_axes(ax, 2 * outputs, height=height, sharex=sharex)
+    return list(zip(axes[::2], axes[1::2], strict=True))
+
+
+def chosen_outputs(fit: Fit, output: str | None, what: str) -> list[int]:
+    """Positions of the outputs to draw: the one that is named, or all."""
+    if output is None:
+        return list(range(len(fit.outputs)))
+    if output not in fit.outputs:
+        raise SpecError(f"{what}: the fit has no output {output!r}; {nearest(output, fit.outputs)}")
+    return [fit.outputs.index(output)]
+
+
+def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:
+    """Return Axes row by row: new ones, or the given ones."""
+    if ax is not None:
+        if hasattr(ax, "plot"):
+            raise SpecError(f"plot: ax is a single Axes; give {rows * columns}")
+        return take_axes(ax, rows * columns)
+    pyplot = optional("matplotlib.pyplot", "plot", "plotting")
+    _, made = pyplot.subplots(
+        rows,
+        columns,
+        sharex=True,
+        squeeze=False,
+        figsize=(4.6 * columns, 3.1 * rows + 0.5),
+        layout="constrained",
+    )
+    return list(made.ravel())
+
+
+def returned(ax: Any, axes: Sequence[Any]) -> Any:
+    """Return what the caller sees: one Axes, or an array of them."""
+    if len(axes) == 1 or hasattr(ax, "plot"):
+        return axes[0]
+    array = np.empty(len(axes), dtype=object)
+    array[:] = axes
+    return array
+
+
+def label_axes(axes: Sequence[Any], names: Sequence[str], units: dict[str, str], xlabel: str) -> None:
+    """Name the axes: a channel each, or a legend where they share one."""
+    if len(set(axes)) < len(axes):
+        axes[0].legend()
+    else:
+        for name, here in zip(names, axes, strict=True):
+            unit = units.get(name, "")
+            here.set_ylabel(f"{name} ({unit})" if unit and unit not in name else name)
+    for here in axes:
+        here.grid(True, alpha=0.3)
+    axes[-1].set_xlabel(xlabel)
+
+
+def bridge_gaps(here: Any, rec: Record, name: str, label: str) -> None:
+    """Dots from the good samples beside a gap across the masked ones, whose values the record filled in."""
+    masked = ~rec._good(name)
+    if masked.any():
+        masked |= np.append(masked[1:], False) | np.insert(masked[:-1], 0, False)
+        here.plot(rec.t, np.where(masked, rec[name], np.nan), ":", color="0.5", linewidth=1.0, label=label)
+
+
+def frequency_axis(hz: bool) -> tuple[float, str]:
+    """Return the factor from rad/s to the unit drawn, and the label of the axis."""
+    return (0.5 / np.pi, "frequency (Hz)") if hz else (1.0, "frequency (rad/s)")
+
+
+def decibels(size: Any) -> Any:
+    return 20 * np.log10(np.maximum(size, 1e-300))
+
+
+def clip_to_lines(axes: Any) -> None:
+    """Scale an axis by its lines: an enormous confidence band must not flatten them."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = float(values.min()), float(values.max())
+        room = 0.15 * (high - low) or 1.0
+        axes.set_ylim(low - room, high + room)

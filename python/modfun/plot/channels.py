@@ -1,0 +1,163 @@
+"""Plots of samples and lines: records, inputs, spectra, tones, estimates over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .axes import bridge_gaps, decibels, frequency_axis, label_axes, returned, take_axes
+
+if TYPE_CHECKING:
+    from ..records import Record
+    from ..samples import F64
+    from ..signals import Signals
+    from ..spectra import Spectrum
+    from ..tone_results import Sinusoids
+    from ..track import Track
+
+
+def record(rec: Record, ax: Any = None) -> Any:
+    """Draw a record over time: outputs above, inputs below, held inputs as steps.
+
+    Masked samples are left out; dotted lines bridge them.
+
+    Parameters
+    ----------
+    rec : Record
+    ax : Axes or sequence of Axes, optional
+        One Axes a channel, or a single one for all channels (with a legend); new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one channel or one was given, otherwise one a channel.
+    """
+    names = (*rec.outputs, *rec.inputs)
+    axes = take_axes(ax, len(names), height=1.6)
+    held = dict(zip(rec.inputs, rec.intersample, strict=True))
+    for name, here in zip(names, axes, strict=True):
+        color = "C1" if name in rec.inputs and len(set(axes)) > 1 else None
+        _draw(here, rec.t, rec._shown(name), name, held.get(name), color)
+        bridge_gaps(here, rec, name, label=f"_{name} masked")
+    label_axes(axes, names, rec.units, "time (s)")
+    return returned(ax, axes)
+
+
+def signals(given: Signals, ax: Any = None) -> Any:
+    """Draw the inputs of an experiment over time, held ones as steps.
+
+    Parameters
+    ----------
+    given : Signals
+    ax : Axes or sequence of Axes, optional
+        One Axes an input, or a single one for all inputs (with a legend); new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one input or one was given, otherwise one an input.
+    """
+    axes = take_axes(ax, len(given.inputs), height=1.6)
+    for name, u, kind, here in zip(given.inputs, given.u, given.intersample, axes, strict=True):
+        _draw(here, given.t, u, name, kind)
+    label_axes(axes, given.inputs, {}, "time (s)")
+    return returned(ax, axes)
+
+
+def _draw(here: Any, t: F64, values: F64, name: str, kind: str | None, color: str | None = None) -> None:
+    """One channel over time, as it goes on between its samples."""
+    style = "steps-post" if kind == "zoh" else "default"
+    here.plot(t, values, drawstyle=style, label=name, color=color, linewidth=1.0)
+
+
+def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
+    """Draw amplitude spectra, both axes logarithmic.
+
+    Parameters
+    ----------
+    spec : Spectrum
+    ax : Axes or sequence of Axes, optional
+        One Axes a channel, or a single one for all channels (with a legend); new ones by default.
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one channel or one was given, otherwise one a channel.
+    """
+    axes = take_axes(ax, len(spec.channels), height=1.8)
+    scale, label = frequency_axis(hz)
+    for name, here in zip(spec.channels, axes, strict=True):
+        values = np.where(spec[name] > 0, spec[name], np.nan)  # zeros have no place on a logarithmic axis
+        here.plot(scale * spec.omega, values, label=name, linewidth=1.0)
+        here.set_xscale("log")
+        if np.isfinite(values).any():
+            here.set_yscale("log")
+    label_axes(axes, spec.channels, spec.units, label)
+    return returned(ax, axes)
+
+
+def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
+    """Draw the spectrum of a record and of what its tones leave, in dB, the tones as dots.
+
+    Zero-padded, without a window: a tone that does not decay stands at its amplitude.
+
+    Parameters
+    ----------
+    found : Sinusoids
+    ax : Axes, optional
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+
+    Returns
+    -------
+    Axes
+    """
+    here = take_axes(ax, 1, height=3.0)[0]
+    scale, label = frequency_axis(hz)
+    size = 8 * found.y.size
+    omega = 2 * np.pi / found.dt * np.fft.fftfreq(size)
+    shown = np.argsort(omega) if np.iscomplexobj(found.y) else slice(0, size // 2)
+    gain = (1.0 if np.iscomplexobj(found.y) else 2.0) / np.sum(found.weights > 0)
+    left = np.where(found.weights > 0, found.errors(), 0.0)
+    for values, name, style in (
+        (np.where(found.weights > 0, found.y, 0.0), "record", {"color": "C0", "linewidth": 1.2}),
+        (left, "without the tones", {"color": "0.6", "linewidth": 0.8}),
+    ):
+        lines = gain * np.abs(np.fft.fft(values, size)[shown])
+        here.plot(scale * omega[shown], decibels(lines), label=name, **style)
+    here.plot(scale * found.omega, decibels(found.amplitude), "C3o", markersize=5, label="tones")
+    for omega_i, reach in zip(found.omega, 1.96 * found.bse[: len(found)], strict=True):
+        here.axvspan(scale * (omega_i - reach), scale * (omega_i + reach), color="C3", alpha=0.2, linewidth=0)
+    here.set(xlabel=label, ylabel="amplitude (dB)")
+    here.grid(True, alpha=0.3)
+    here.legend(frameon=False)
+    return here
+
+
+def track(found: Track, ax: Any = None) -> Any:
+    """Draw estimates over time, each with a band of two standard errors.
+
+    Parameters
+    ----------
+    found : Track
+        Of `Stream.follow`. Moments whose estimates cannot be used are left out.
+    ax : Axes or sequence of Axes, optional
+        One a parameter; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one parameter, otherwise one a parameter.
+    """
+    axes = take_axes(ax, len(found.param_names), height=1.5)
+    good = found.success
+    for here, values, errors in zip(axes, found.params.T, found.bse.T, strict=True):
+        values, half = np.where(good, values, np.nan), 2 * np.where(good, errors, np.nan)
+        here.fill_between(found.t, values - half, values + half, alpha=0.25, linewidth=0)
+        here.plot(found.t, values, linewidth=1.2)
+        here.grid(True, alpha=0.3)
+    label_axes(axes, found.param_names, {}, "end of the window (s)")
+    return returned(ax, axes)

@@ -1,0 +1,90 @@
+"""Polynomials in descending powers of s: read from lists, stripped, their roots, as text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+
+__all__ = ["Table", "all_equal", "by_modulus", "polynomials_of", "roots", "roots_of", "strip", "text_of"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+Table = tuple[tuple[F64, ...], ...]  # (output, input)
+
+
+def polynomials_of(given: Any, name: str) -> list[list[F64]]:
+    """Polynomials as (output, input), whatever the nesting given."""
+
+    def depth(x: Any) -> int:
+        if isinstance(x, np.ndarray) and x.dtype != object:
+            return int(x.ndim)
+        return 1 + max(map(depth, x), default=0) if isinstance(x, list | tuple | np.ndarray) else 0
+
+    deep = depth(given)
+    if deep > 3 or (deep and len(given) == 0):
+        raise SpecError(f"mf.tf: {name} is empty or nested too deep; give [[polynomial an input] an output]")
+    nested: Any = given if deep == 3 else [given] if deep == 2 else [[given]]
+    table = []
+    for row in nested:
+        polynomials = []
+        for p in row:
+            try:
+                array = np.atleast_1d(np.asarray([0.0] if p is None else p, dtype=np.float64))
+            except (TypeError, ValueError) as error:
+                raise SpecError(f"mf.tf: {name} holds something that is no number ({error})") from None
+            if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
+                raise SpecError(f"mf.tf: {name} must hold polynomials with finite coefficients, got {p!r}")
+            polynomials.append(array)
+        table.append(polynomials)
+    return table
+
+
+def strip(p: F64, relative: float = 0.0) -> F64:
+    """Without leading zeros (or, of a computed polynomial, what is rounding of zero)."""
+    keep = np.flatnonzero(np.abs(p) > relative * np.max(np.abs(p)))
+    return p[keep[0] :] if keep.size else np.zeros(1)
+
+
+def roots(p: F64) -> C128:
+    """Roots, with the variable scaled as the coefficients suggest."""
+    p = strip(p)
+    if p.size < 2:
+        return np.zeros(0, dtype=np.complex128)
+    q = p / p[0]
+    w = max(abs(q[k]) ** (1.0 / k) for k in range(1, q.size)) or 1.0
+    return np.asarray(np.roots(q * w ** -np.arange(float(q.size))) * w, dtype=np.complex128)
+
+
+def roots_of(p: F64) -> C128:
+    """Roots of a polynomial in descending powers, by increasing modulus."""
+    return by_modulus(roots(p))
+
+
+def by_modulus(roots: Any) -> C128:
+    found = np.asarray(roots, dtype=np.complex128)
+    return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]
+
+
+def all_equal(table: Table) -> bool:
+    first = table[0][0]
+    return all(np.array_equal(p, first) for row in table for p in row)
+
+
+def text_of(p: F64) -> str:
+    """A polynomial for reading: "s^2 + 3 s + 8"."""
+    terms: list[str] = []
+    for k, value in enumerate(p):
+        power = p.size - 1 - k
+        if value == 0 and p.size > 1:
+            continue
+        size = f"{abs(value):.6g}"
+        symbol = "" if power == 0 else "s" if power == 1 else f"s^{power}"
+        body = symbol if size == "1" and symbol else f"{size} {symbol}".strip()
+        terms.append(
+            ("-" if value < 0 else "") + body if not terms else f" {'-' if value < 0 else '+'} {body}"
+        )
+    return "".join(terms) or "0"
