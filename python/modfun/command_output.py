@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from .storage import told
+from .whole import write_text
 
 __all__ = ["Json", "command_line", "say", "write_json"]
 
@@ -51,7 +51,7 @@ def write_json(to: str | None, value: Any) -> None:
     if to == "-":
         print(text)
     else:
-        Path(to).write_text(text + "\n", encoding="utf-8")
+        write_text("--json", to, text + "\n")
         say(f"wrote {to}")
 
 

@@ -23,6 +23,7 @@ from .study.files import write
 from .study.results import Results
 from .study.shards import Status
 from .tables import Table
+from .whole import write_text
 
 __all__ = ["mc"]
 
@@ -174,7 +175,7 @@ def report(
 
     _page(out)
     results = shards.load(directory)
-    out.write_text(report.page(directory, results), encoding="utf-8")
+    write_text("--out", out, report.page(directory, results))
     say(f"wrote {out}")
     write_json(json_to, results.to_dict())
 

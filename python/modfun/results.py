@@ -26,6 +26,7 @@ from .records import Record
 from .samples import frequencies
 from .structures import system_of
 from .tables import Findings, Table, nearest
+from .whole import write_text
 
 __all__ = ["Fit"]
 
@@ -627,9 +628,15 @@ class Fit:
         return fit_to_dict(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the fit (without the samples) as JSON; `modfun.load` reads it."""
+        """Write the fit (without the samples) as JSON; `modfun.load` reads it.
+
+        Raises
+        ------
+        ModfunError
+            It cannot be written; a file that was there before is still whole.
+        """
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        write_text("save", path, text + "\n")
 
     def report(
         self, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None

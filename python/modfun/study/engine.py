@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from functools import partial
+from contextlib import nullcontext
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
 from ..errors import ModfunError, SpecError
+from ..interrupts import Held
 from .tally import Tally
 from .work import Part, Work, compute
+from .worker import GIVEN_UP, task
 
 __all__ = ["Engine", "Store", "engine", "tallies"]
 
@@ -20,6 +22,7 @@ BYTES = 2**28  # of estimates that may be on their way at once
 UNKNOWN = 64  # tasks in flight where an executor does not tell how many workers it has
 SLICE = 0.1  # seconds between two looks for Ctrl-C
 
+POOLS = ("concurrent.futures.process", "concurrent.futures.thread", "distributed.")
 FUTURE = ("add_done_callback", "result", "cancel")  # what is called of one
 SUBMITS = (
     "give an executor whose submit(function, part) returns a future with the result of function(part), as "
@@ -90,15 +93,18 @@ class Submitted:
     def __init__(self, work: Work, executor: Any) -> None:
         workers = getattr(executor, "_max_workers", None)
         self.window = _window(work, 2 * workers if isinstance(workers, int) else UNKNOWN)
-        self._task = partial(_task, work)
+        self._task = task(work)
         self._executor = executor
+        # Who computes in submit itself can be interrupted there.
+        self._quick = any(kind.__module__.startswith(POOLS) for kind in type(executor).__mro__)
         self._done: SimpleQueue[Any] = SimpleQueue()
         self._futures: dict[Any, Part] = {}
         self._again: set[int] = set()
 
     def begin(self, part: Part) -> None:
         try:
-            future = self._executor.submit(self._task, part)
+            with Held() if self._quick else nullcontext():
+                future = self._executor.submit(self._task, part)
         except ModfunError:
             raise
         except RuntimeError as error:
@@ -110,7 +116,8 @@ class Submitted:
         if not all(callable(getattr(future, name, None)) for name in FUTURE):
             raise SpecError(f"run: submit of executor= returned {_said(future)}, no future; {SUBMITS}")
         self._futures[future] = part
-        future.add_done_callback(self._done.put)
+        with Held():
+            future.add_done_callback(self._done.put)
 
     def answer(self) -> Answer:
         while True:
@@ -120,7 +127,8 @@ class Submitted:
                 continue
             part = self._futures.pop(future)
             try:
-                found = future.result()
+                with Held():
+                    found = future.result()
             except ModfunError:
                 raise
             except Exception as error:
@@ -133,8 +141,9 @@ class Submitted:
             return _answer(found, "a future of executor= held", SUBMITS)
 
     def stop(self) -> None:
-        for future in self._futures:
-            future.cancel()
+        with Held():
+            for future in self._futures:
+                future.cancel()
 
 
 class Mapped:
@@ -142,7 +151,7 @@ class Mapped:
 
     def __init__(self, work: Work, call: Callable[..., Iterable[Answer]]) -> None:
         self.window = _window(work, UNKNOWN)
-        self._task = partial(_task, work)
+        self._task = task(work)
         self._call = call
         self._batch: list[Part] = []
         self._answers: Iterator[Any] = iter(())
@@ -233,12 +242,10 @@ def tallies(
             workers.stop()
 
 
-def _task(work: Work, part: Part) -> Answer:
-    return part, compute(work, part)
-
-
 def _answer(found: Any, what: str, cure: str) -> Answer:
     """What a task gave back, refused where an executor made something else of it."""
+    if isinstance(found, str) and found == GIVEN_UP:
+        raise KeyboardInterrupt
     if isinstance(found, tuple) and list(map(type, found)) == [Part, Tally]:
         part, tally = found
         return part, tally

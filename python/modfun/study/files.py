@@ -6,13 +6,13 @@ import hashlib
 import io
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import whole
 from ..errors import ModfunError
 from .work import Part
 
@@ -23,31 +23,17 @@ HEADER = 128  # bytes before the numbers of a sample file, enough for any number
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name, flush it to the disk, rename it.
+    """Write a file of a study whole.
 
     Raises
     ------
     ModfunError
         The disk does not take it; what was there before is still there.
     """
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(scratch, "xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(scratch, path)
+        whole.write(path, data)
     except OSError as error:
-        with suppress(OSError):
-            scratch.unlink()
         raise _unwritten(path, error) from error
-    with suppress(OSError):  # some file systems do not flush a directory
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 def append(path: Path, line: bytes) -> None:
@@ -163,7 +149,5 @@ class SampleFile:
 
 
 def _unwritten(path: Path, error: OSError) -> ModfunError:
-    return ModfunError(
-        f"run: {str(path)!r} cannot be written ({error.strerror or error}); parts finished before are kept: "
-        "make room or allow writing, and run again to go on"
-    )
+    cure = "parts finished before are kept: make room or allow writing, and run again to go on"
+    return whole.unwritten("run", path, error, cure)

@@ -1,0 +1,66 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from .errors import ModfunError
+
+__all__ = ["unwritten", "write", "write_text"]
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name, flush it to the disk, rename it; folders are made.
+
+    Raises
+    ------
+    OSError
+        The disk does not take it; what was there before is still there.
+    """
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(scratch, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(scratch, path)
+    finally:  # Ctrl-C, too, leaves nothing behind
+        with suppress(OSError):
+            scratch.unlink()
+    with suppress(OSError):  # some file systems do not flush a directory
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def write_text(what: str, path: str | Path, text: str) -> None:
+    """Write a file that a user named; `what` begins the message.
+
+    Raises
+    ------
+    ModfunError
+        It cannot be written; what was there before is still there.
+    """
+    place = Path(os.path.realpath(path))  # of a link the file it leads to
+    try:
+        if place.exists() and not place.is_file():  # /dev/stdout, a pipe
+            place.write_text(text, encoding="utf-8")
+            return
+        if not place.parent.is_dir():
+            raise FileNotFoundError(2, f"there is no folder {str(place.parent)!r}")
+        mode = place.stat().st_mode if place.exists() else None
+        write(place, text.encode())
+        if mode is not None:
+            place.chmod(mode & 0o7777)
+    except OSError as error:
+        raise unwritten(what, Path(path), error, "make room, or give another place") from error
+
+
+def unwritten(what: str, path: Path, error: OSError, cure: str) -> ModfunError:
+    """The error for a file that the disk does not take."""
+    return ModfunError(f"{what}: {str(path)!r} cannot be written ({error.strerror or error}); {cure}")
