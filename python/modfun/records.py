@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ from .samples import (
 from .signals.signals import Signals
 from .spectra import Spectrum
 from .tables import Findings, Table, nearest
+from .whole import write_text
 
 __all__ = ["Record"]
 
@@ -582,14 +584,20 @@ class Record:
         Parameters
         ----------
         path : str or Path
+
+        Raises
+        ------
+        ModfunError
+            It cannot be written; a file that was there before is still whole.
         """
         import csv
 
         columns = [self.t, *(self._shown(name) for name in self.channels)]
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["t", *self.channels])
-            writer.writerows(np.column_stack(columns).tolist())
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["t", *self.channels])
+        writer.writerows(np.column_stack(columns).tolist())
+        write_text("to_csv", path, text.getvalue())
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).

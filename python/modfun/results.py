@@ -630,8 +630,14 @@ class Fit:
     def save(self, path: str | Path) -> None:
         """Write the fit (without the samples) as JSON; `modfun.load` reads it.
 
+        Parameters
+        ----------
+        path : str or Path
+
         Raises
         ------
+        SpecError
+            There is no such folder.
         ModfunError
             It cannot be written; a file that was there before is still whole.
         """

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from .errors import ModfunError
+from .errors import ModfunError, SpecError
 
 __all__ = ["unwritten", "write", "write_text"]
 
@@ -43,6 +43,8 @@ def write_text(what: str, path: str | Path, text: str) -> None:
 
     Raises
     ------
+    SpecError
+        There is no such folder.
     ModfunError
         It cannot be written; what was there before is still there.
     """
@@ -52,7 +54,9 @@ def write_text(what: str, path: str | Path, text: str) -> None:
             place.write_text(text, encoding="utf-8")
             return
         if not place.parent.is_dir():
-            raise FileNotFoundError(2, f"there is no folder {str(place.parent)!r}")
+            raise SpecError(
+                f"{what}: there is no folder {str(place.parent)!r}; make it first, or name another place"
+            )
         mode = place.stat().st_mode if place.exists() else None
         write(place, text.encode())
         if mode is not None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from contextlib import suppress
 from importlib.resources import files
 from itertools import count
 from pathlib import Path
 
 from ..errors import SpecError
 from ..extras import optional
+from ..whole import write_text
 from .parts import Page
 
 __all__ = ["check_place", "render", "save"]
@@ -40,7 +40,7 @@ def render(page: Page) -> str:
 
 
 def save(page: Page, path: str | os.PathLike[str], what: str) -> Path:
-    """Write the page under a temporary name and rename it: what was there stays until all is written.
+    """Write the page whole or not at all: what was there stays until all is written.
 
     Parameters
     ----------
@@ -58,26 +58,12 @@ def save(page: Page, path: str | os.PathLike[str], what: str) -> Path:
     Raises
     ------
     SpecError
-        Not the name of a page, a folder that is not there, or a place that cannot be written.
+        Not the name of a page, or a folder that is not there.
+    ModfunError
+        It cannot be written.
     """
     place = check_place(path, what)
-    data = render(page).encode()
-    scratch = place.with_name(f".{place.name}.{os.getpid()}.{os.urandom(4).hex()}")
-    try:
-        with open(scratch, "xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(scratch, place)
-    except BaseException as error:
-        with suppress(OSError):
-            scratch.unlink()
-        if isinstance(error, OSError):
-            raise SpecError(
-                f"{what}: {str(place)!r} cannot be written ({error.strerror or error}); make room or allow "
-                "writing there, or name another file"
-            ) from error
-        raise
+    write_text(what, place, render(page))
     return place
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError, SpecError
 from ..samples import INTERSAMPLE, frozen
 from ..tables import Table
+from ..whole import write_text
 from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:
@@ -338,10 +340,17 @@ class Signals:
         Parameters
         ----------
         path : str or Path
+
+        Raises
+        ------
+        ModfunError
+            It cannot be written; a file that was there before is still whole.
         """
         rows = np.column_stack([self.t, self.u.T])
         header = ",".join(["t", *self.inputs])
-        np.savetxt(path, rows, fmt="%.10g", delimiter=",", header=header, comments="")
+        text = StringIO()
+        np.savetxt(text, rows, fmt="%.10g", delimiter=",", header=header, comments="")
+        write_text("to_csv", path, text.getvalue())
 
     # What takes them -----------------------------------------------------------------------------
 

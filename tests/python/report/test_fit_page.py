@@ -97,7 +97,7 @@ def test_returns_the_path_and_replaces_only_when_whole(fit, tmp_path, monkeypatc
 
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", fail)
-        with pytest.raises(mf.SpecError, match=r"No space left on device.*make room"):
+        with pytest.raises(mf.ModfunError, match=r"No space left on device.*make room"):
             fit.report(place)
         patched.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
