@@ -55,7 +55,8 @@ def write_text(what: str, path: str | Path, text: str) -> None:
             return
         if not place.parent.is_dir():
             raise SpecError(
-                f"{what}: there is no folder {str(place.parent)!r}; make it first, or name another place"
+                f"{what}: {str(path)!r} cannot be written, there is no folder {str(place.parent)!r}; make it "
+                "first, or name another place"
             )
         mode = place.stat().st_mode if place.exists() else None
         write(place, text.encode())
