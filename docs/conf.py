@@ -16,7 +16,7 @@ extensions = [
     "myst_nb",
     "numpydoc",
     "pages",
-    "mathml",
+    "formulas",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
@@ -45,6 +45,7 @@ autosummary_generate = True
 numpydoc_class_members_toctree = False
 numpydoc_show_class_members = False  # the template lists them
 
+html_math_renderer = "drawn"
 html_theme = "pydata_sphinx_theme"
 html_title = "modfun"
 html_static_path = ["_static"]

@@ -12,7 +12,19 @@ from fnmatch import fnmatch
 
 from sphinx.application import Sphinx
 
-NOTEBOOK = "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n"
+# Only what is printed or drawn is shown, as where the page is run as a script.
+NOTEBOOK = """---
+file_format: mystnb
+kernelspec:
+  name: python3
+---
+```{code-cell} python3
+:tags: [remove-cell]
+%config InteractiveShell.ast_node_interactivity = "none"
+%config InlineBackend.figure_formats = ["svg"]
+```
+
+"""
 OUTPUT = r"\n(?:```text\n.*?^```|!\[[^\]\n]*\]\([^)\n]*\))\n"
 CELL = re.compile(rf"^```python\n(.*?)^```\n(?:{OUTPUT})*", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\((?!https?:)([^)\s#]+)\.md\)")
