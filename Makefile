@@ -38,7 +38,8 @@ format: .venv/dev
 
 ## The documentation site into target/docs; a warning is an error.
 docs: .venv/docs
-	$(BIN)/sphinx-build -W --keep-going -n -q -d target/doctrees docs target/docs
+	rm -rf docs/reference/generated
+	$(BIN)/sphinx-build -E -W --keep-going -n -q -d target/doctrees docs target/docs
 
 ## modfun against its rivals into docs/benchmarks.md; stages and growth of costs into docs/performance.md.
 bench: .venv/bench

@@ -17,12 +17,14 @@ extensions = [
     "numpydoc",
     "pages",
     "formulas",
+    "commands",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
     "sphinx_design",
 ]
-exclude_patterns = ["_build", "_extensions", "requirements.txt"]
+exclude_patterns = ["_build", "_extensions", "_templates", "requirements.txt"]
+templates_path = ["_templates"]
 
 # Pages whose ```python blocks are run while the site is built, and what they print and draw is shown.
 executed_pages = ["tour", "howto/*", "explanation/*"]
@@ -42,6 +44,12 @@ nb_merge_streams = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autosummary_generate = True
+# Functions of the same letters have pages, too: files that differ on every file system.
+autosummary_filename_map = {
+    f"modfun.{name}": f"modfun.{name}-class" for name in ("Collinearity", "Fit", "Sinusoids")
+}
+smartquotes = False  # options start with two hyphens
+default_role = "code"  # `words` of docstrings
 numpydoc_class_members_toctree = False
 numpydoc_show_class_members = False  # the template lists them
 

@@ -71,8 +71,8 @@ def frf(
         Lines of the longest record on each side of a frequency. Default: at each frequency, of six sizes, the
         one that predicts the lines nearby best when each is left out ("modulating": the narrowest).
     weighting : {"ls", "awls", "ml"}
-        Of the rows of "lrm": none; by 1/|A|² of the last of four estimates, which is less biased by noise in
-        neighbourhoods wider than those chosen by default; or Gauss-Newton from there, the best with three
+        Of the rows of "lrm": none; by `1/|A|²` of the last of four estimates, which is less biased by noise
+        in neighbourhoods wider than those chosen by default; or Gauss-Newton from there, the best with three
         times as many lines as unknowns, and erratic with fewer. Intervals of the last two are a tenth short.
     windows : sequence of float, optional
         Cut the records into windows of these durations, s, and stack their equations, which pays for a slowly

@@ -161,7 +161,7 @@ class FrequencyResponse:
     def radius(self, level: float = 0.95) -> F64 | None:
         """Radius of the circles about the gains that hold them with this probability, (output, input, omega).
 
-        |Ĝ − G|² over its variance is distributed as F with 2 and 2 `degrees` degrees of freedom where the
+        `|Ĝ − G|²` over its variance is distributed as F with 2 and 2 `degrees` degrees of freedom where the
         noise is normal; as χ²/2 where `degrees` is not known. None where no covariance is known.
 
         Parameters

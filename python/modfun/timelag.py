@@ -411,7 +411,7 @@ class DelaySystem:
 class Uncertainty:
     """One error of a plant's matrices, for `DelaySystem.mu`.
 
-    A scalar δ, |δ| ≤ 1, that is "real" or "complex", times the matrices given: A_k + δ·A[k], B_r + δ·B[r],
+    A scalar δ, `|δ| ≤ 1`, that is "real" or "complex", times the matrices given: A_k + δ·A[k], B_r + δ·B[r],
     the same δ in all of them, as a physical parameter has it. Or a "full" block: any matrix Δ with
     ‖Δ‖₂ ≤ 1, as A_k + Δ·A[k], B_r + Δ·B[r].
 

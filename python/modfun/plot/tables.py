@@ -124,7 +124,7 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
 
 
 def study(res: Results, ax: Any = None) -> Any:
-    """Draw bias and standard deviation against NSR, as the report's Fig. 2, one row a cell otherwise.
+    """Draw bias and standard deviation against NSR, as figure 2 of the report, one row a cell otherwise.
 
     A study with one noise level is drawn over its first axis with several numbers.
 

@@ -38,7 +38,7 @@ def multisine(
 
     The lines are the multiples of 2π/T in the band, T the duration less the rests, dealt out to the inputs
     in turn: so inputs that move at once are orthogonal over T, and each covers the band. Phases start as
-    Schroeder's and are then moved to make the largest |u| small (p-norms from 4 to 128). Each input is
+    Schroeder's and are then moved to make the largest `|u|` small (p-norms from 4 to 128). Each input is
     shifted in time so that it begins and ends at zero.
 
     Parameters
@@ -52,7 +52,7 @@ def multisine(
     dt : float
         Sampling interval, s; eight samples a period of the upper edge are good.
     amplitude : float or sequence of float, default 1
-        Largest |u|, of all inputs or one an input.
+        Largest `|u|`, of all inputs or one an input.
     power : array_like or callable, optional
         Relative power of each line in the band, in order of frequency, or a function of an array of rad/s
         that returns it. Default: the same for all.

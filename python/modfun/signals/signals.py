@@ -129,7 +129,7 @@ class Signals:
 
     @property
     def peak(self) -> F64:
-        """Largest |u| of each input."""
+        """Largest `|u|` of each input."""
         return np.asarray(np.abs(self.u).max(axis=1))
 
     @property

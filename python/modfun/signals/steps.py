@@ -173,7 +173,7 @@ def prbs(
         Length of the record, s, rests included. The sequence is repeated or cut to fill it. Default: one
         period and the rests; with `clock` or one edge it is needed.
     amplitude : float, default 1
-        Largest |u|.
+        Largest `|u|`.
     seed : int, default 0
         Where in its period the sequence begins.
     rate : float, optional

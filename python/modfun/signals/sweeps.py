@@ -44,7 +44,7 @@ def chirp(
     dt : float
         Sampling interval, s.
     amplitude : float, default 1
-        Largest |u|.
+        Largest `|u|`.
     sweep : {"logarithmic", "linear"}
         Course of the frequency. Logarithmic: as long in each octave, as piloted sweeps are.
     fade : float, optional
