@@ -120,7 +120,7 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
         chi2=chi2,
         df=df,
         p_value=p_value,
-        notes=_notes(fit, shared[0], chi2, df, p_value, level),
+        notes=_notes(shared[0], chi2, df, p_value, level),
     )
 
 
@@ -245,9 +245,7 @@ def _reduced(fit: Fit, cov: F64) -> tuple[F64 | None, F64 | None, float, int, fl
     return found, own, chi2, df, float(chdtrc(df, chi2))
 
 
-def _notes(
-    fit: Fit, groups: list[list[_Root]], chi2: float, df: int, p_value: float, level: float
-) -> tuple[str, ...]:
+def _notes(groups: list[list[_Root]], chi2: float, df: int, p_value: float, level: float) -> tuple[str, ...]:
     notes = []
     if np.isnan(p_value):
         notes.append(

@@ -368,7 +368,7 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
     rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in whole]
-    _refuse_not_finite(layout, rows, options)
+    _refuse_not_finite(layout, rows)
     found = made.core.fit(rows)
     levels, outputs = found["levels"], len(layout.outputs)
     known = levels[:outputs]
@@ -428,7 +428,7 @@ def _all_noisy(layout: EquationLayout, variance: F64 | None) -> F64 | None:
     return np.ascontiguousarray(np.vstack([variance, np.ones((more, variance.shape[1]))]))
 
 
-def _refuse_not_finite(layout: EquationLayout, rows: Sequence[F64], options: Options) -> None:
+def _refuse_not_finite(layout: EquationLayout, rows: Sequence[F64]) -> None:
     for k, values in enumerate(rows):
         for channel, row in zip(layout.formulas.channels, values, strict=True):
             bad = ~np.isfinite(row)

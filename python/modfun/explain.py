@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import html
-from .diagnosis import diagnose, disagreement, fewest_samples, growth, surely_stable
+from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, surely_stable
 from .errors import SpecError
 from .noise import Noise
 from .tables import Findings, Table, nearest
@@ -130,6 +130,11 @@ def _disagreement(fit: Fit) -> str | None:
     )
 
 
+def _too_large(d: Diagnosis) -> bool:
+    """Whether the residuals are more than the noise of the high band explains."""
+    return d.chi2_p < UNLIKELY or d.level_ratio > LEVEL
+
+
 def check(fit: Fit) -> Findings:
     """What is wrong or doubtful about a fit; see `Fit.check`."""
     title = f"Check of {one_line(fit)}"
@@ -137,7 +142,7 @@ def check(fit: Fit) -> Findings:
         return Findings(title, [fit.message])
     d = diagnose(fit)
     found: list[str | None] = [None if fit.success else fit.message, _unstable(fit)]
-    if d.chi2_p < UNLIKELY or d.level_ratio > LEVEL:
+    if _too_large(d):
         found.append(
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
             f"{fit.df_resid} degrees of freedom. "
@@ -352,13 +357,13 @@ def _noise(fit: Fit) -> str:
 def _chi2(fit: Fit) -> str:
     if np.isnan(fit.chi2):
         return "not available (needs even samples, white output noise or a given one, and awls or ml)"
-    ratio = float(np.sqrt(fit.chi2 / fit.df_resid))
+    d = diagnose(fit)
     verdict = (
-        "as it should be"
-        if 1 / LEVEL < ratio < LEVEL
-        else "residuals above the high band's level: model too simple, or filtered record"
-        if ratio >= LEVEL
+        "residuals above the high band's level: model too simple, or filtered record"
+        if _too_large(d)
         else "residuals below the high band's level"
+        if d.level_ratio < 1 / LEVEL
+        else "as it should be"
     )
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom: {verdict}"
 

@@ -15,7 +15,7 @@ from .expressions import is_samples, sources
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
-from .samples import frequencies
+from .samples import frequencies, frozen
 from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
@@ -470,8 +470,8 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
                     "an improper system has no response to samples: lower the numerator's degree "
                     "or add fast poles"
                 )
-            tops.append(_freeze(n / d[0]))
-            bottoms.append(_freeze(d / d[0]))
+            tops.append(frozen(n / d[0]))
+            bottoms.append(frozen(d / d[0]))
         top.append(tuple(tops))
         bottom.append(tuple(bottoms))
     return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
@@ -527,7 +527,7 @@ def ss(
         )
     if not all(np.all(np.isfinite(m)) for m in (a, b, c, d)):
         raise SpecError("mf.ss: a matrix holds nan or inf; all entries must be finite")
-    matrices = (_freeze(a), _freeze(b), _freeze(c), _freeze(d))
+    matrices = (frozen(np.array(a)), frozen(np.array(b)), frozen(np.array(c)), frozen(np.array(d)))
     return LTI(None, None, matrices, _delays(delay, b.shape[1], "mf.ss"))
 
 
@@ -545,9 +545,3 @@ def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[flo
             "(an output that leads its input is not causal: shift the output instead)"
         )
     return tuple(float(v) for v in values)
-
-
-def _freeze(array: F64) -> F64:
-    frozen = np.array(array, dtype=np.float64, order="C")
-    frozen.flags.writeable = False
-    return frozen

@@ -16,6 +16,7 @@ from .errors import FitError, SpecError
 from .estimation import _fit, _options, _records
 from .masking import refuse_own_noise
 from .options import Choices, Options
+from .polynomials import roots_of
 from .prepared import plain_words
 from .records import Record
 from .results import Fit
@@ -25,7 +26,6 @@ from .tables import Table
 __all__ = ["OrderSelection", "select_order"]
 
 F64 = NDArray[np.float64]
-Zeros = int | tuple[int | None, ...]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
@@ -42,7 +42,7 @@ class OrderSelection:
         the transient coefficients that the order needs), cost, residual (root mean square of the weighted
         residuals, in units of the output: the report's residual norm), chi2 and p_value (cost in units of
         the noise of the high band), aicc, bic, calibrated_bic, cancelling (standard errors between the
-        pole and the zero that are nearest to cancelling) and status.
+        pole and the zero that are nearest to cancelling), stable (all poles left of the axis) and status.
     best : Fit
         The candidate with the lowest criterion, fitted by itself.
     fits : tuple of Fit
@@ -322,8 +322,14 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
         "bic": bic.tolist(),
         "calibrated_bic": calibrated.tolist(),
         "cancelling": [None if not isfinite(d) else d for d in pairs.tolist()],
+        "stable": [row["usable"] and _growth(row) < 0 for row in rows],
         "status": [row["status"] for row in rows],
     }
+    if not columns["stable"][best]:
+        notes += (
+            f"The chosen candidate is unstable: a pole has real part {_growth(rows[best]):.3g} rad/s. "
+            "Right for an unstable system; else take the best of those that the table calls stable.",
+        )
     return OrderSelection(
         table=Table(columns),
         best=race.fits[best],
@@ -333,6 +339,11 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
         sigma=pooled,
         notes=(_chosen(race.structures[best], best, score, criterion, n), *notes),
     )
+
+
+def _growth(row: dict[str, Any]) -> float:
+    """Largest real part of the poles of a candidate, rad/s."""
+    return float(np.max(roots_of(row["fit"].layout.polynomials(row["theta"])[0]).real))
 
 
 def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:

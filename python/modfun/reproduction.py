@@ -155,7 +155,7 @@ def report(
     levels = RIVAL_LEVELS[::3] if quick else RIVAL_LEVELS
     rival = _study(others, levels, runs, seed).run(progress=progress)
     table = _join(small, large, rival)
-    timing = _timing(small, large, rival)
+    timing = _timing(large, rival)
     sentences = _sentences(table, sampling, timing)
     files = (
         reproduction_figures.sampling(sampling, folder / "fig1c.png"),
@@ -254,7 +254,7 @@ def _join(small: Results, large: Results, rival: Results) -> Table:
     return Table(columns, title="Fig. 2: bias and standard deviation, % of the true parameters")
 
 
-def _timing(small: Results, large: Results, rival: Results) -> Table:
+def _timing(large: Results, rival: Results) -> Table:
     rows = []
     for res in (large, rival):
         cells = int(np.prod([len(res.axes[name]) for name in ("initial_state", "nsr")]))

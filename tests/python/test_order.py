@@ -296,3 +296,16 @@ def test_the_plot_shows_levels_and_criterion():
     one = plt.figure().gca()
     assert mf.plot.order(found, ax=one) is one
     plt.close("all")
+
+
+@pytest.mark.parametrize(("pole", "stable"), [(0.4, False), (-0.4, True)])
+def test_the_table_says_which_candidates_are_stable(pole, stable):
+    rec = mf.simulate(
+        mf.tf([2], [1, -pole]), input="sign(sin(2*t))", duration=6, intervals=300, nsr=0.02, seed=3
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)  # each unstable candidate says so itself
+        found = mf.select_order(rec, poles=range(1, 4))
+    assert found.best.order == 1
+    assert found.table["stable"][0] == stable
+    assert any("unstable: a pole has real part" in note for note in found.notes) != stable

@@ -17,7 +17,9 @@ __all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression"]
 FUNCTIONS = {
     **dict.fromkeys(["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"], 1),
     **dict.fromkeys(["exp", "log", "sqrt", "abs", "sign", "floor", "step"], 1),
-    **{"min": 2, "max": 2, "where": 3},
+    "min": 2,
+    "max": 2,
+    "where": 3,
 }
 CONSTANTS = ("pi", "e")
 ALLOWED = (
