@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import html
 from .errors import SpecError
+from .intervals import probability
 from .results import Fit
 from .tables import Table
 
@@ -102,8 +103,7 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
             'common_poles: takes a fit of several outputs with denominator="separate"; here there is one '
             "denominator"
         )
-    if not 0 < level < 1:
-        raise SpecError(f"common_poles: level={level!r} must lie between 0 and 1")
+    level = probability("common_poles", level)
     fit._need_numbers("common_poles")
     cov = fit.cov_params()
     outputs = range(len(fit.outputs))

@@ -199,7 +199,7 @@ def check(fit: Fit) -> Findings:
 def one_line(fit: Fit) -> str:
     """A fit on one line."""
     numbers = ", ".join(
-        f"{name}={value:.5g}±{error:.2g}"
+        f"{name}={value:.5g}" + (" (on its bound)" if name in fit.at_bound else f"±{error:.2g}")
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
     return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}: {numbers})"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .batches import Batch
 from .errors import DataError, SpecError
 from .extras import optional
+from .intervals import probability, student_interval
 from .options import Options
 from .prepared import prepare, refuse_standing
 from .records import Record
@@ -70,6 +71,11 @@ class FitMany:
     def degrees(self) -> Any:
         """Degrees of freedom of the intervals params ± t·bse: `df_resid`, of equations with HC3 `df_hc3`."""
         return self.df_hc3 if self.df_hc3 is not None and self.options.cov_type == "HC3" else self.df_resid
+
+    def conf_int(self, level: float = 0.95) -> F64:
+        """Confidence intervals, (replicate, p, 2), from Student's t; nan where there is no estimate."""
+        level = probability("conf_int", level)
+        return np.stack(student_interval(self.params, self.bse, self.degrees, level), axis=-1)
 
     @property
     def success(self) -> NDArray[np.bool_]:

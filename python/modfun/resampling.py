@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .batches import Batch
 from .errors import FitError, SpecError
 from .estimation import _fit, _threads, fit_many
+from .intervals import probability
 from .many import FitMany, collect
 from .options import Options
 from .progress import Progress
@@ -126,8 +127,7 @@ class Bootstrap(FitMany):
 
     def _ends(self, level: float, method: str) -> tuple[F64, F64]:
         """Limits and their Monte Carlo standard errors, each (p, 2)."""
-        if isinstance(level, bool) or not isinstance(level, float | int) or not 0 < level < 1:
-            raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
+        level = probability("conf_int", level)
         if method not in INTERVALS:
             raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, INTERVALS)}")
         theta, value = self._good(2), self.fit.params

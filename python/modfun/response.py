@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import html
 from .errors import DataError, SpecError
 from .extras import optional
+from .intervals import probability
 from .options import Options
 from .samples import frequencies
 from .tables import Table
@@ -173,8 +174,7 @@ class FrequencyResponse:
         SpecError
             A level that is not between 0 and 1.
         """
-        if not (isinstance(level, float) and 0 < level < 1):
-            raise SpecError(f"radius: level={level!r} must lie between 0 and 1, as 0.95")
+        level = probability("radius", level)
         bse = self.bse
         if bse is None:
             return None

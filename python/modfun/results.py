@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, explain, prediction, validation
 from . import derived as derivations
 from .errors import DataError, FitError, SpecError
+from .intervals import probability, student_interval
 from .layout import Layout
 from .lti import LTI, ss, tf
 from .noise import Noise
@@ -163,8 +164,7 @@ class Fit:
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
-        if not (isinstance(level, float | int) and 0 < level < 1):
-            raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
+        level = probability("conf_int", level)
         return np.column_stack(self.interval(self.params, self.bse, level, self.degrees))
 
     @property
@@ -174,11 +174,7 @@ class Fit:
 
     def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
         """Lower and upper limits of estimates with these standard errors (Student's t)."""
-        from scipy.special import stdtrit  # scipy.stats takes seconds to load
-
-        free = np.asarray(self.df_resid if degrees is None else degrees, dtype=float)
-        factor = np.where(free > 0, stdtrit(np.where(free > 0, free, 1.0), 0.5 + level / 2), np.nan)
-        return values - factor * errors, values + factor * errors
+        return student_interval(values, errors, self.df_resid if degrees is None else degrees, level)
 
     def estimates(self) -> dict[str, float]:
         """Estimates by name."""

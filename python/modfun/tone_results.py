@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SpecError
+from .intervals import probability, student_interval
 from .tables import Table, nearest
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
@@ -143,12 +144,8 @@ class Sinusoids(_Tones):
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
-        from scipy.special import stdtrit
-
-        if not (isinstance(level, float | int) and 0 < level < 1):
-            raise SpecError(f"conf_int: level={level!r} must lie between 0 and 1, as 0.95")
-        reach = float(stdtrit(self.df_resid, 0.5 + level / 2)) * self.bse
-        return np.column_stack([self.params - reach, self.params + reach])
+        level = probability("conf_int", level)
+        return np.column_stack(student_interval(self.params, self.bse, self.df_resid, level))
 
     def estimates(self) -> dict[str, float]:
         """Estimates by name, what an estimator of `MonteCarlo` may return."""

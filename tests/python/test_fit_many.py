@@ -23,6 +23,7 @@ def test_a_batch_equals_single_fits(batch, method):
         one = mf.fit(batch[k], TF20, method=method, harmonics=harmonics)
         np.testing.assert_allclose(many.params[k], one.params, rtol=1e-12)
         np.testing.assert_allclose(many.bse[k], one.bse, rtol=1e-12)
+        np.testing.assert_allclose(many.conf_int(0.9)[k], one.conf_int(0.9), rtol=1e-12)
         assert many.cost[k] == pytest.approx(one.cost, rel=1e-12)
         assert many.status[k] == one.status
     assert many.df_resid == one.df_resid
@@ -111,3 +112,9 @@ def test_progress_is_shown_on_request_only(batch, capsys):
 def test_bad_input_is_refused_with_the_cure(batch, call, error, cure):
     with pytest.raises(error, match=cure):
         call(batch)
+
+
+def test_the_level_of_intervals_is_a_probability(batch):
+    many = mf.fit_many(batch, TF20)
+    with pytest.raises(mf.SpecError, match=r"conf_int: level=95 must lie between 0 and 1, as 0\.95"):
+        many.conf_int(95)

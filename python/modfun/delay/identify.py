@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..equations import Equation
 from ..errors import SpecError
+from ..intervals import probability
 from ..lti import LTI
 from ..nonlinear import NonlinearModel
 from ..timelag import DelaySystem, Uncertainty
@@ -103,8 +104,7 @@ def errors_of(fit: Fit, level: float) -> list[Uncertainty]:
     """`mf.timelag.errors`."""
     from scipy.stats import chi2
 
-    if not (isinstance(level, int | float) and 0 < level < 1):
-        raise SpecError(f"timelag.errors: level={level!r} must lie between 0 and 1")
+    level = probability("timelag.errors", level)
     model = fit.model
     if not isinstance(model, NonlinearModel):
         raise SpecError("timelag.errors: give a fit of mf.timelag.equation(...) or of a linear mf.Equation")

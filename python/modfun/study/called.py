@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..errors import ModfunWarning
+from ..intervals import student_factor
 from ..records import Record
 from ..results import Fit
 from .contenders import Contender
@@ -175,11 +176,8 @@ class _Cell:
         self.seconds += time.perf_counter() - start
 
     def _cover(self, rows: I64, bse: F64, degrees: Any) -> None:
-        from scipy.special import stdtrit  # scipy.stats takes seconds to load
-
         with np.errstate(invalid="ignore"):
-            factor = np.where(np.asarray(degrees) > 0, stdtrit(degrees, 0.5 + LEVEL / 2), np.nan)
-            off, reach = np.abs(self.theta[rows] - self.truth), factor * bse
+            off, reach = np.abs(self.theta[rows] - self.truth), student_factor(degrees, LEVEL) * bse
             self.covered[rows] = np.where(np.isnan(off) | np.isnan(reach), np.nan, off <= reach)
 
     def count(self, tally: Tally, where: tuple[int, int, int], coverage: bool) -> Bins:

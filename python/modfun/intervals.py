@@ -1,0 +1,35 @@
+"""Confidence intervals: their probability checked, and Student's t, in one place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SpecError
+
+__all__ = ["probability", "student_factor", "student_interval"]
+
+F64 = NDArray[np.float64]
+
+
+def probability(what: str, level: Any) -> float:
+    """The level of an interval, between 0 and 1."""
+    if isinstance(level, bool) or not isinstance(level, float | int | np.floating) or not 0 < level < 1:
+        raise SpecError(f"{what}: level={level!r} must lie between 0 and 1, as 0.95")
+    return float(level)
+
+
+def student_factor(degrees: Any, level: float) -> F64:
+    """Half-width of an interval in standard errors; nan without degrees of freedom."""
+    from scipy.special import stdtrit  # scipy.stats takes seconds to load
+
+    free = np.asarray(degrees, dtype=np.float64)
+    return np.where(free > 0, stdtrit(np.where(free > 0, free, 1.0), 0.5 + level / 2), np.nan)
+
+
+def student_interval(values: F64, errors: F64, degrees: Any, level: float) -> tuple[F64, F64]:
+    """Lower and upper limits of estimates with these standard errors."""
+    half = student_factor(degrees, level) * errors
+    return values - half, values + half
