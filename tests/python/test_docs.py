@@ -79,9 +79,18 @@ def test_the_pages_are_there():
     assert list(blocks("python"))
 
 
+def shown_behind(page, line, code):
+    """The ```text block right behind the block of code that begins in a line."""
+    rest = page.read_text(encoding="utf-8").split("\n")[line - 1 + code.count("\n") :]
+    found = re.match(r"```\n\n```text\n(.*?)^```$", "\n".join(rest), re.DOTALL | re.MULTILINE)
+    return found[1].rstrip() if found else ""
+
+
 @pytest.mark.parametrize("name", CONTINUED)
 def test_blocks_that_follow_one_another_run_without_a_warning(name, tmp_path, monkeypatch, capsys):
     matplotlib.use("Agg")
+    from matplotlib import pyplot
+
     if name in SAMPLES:
         example, sample = SAMPLES[name]
         monkeypatch.syspath_prepend(str(ROOT / "examples"))
@@ -93,6 +102,11 @@ def test_blocks_that_follow_one_another_run_without_a_warning(name, tmp_path, mo
         for page, code, line in (block.values for block in blocks("python")):
             if page == ROOT / name:
                 exec(compile("\n" * (line - 1) + code, str(page), "exec"), names)
+                printed = re.sub(r" +$", "", capsys.readouterr().out, flags=re.MULTILINE).rstrip()
+                pyplot.close("all")
+                if name not in SAMPLES:  # which shows parts of what it prints
+                    told = "python docs/outputs.py writes it anew"
+                    assert shown_behind(page, line, code) == printed, f"{name}:{line}: {told}"
 
 
 @pytest.mark.parametrize(("page", "code", "line"), separate_blocks())
