@@ -2,8 +2,8 @@
 
 python docs/outputs.py docs/tour.md docs/howto/*.md docs/explanation/*.md
 
-The blocks of a page run in order in an empty folder. What a block prints becomes the ```text block behind it; a
-figure that it draws is saved where the image behind it points to. The tests hold the text to be true.
+The blocks of a page run in order in an empty folder. What a block prints becomes the ```text block behind it,
+a figure that it draws is saved where the image behind it points to. The tests hold the text to be true.
 """
 
 import contextlib
