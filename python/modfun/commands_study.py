@@ -23,7 +23,6 @@ from .study.files import write
 from .study.results import Results
 from .study.shards import Status
 from .tables import Table
-from .whole import write_text
 
 __all__ = ["mc"]
 
@@ -171,12 +170,9 @@ def report(
     json_to: Json = None,
 ) -> None:
     """Write tables, figure, failures and provenance of a study as one HTML page."""
-    from .study import report
-
     _page(out)
     results = shards.load(directory)
-    write_text("--out", out, report.page(directory, results))
-    say(f"wrote {out}")
+    say(f"wrote {results.report(out, directory=directory)}")
     write_json(json_to, results.to_dict())
 
 

@@ -162,6 +162,13 @@ class Fit:
         )
         return (self.cov_hc3 if kind == "HC3" else self.cov_nonrobust).copy()
 
+    def correlation(self) -> F64:
+        """Correlation matrix of the estimates, (p, p), of the fit's `cov_type`; nan beside a bound."""
+        self._need_numbers("correlation")
+        errors = self.bse
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.cov_params() / np.outer(errors, errors))
+
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
         level = probability("conf_int", level)
@@ -608,6 +615,24 @@ class Fit:
         from . import plot
 
         return plot.residuals(self, ax=ax, output=output)
+
+    def plot_residual_tests(self, *, output: str | None = None, ax: Any = None) -> Any:
+        """Cumulated power and normal quantiles of the residual lines; see `modfun.plot.residual_tests`."""
+        from . import plot
+
+        return plot.residual_tests(self, ax=ax, output=output)
+
+    def plot_harmonics(self, rec: Record | int | None = None, *, hz: bool = False, ax: Any = None) -> Any:
+        """Spectrum with the used harmonics shaded and the noise level; see `modfun.plot.harmonics`."""
+        from . import plot
+
+        return plot.harmonics(self, rec, ax=ax, hz=hz)
+
+    def plot_correlation(self, *, ax: Any = None) -> Any:
+        """Correlations of the estimates as a matrix; see `modfun.plot.correlation`."""
+        from . import plot
+
+        return plot.correlation(self, ax=ax)
 
     def plot_poles(self, *, ax: Any = None) -> Any:
         """Poles with 95 % confidence ellipses; see `modfun.plot.poles`."""

@@ -18,6 +18,7 @@ __all__ = [
     "Whiteness",
     "colour_of_lines",
     "correlation_of_lines",
+    "cumulated_power",
     "fit_percent",
     "free_response",
     "r2",
@@ -257,17 +258,29 @@ def colour_of_lines(residuals: Sequence[C128]) -> tuple[Whiteness, float]:
     """
     from scipy.special import kolmogorov
 
-    power = [np.abs(e) ** 2 for e in residuals]
-    longest = max(power, key=len)
-    count = sum(p.size for p in power)
-    if longest.size < 6 or float(longest.sum()) == 0:
+    longest = max(residuals, key=len)
+    count = sum(e.size for e in residuals)
+    if longest.size < 6 or not np.any(longest):
         return Whiteness(np.nan, np.nan, count), np.nan
-    share = [np.linspace(0, 1, p.size + 1)[1:] for p in power]
-    order = np.argsort(np.concatenate(share), kind="stable")
-    pooled = np.concatenate(power)[order]
+    pooled = _pooled(residuals)
     cumulated = np.cumsum(pooled) / pooled.sum()
     distance = float(np.max(np.abs(cumulated[:-1] - np.arange(1, count) / count)))
     half = count // 2
     with np.errstate(divide="ignore"):
         ratio = float(np.sqrt(np.divide(pooled[:half].mean(), pooled[half:].mean())))
     return Whiteness(distance, float(kolmogorov(distance * np.sqrt(count - 1))), count), ratio
+
+
+def cumulated_power(residuals: Sequence[C128]) -> tuple[F64, F64]:
+    """Power of the lines cumulated over the band of all records together, both from 0 to 1, (line,)."""
+    pooled = _pooled(residuals)
+    total = float(pooled.sum()) or 1.0
+    return np.arange(1, pooled.size + 1) / pooled.size, np.cumsum(pooled) / total
+
+
+def _pooled(residuals: Sequence[C128]) -> F64:
+    """Power of the lines of all records, in the order of their place in their band."""
+    share = np.concatenate([np.linspace(0, 1, e.size + 1)[1:] for e in residuals])
+    order = np.argsort(share, kind="stable")
+    power: F64 = np.concatenate([np.abs(e) ** 2 for e in residuals])[order]
+    return power

@@ -423,8 +423,8 @@ def test_a_report_over_an_axis_of_ones_own(tmp_path: Path) -> None:
     assert run("run", "study.toml", "--out", "a") == 0
     assert run("report", "a", "--out", "r.html") == 0
     text = Path("r.html").read_text(encoding="utf-8")
-    assert "<!-- df -->" in text  # matplotlib's comment beside the drawn words
-    assert "<!-- b -->" in text
+    assert ">df</text>" in text  # drawn words are text
+    assert ">b</text>" in text
     assert "<h2>Metrics</h2>" in text
 
 

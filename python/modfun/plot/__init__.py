@@ -1,6 +1,7 @@
 """Plots: each takes ``ax=`` and returns the Axes drawn on; none shows a window or changes settings."""
 
 from .channels import record, signals, sinusoids, spectrum, track
+from .diagnostics import correlation, harmonics, residual_tests
 from .fits import poles, residuals, response
 from .frequency import bode, reduction
 from .tables import comparison, cross_validation, order, study
@@ -8,11 +9,14 @@ from .tables import comparison, cross_validation, order, study
 __all__ = [
     "bode",
     "comparison",
+    "correlation",
     "cross_validation",
+    "harmonics",
     "order",
     "poles",
     "record",
     "reduction",
+    "residual_tests",
     "residuals",
     "response",
     "signals",

@@ -53,6 +53,18 @@ def chosen_outputs(fit: Fit, output: str | None, what: str) -> list[int]:
     return [fit.outputs.index(output)]
 
 
+def chosen_rows(fit: Fit, output: str | None, what: str) -> list[int]:
+    """Positions of the rows of residuals to draw: outputs or, of equations, these, which may be fewer."""
+    rows = fit.row_names
+    if output is None:
+        return list(range(len(rows)))
+    if output in rows:
+        return [rows.index(output)]
+    if len(rows) != len(fit.outputs):
+        raise SpecError(f"{what}: residuals belong to equations; {nearest(output, rows)}")
+    return chosen_outputs(fit, output, what)
+
+
 def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:
     """Return Axes row by row: new ones, or the given ones."""
     if ax is not None:
@@ -94,11 +106,13 @@ def label_axes(axes: Sequence[Any], names: Sequence[str], units: dict[str, str],
 
 
 def bridge_gaps(here: Any, rec: Record, name: str, label: str) -> None:
-    """Dots from the good samples beside a gap across the masked ones, whose values the record filled in."""
+    """Dots from the good samples beside a gap across the masked ones, which the record filled in; shaded."""
     masked = ~rec._good(name)
     if masked.any():
         masked |= np.append(masked[1:], False) | np.insert(masked[:-1], 0, False)
         here.plot(rec.t, np.where(masked, rec[name], np.nan), ":", color="0.5", linewidth=1.0, label=label)
+        across = here.get_xaxis_transform()
+        here.fill_between(rec.t, 0, 1, where=masked, transform=across, color="0.5", alpha=0.15, linewidth=0)
 
 
 def frequency_axis(hz: bool) -> tuple[float, str]:

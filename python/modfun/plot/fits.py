@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpecError
-from .axes import bridge_gaps, chosen_outputs, returned, take_axes, take_pairs
+from .axes import bridge_gaps, chosen_outputs, chosen_rows, returned, take_axes, take_pairs
 
 if TYPE_CHECKING:
     from ..records import Record
@@ -64,21 +64,21 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     ----------
     fit : Fit
     ax : sequence of Axes, optional
-        Two an output, in turn; new ones by default.
+        Two a row, in turn; new ones by default. Rows are the outputs; of equations these.
     output : str, optional
-        Name of the one output to draw; default: all.
+        Name of the one row to draw, as "q" or "equation 1"; default: all.
 
     Returns
     -------
-    ndarray of Axes, shape (2 · outputs,)
+    ndarray of Axes, shape (2 · rows,)
     """
     from ..validation import correlation_of_lines
 
-    chosen = chosen_outputs(fit, output, "plot.residuals")
+    chosen = chosen_rows(fit, output, "plot.residuals")
     axes = take_pairs(ax, len(chosen), height=2.3, sharex=False)
     for (upper, lower), i in zip(axes, chosen, strict=True):
         pieces = [piece[i] for piece in fit.pieces]
-        of = "" if len(fit.outputs) == 1 else f" of {fit.outputs[i]}"
+        of = "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}"
         _lines_over_m(upper, fit.lines, pieces)
         upper.set_ylabel(f"whitened residual{of}")
         test, r = correlation_of_lines(pieces)

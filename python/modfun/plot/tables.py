@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -142,14 +143,8 @@ def study(res: Results, ax: Any = None) -> Any:
     -------
     ndarray of Axes, shape (2 · cells,)
     """
-    over = next((name for name in ("nsr", *res.axes) if _is_scale(res.axes.get(name, ()))), None)
-    if over is None:
-        raise SpecError("plot.study: the study has one noise level and no axis of numbers; give nsr a list")
-    if not np.any(np.isfinite(res.truth)):
-        raise SpecError("plot.study: no parameter's truth is known, so that there is no bias to draw")
+    over, other, cells = study_rows(res)
     figures = res.relative()
-    other = [name for name in res.axes if name not in (over, "estimator", "parameter")]
-    cells = list(dict.fromkeys(zip(*(figures[name].tolist() for name in other), strict=True))) or [()]
     axes = take_grid(ax, len(cells), 2)
     x = np.array(res.axes[over]) * (100 if over == "nsr" else 1)
     for row, cell in enumerate(cells):
@@ -176,6 +171,17 @@ def study(res: Results, ax: Any = None) -> Any:
     for drawn in axes[:2]:
         drawn.legend(frameon=False, fontsize="small")
     return returned(ax, axes)
+
+
+def study_rows(res: Results) -> tuple[str, list[str], list[tuple[Any, ...]]]:
+    """The axis that a study is drawn over, its other axes, and their labels, a row of Axes each."""
+    over = next((name for name in ("nsr", *res.axes) if _is_scale(res.axes.get(name, ()))), None)
+    if over is None:
+        raise SpecError("plot.study: the study has one noise level and no axis of numbers; give nsr a list")
+    if not np.any(np.isfinite(res.truth)):
+        raise SpecError("plot.study: no parameter's truth is known, so that there is no bias to draw")
+    other = [name for name in res.axes if name not in (over, "estimator", "parameter")]
+    return over, other, list(product(*(res.axes[name] for name in other)))
 
 
 def _is_scale(labels: Sequence[Any]) -> bool:

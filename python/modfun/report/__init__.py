@@ -10,8 +10,9 @@ from .page import check_place, save
 
 if TYPE_CHECKING:
     from ..results import Fit
+    from ..study.results import Results
 
-__all__ = ["write_fit"]
+__all__ = ["write_fit", "write_study"]
 
 
 def write_fit(
@@ -22,3 +23,17 @@ def write_fit(
 
     check_place(path, "report")
     return save(page_of(fit, title, command), path, "report")
+
+
+def write_study(
+    results: Results,
+    path: str | os.PathLike[str],
+    *,
+    directory: str | os.PathLike[str] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Write the report of a study; see `Results.report`."""
+    from .of_study import page_of
+
+    check_place(path, "report")
+    return save(page_of(results, directory, title), path, "report")

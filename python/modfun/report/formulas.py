@@ -264,8 +264,9 @@ def _power(base: str, power: int) -> str:
 def _primed(base: str, primes: int) -> str:
     if not primes:
         return base
-    mark = _mo("′" * primes) if primes <= 3 else _row(_mo("("), _mn(str(primes)), _mo(")"))
-    return f"<msup>{base}{mark}</msup>"
+    if primes <= 3:
+        return f'<mrow>{base}<mo lspace="0.05em" rspace="0.1em">{"′" * primes}</mo></mrow>'
+    return f"<msup>{base}{_row(_mo('('), _mn(str(primes)), _mo(')'))}</msup>"
 
 
 def _fraction(above: str, below: str) -> str:

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
+from dataclasses import replace
+
+import numpy as np
 
 from .. import plot
 from ..equations import Equation
-from ..errors import FitError, SpecError
-from ..explain import UNLIKELY
+from ..errors import SpecError
+from ..response_fit import ResponseFit
 from ..results import Fit
 from ..statespace import StateSpace
 from ..written import Written
-from . import formulas, provenance, words
+from . import formulas, of_gains, of_records, provenance, words
 from .figures import drawn
-from .of_data import data_section, spectrum_section
 from .parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
 
 __all__ = ["page_of"]
 
-SHOWN = 4  # records that are drawn
+STRONG = 0.9  # correlation
 
 
 def page_of(fit: Fit, title: str | None, command: str | None) -> Page:
@@ -34,13 +35,12 @@ def page_of(fit: Fit, title: str | None, command: str | None) -> Page:
         The command line that made it.
     """
     said, tone, findings = words.verdict(fit)
+    data = of_gains if isinstance(fit, ResponseFit) else of_records
     made = (
-        data_section(fit),
-        spectrum_section(fit),
-        section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), lambda: _scores(fit)),
+        *data.before(fit),
+        section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), lambda: data.level(fit)),
         section("bode", "Frequency response", lambda: _bode(fit)),
-        section("response", "Response", lambda: _responses(fit)),
-        section("residuals", "Residuals", lambda: _residuals(fit), lambda: _tests(fit)),
+        *data.after(fit),
         section("poles", "Poles", lambda: _poles(fit)),
         section(
             "parameters", "How parameters hang together", lambda: _collinear(fit), lambda: _correlation(fit)
@@ -88,27 +88,14 @@ def _estimates(fit: Fit) -> Iterable[Block]:
     yield Words(words.assumption(fit))
 
 
-def _scores(fit: Fit) -> Iterable[Block]:
-    yield Grid.of(fit.score(), "Simulated against measured")
-    yield Words(
-        "signal_to_error is the ratio of signal to error in dB (16 is very good); fit_percent is 100 for a "
-        "perfect simulation and 0 for one no better than the mean; r2 is the explained share of the "
-        "variance; theil is 0 for perfect and 1 for worst. The model was fitted to these same samples: a "
-        "record that was not used tells more."
-    )
-    facts = dict(fit.facts())
-    yield Facts(
-        tuple((name, facts[name]) for name in ("Trend", "Chi-square", "Condition", "Errors") if name in facts)
-    )
-
-
-# Against the data --------------------------------------------------------------------------------
+# What follows from it ----------------------------------------------------------------------------
 
 
 def _bode(fit: Fit) -> Block:
     if not fit.inputs:
         raise SpecError("a free motion has no input, and so no frequency response")
-    svg = drawn(lambda axes: plot.bode(fit, ax=axes), 2, height=2.5, sharex=True)
+    drawn_with = (fit.data, fit) if isinstance(fit, ResponseFit) else (fit,)
+    svg = drawn(lambda axes: plot.bode(*drawn_with, ax=axes), 2, height=2.5, sharex=True)
     return Figure(
         svg,
         f"Bode plot of {_paths(fit)}: magnitude above, phase below, each with its confidence band.",
@@ -118,44 +105,6 @@ def _bode(fit: Fit) -> Block:
 
 def _paths(fit: Fit) -> str:
     return f"{', '.join(fit.inputs)} to {', '.join(fit.outputs)}"
-
-
-def _responses(fit: Fit) -> Iterable[Block]:
-    if fit.records is None:
-        raise FitError("the samples are not kept with this fit, so there is nothing to simulate against")
-    rows = 2 * len(fit.outputs)
-    for k in range(min(len(fit.records), SHOWN)):
-        of = f" of record {k}" if len(fit.records) > 1 else ""
-        svg = drawn(partial(plot.response, fit, k), rows, height=1.7, sharex=True)
-        yield Figure(
-            svg,
-            f"Measured and simulated {', '.join(fit.outputs)}{of} over time, and the error below.",
-            f"Measured and simulated outputs{of}, and what is left. Simulated from the inputs alone; initial "
-            "state and trend are fitted to the record.",
-        )
-    if len(fit.records) > SHOWN:
-        yield Words(f"The first {SHOWN} of {len(fit.records)} records are drawn.")
-
-
-def _residuals(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
-    rows = 2 * len(fit.row_names)
-    svg = drawn(partial(plot.residuals, fit), rows, height=2.0)
-    yield Figure(
-        svg,
-        "Whitened residuals over the harmonics, and their autocorrelation, each with 95 % lines.",
-        "Whitened residual lines (variance one where the model and its noise are right) and their "
-        "autocorrelation; one point in twenty lies beyond the dashed lines.",
-    )
-
-
-def _tests(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
-    yield plain_table(("asked", "of", "found", "objection"), words.tests(fit), "Tests of the residual lines")
-    yield Words(
-        f"A test objects where its p-value is below {UNLIKELY}: of right models one in a hundred does so by "
-        "chance, in each test."
-    )
 
 
 def _poles(fit: Fit) -> Iterable[Block]:
@@ -178,20 +127,23 @@ def _collinear(fit: Fit) -> Iterable[Block]:
 
 
 def _correlation(fit: Fit) -> Iterable[Block]:
-    import numpy as np
-
-    fit._need_numbers("report")
-    errors = fit.bse
-    with np.errstate(divide="ignore", invalid="ignore"):
-        between = fit.cov_params() / np.outer(errors, errors)
-    if len(errors) < 2:
+    between = fit.correlation()
+    names, count = fit.param_names, len(fit.param_names)
+    if count < 2:
         return
-    header = ("", *fit.param_names)
-    cells = [
-        (name, *(f"{value:+.2f}" for value in row))
-        for name, row in zip(fit.param_names, between, strict=True)
-    ]
-    yield plain_table(header, cells, "Correlation of the estimates")
+    pairs = [(between[i, j], names[i], names[j]) for i in range(count) for j in range(i)]
+    strongest, one, other = max(pairs, key=lambda pair: abs(np.nan_to_num(pair[0])))
+    yield Words(
+        f"The strongest correlation of two estimates is {strongest:+.2f}, of {other} and {one}: "
+        + ("one can hardly move without the other." if abs(strongest) > STRONG else "each is seen by itself.")
+    )
+    yield Figure(
+        drawn(lambda axes: plot.correlation(fit, axes[0]), 1, height=1.5 + 0.3 * min(count, 12), width=6.5),
+        "Correlation matrix of the estimates, in colours; the table below has its numbers.",
+        "Correlations of the estimates.",
+    )
+    cells = [(name, *(f"{r:+.2f}" for r in row)) for name, row in zip(names, between, strict=True)]
+    yield replace(plain_table(("", *names), cells, "Correlations as a table"), folded=True)
 
 
 # Provenance --------------------------------------------------------------------------------------
@@ -208,5 +160,7 @@ def _provenance(fit: Fit, command: str | None) -> Iterable[Block]:
         "A fit draws no random numbers: the same samples and options give the same numbers, to the last bit, "
         "for any number of threads and any instruction set."
     )
-    if fit.records is not None:
+    if isinstance(fit, ResponseFit):
+        yield from provenance.hashes_of_gains(fit.data)
+    elif fit.records is not None:
         yield from provenance.hashes(fit.records)

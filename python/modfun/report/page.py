@@ -78,6 +78,7 @@ def check_place(path: str | os.PathLike[str], what: str) -> Path:
         )
     if not place.parent.is_dir():
         raise SpecError(
-            f"{what}: there is no folder {str(place.parent)!r}; make it first, or name another place"
+            f"{what}: {str(place)!r} cannot be written: there is no folder {str(place.parent)!r}; make it "
+            "first, or name another place"
         )
     return place

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,21 @@ from .. import html
 from ..errors import InternalError, ModfunError
 from ..tables import Table
 
-__all__ = ["Block", "Facts", "Figure", "Grid", "Markup", "Notes", "Page", "Section", "Words", "section"]
+__all__ = [
+    "Block",
+    "Code",
+    "Facts",
+    "Figure",
+    "Grid",
+    "Markup",
+    "Notes",
+    "Page",
+    "Section",
+    "Words",
+    "section",
+]
 
-LONG = 16  # rows beyond which a table is folded
+LONG = 30  # rows beyond which a table is folded
 
 
 @dataclass(frozen=True)
@@ -40,6 +52,15 @@ class Facts:
     rows: tuple[tuple[str, str], ...]
     code: bool = False
     kind: str = "facts"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A text as it stands in a file, under its name."""
+
+    caption: str
+    text: str
+    kind: str = "code"
 
 
 @dataclass(frozen=True)
@@ -76,7 +97,7 @@ class Figure:
     kind: str = "figure"
 
 
-Block = Words | Notes | Facts | Markup | Grid | Figure
+Block = Words | Notes | Facts | Code | Markup | Grid | Figure
 
 
 @dataclass(frozen=True)
@@ -98,7 +119,6 @@ class Page:
     tone: str  # "good", "doubtful" or "bad"; "plain" where nothing is judged
     findings: tuple[str, ...]
     sections: tuple[Section, ...]
-    lead: tuple[Block, ...] = field(default=())
 
     def beside(self, *more: Section) -> Page:
         """The same with further sections before the last one, the provenance."""
@@ -114,11 +134,12 @@ def section(name: str, heading: str, *makers: Callable[[], Block | Iterable[Bloc
     for make in makers:
         try:
             made = make()
-            blocks += [made] if isinstance(made, Block) else list(made)
+            for block in [made] if isinstance(made, Block) else made:
+                blocks.append(block)
         except InternalError:
             raise
         except (ModfunError, FloatingPointError, OverflowError, np.linalg.LinAlgError) as error:
-            blocks.append(Words(f"This part could not be made: {error}"))
+            blocks.append(Words(f"Left out: {error}"))
     return Section(name, heading, tuple(blocks))
 
 

@@ -15,9 +15,12 @@ import numpy as np
 
 from .._core import __version__
 from ..records import Record
-from .parts import Block, Facts, Grid, plain_table
+from ..response import FrequencyResponse
+from .parts import Block, Facts, plain_table
 
-__all__ = ["bare", "call", "hashes", "now", "versions"]
+__all__ = ["bare", "call", "hashes", "hashes_of_gains", "now", "versions"]
+
+AS_HELD = "(bytes of the arrays as modfun holds them)"
 
 
 def now() -> str:
@@ -47,12 +50,14 @@ def hashes(records: Sequence[Record]) -> list[Block]:
             if values is not None and values.size:
                 shape = " × ".join(map(str, values.shape))
                 rows.append((k, f"{name} ({shape}, {values.dtype})", _digest(values)))
-    table: Grid = plain_table(
-        ("record", "what", "SHA-256"),
-        rows,
-        "SHA-256 of the samples (bytes of the arrays as modfun holds them)",
-    )
-    return [table]
+    return [plain_table(("record", "what", "SHA-256"), rows, f"SHA-256 of the samples {AS_HELD}")]
+
+
+def hashes_of_gains(data: FrequencyResponse) -> list[Block]:
+    """SHA-256 of frequencies, gains and their covariance."""
+    arrays = ((name, getattr(data, name)) for name in ("omega", "response", "cov"))
+    rows = [(name, _digest(values)) for name, values in arrays if values is not None]
+    return [plain_table(("what", "SHA-256"), rows, f"SHA-256 of the gains {AS_HELD}")]
 
 
 def _digest(values: Any) -> str:

@@ -130,16 +130,15 @@ def _answer(name: str, test: Any) -> tuple[str, str]:
 
 
 def _said(p_value: float) -> str:
-    return "no" if p_value < UNLIKELY else "no objection"
+    return "objects" if p_value < UNLIKELY else "no objection"
 
 
 def python_call(fit: Fit) -> list[str]:
     """The call that makes the fit again."""
     options = "".join(f", {name}={value!r}" for name, value in fit.options.given().items())
     count = len(fit.records or ())
-    data = (
-        "rec" if count < 2 else "records" if count > 4 else f"[{', '.join(f'rec{k}' for k in range(count))}]"
-    )
+    several = f"[{', '.join(f'rec{k}' for k in range(count))}]" if count <= 4 else "records"
+    data = "frf" if fit.cov_type == "gains" else "rec" if count < 2 else several
     made = f"fit = mf.fit({data}, {fit.structure!r}{options})"
     lines = [_OWN.sub(r"mf.\1(", made)]
     for k, rec in enumerate((fit.records or ())[:4]):

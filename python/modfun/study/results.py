@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -316,6 +318,39 @@ class Results:
         from .replicate import replicate
 
         return replicate(self._plan, self.draw, self.replicates, number, cell)
+
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        directory: str | os.PathLike[str] | None = None,
+        title: str | None = None,
+    ) -> Path:
+        """Write a page about the study: tables, figure, failures, provenance (extra ``report``).
+
+        Parameters
+        ----------
+        path : path
+            Ends in .html; a page that is there is replaced, once the new one is whole.
+        directory : path, optional
+            That of the study: hashes of its files, its runs and study.toml join the provenance.
+        title : str, optional
+
+        Returns
+        -------
+        Path
+            Where it was written.
+
+        Raises
+        ------
+        SpecError
+            A place that cannot be written, or no directory of a study.
+        ImportError
+            jinja2 or matplotlib is not installed.
+        """
+        from ..report import write_study
+
+        return write_study(self, path, directory=directory, title=title)
 
     # Looks -----------------------------------------------------------------------------------------
 

@@ -1,0 +1,168 @@
+"""Plots that tell how far a fit can be believed: used harmonics, tests of residuals, correlations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import SpecError
+from .axes import chosen_rows, frequency_axis, returned, take_axes, take_pairs
+from .channels import spectrum
+
+if TYPE_CHECKING:
+    from ..records import Record
+    from ..results import Fit
+
+__all__ = ["correlation", "harmonics", "residual_tests"]
+
+NUMBERS = 10  # parameters up to which correlations are written into their cells
+
+
+def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: bool = False) -> Any:
+    """Draw the spectrum of a record with the harmonics that the fit uses shaded, and its noise level.
+
+    Dashed, at outputs: the level at which white noise of the fit's standard deviation would stand; dotted:
+    that of the noise in the unused high band. They are left out where steps are uneven or the fit's noise
+    is no white noise on outputs.
+
+    Parameters
+    ----------
+    fit : Fit
+    rec : Record or int, optional
+        A record, or the index of one of the fit's own (needed where it has several).
+    ax : Axes or sequence of Axes, optional
+        One Axes a channel, or a single one for all; new ones by default.
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one channel or one was given, otherwise one a channel.
+    """
+    seen = fit._record(rec, "plot.harmonics")
+    spec = seen.spectrum()
+    axes = take_axes(ax, len(spec.channels), height=1.8)
+    spectrum(spec, ax=axes[0] if hasattr(ax, "plot") else axes, hz=hz)
+    scale, _ = frequency_axis(hz)
+    low, high = _used(fit, seen)
+    edges = scale * max(low, spec.omega[0] / 2), scale * min(high, 1.05 * spec.omega[-1])
+    for here in dict.fromkeys(axes):
+        here.axvspan(*edges, color="C2", alpha=0.18, linewidth=0, label="used")
+        here.set_xlim(scale * spec.omega[0] / 2, scale * 1.05 * spec.omega[-1])
+    for name, here in zip(fit.outputs, axes, strict=False):
+        for level, style, words in _levels(fit, fit.outputs.index(name), seen):
+            here.axhline(level, color="0.4", linestyle=style, linewidth=0.9, label=words)
+    if len(set(axes)) == len(axes):
+        handles, labels = axes[0].get_legend_handles_labels()
+        look: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        axes[0].legend(handles[1:], labels[1:], frameon=False, ncols=4, **look)
+    return returned(ax, axes)
+
+
+def _used(fit: Fit, rec: Record) -> tuple[float, float]:
+    """Frequencies that the fit uses of a record, half a line added on both sides; of others its band."""
+    for own, (first, last), spacing in zip(fit.records or (), fit.lines, fit.omega0, strict=False):
+        if own is rec:
+            return (first - 0.5) * spacing, (last + 0.5) * spacing
+    return fit.band
+
+
+def _levels(fit: Fit, output: int, rec: Record) -> list[tuple[float, str, str]]:
+    """Levels of white noise in an amplitude spectrum under a Hann window: sqrt(6/N) of its deviation."""
+    if rec.dt is None:
+        return []
+    found = [(float(fit.high_band_levels[output]), ":", "noise of the high band")]
+    if fit.options.noise != "equation" and fit.options.method in ("awls", "ml"):
+        found.insert(0, (float(np.atleast_1d(fit.sigma)[output]), "--", "noise of the fit"))
+    gain = np.sqrt(6 / rec.intervals)
+    return [(gain * level, style, words) for level, style, words in found if level > 0]
+
+
+def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
+    """Draw the cumulated power of the residual lines over the band, and their normal quantiles.
+
+    A straight line is noise of one level over the band; dashed is the 95 % band of the Kolmogorov-Smirnov
+    test. Points on the diagonal are normal; the band holds each point with 95 %.
+
+    Parameters
+    ----------
+    fit : Fit
+    ax : sequence of Axes, optional
+        Two a row, in turn; new ones by default. Rows are the outputs; of equations these.
+    output : str, optional
+        Name of the one row to draw, as "q" or "equation 1"; default: all.
+
+    Returns
+    -------
+    ndarray of Axes, shape (2 · rows,)
+    """
+    from ..validation import cumulated_power
+
+    chosen = chosen_rows(fit, output, "plot.residual_tests")
+    if hasattr(ax, "plot"):
+        raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
+    axes = take_pairs(ax, len(chosen), height=2.6, sharex=False)
+    for (left, right), i in zip(axes, chosen, strict=True):
+        pieces = [piece[i] for piece in fit.pieces]
+        of = "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}"
+        _cumulated(left, *cumulated_power(pieces))
+        left.set_ylabel(f"cumulated power{of}")
+        _quantiles(right, pieces)
+        right.set_ylabel(f"residuals{of}")
+        for here in (left, right):
+            here.grid(True, alpha=0.3)
+    return returned(ax, [here for pair in axes for here in pair])
+
+
+def _cumulated(here: Any, share: Any, power: Any) -> None:
+    here.plot(share, power, ".-", color="C0", linewidth=1.0, markersize=4)
+    away = 1.358 / np.sqrt(max(share.size - 1, 1))
+    for shift, style in ((0.0, "-"), (away, "--"), (-away, "--")):
+        here.plot([0, 1], [shift, 1 + shift], style, color="0.4", linewidth=0.8)
+    here.set(xlim=(0, 1), ylim=(-0.02, 1.02), xlabel="part of the band")
+
+
+def _quantiles(here: Any, pieces: Sequence[Any]) -> None:
+    from scipy.special import betaincinv, ndtri
+
+    every = np.concatenate(pieces)
+    values = np.sort(np.concatenate([every.real, every.imag]))
+    rank = np.arange(1, values.size + 1)
+    normal = ndtri((rank - 0.5) / values.size)
+    edges = [ndtri(betaincinv(rank, values.size + 1 - rank, p)) for p in (0.025, 0.975)]
+    here.fill_between(normal, *edges, color="0.5", alpha=0.2, linewidth=0)
+    here.plot(normal, normal, color="0.4", linewidth=0.8)
+    here.plot(normal, values, ".", color="C0", markersize=4)
+    here.set_xlabel("normal quantiles")
+
+
+def correlation(fit: Fit, ax: Any = None) -> Any:
+    """Draw the correlations of the estimates as a matrix: blue negative, red positive.
+
+    Parameters
+    ----------
+    fit : Fit
+    ax : Axes, optional
+        A new one by default.
+
+    Returns
+    -------
+    Axes
+    """
+    between = fit.correlation()
+    names = fit.param_names
+    (here,) = take_axes(ax, 1, height=4.0, width=5.0)
+    drawn = here.pcolormesh(between, cmap="RdBu_r", vmin=-1.0, vmax=1.0, edgecolors="0.6", linewidth=0.4)
+    here.figure.colorbar(drawn, ax=here, shrink=0.8)
+    here.set_aspect("equal")
+    here.invert_yaxis()
+    here.set_xticks(np.arange(len(names)) + 0.5, names, rotation=45, ha="right", parse_math=False)
+    here.set_yticks(np.arange(len(names)) + 0.5, names, parse_math=False)
+    if len(names) <= NUMBERS:
+        for (i, j), value in np.ndenumerate(between):
+            colour = "#fefefe" if abs(value) > 0.6 else "#222222"
+            here.text(j + 0.5, i + 0.5, f"{value:.2f}", ha="center", va="center", color=colour, size=8)
+    return returned(ax, [here])

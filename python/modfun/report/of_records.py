@@ -1,0 +1,153 @@
+"""The samples of a fit on its page: over time and frequency, against what the model makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from itertools import chain
+
+from .. import plot
+from ..errors import FitError
+from ..explain import UNLIKELY
+from ..records import Record
+from ..results import Fit
+from ..tables import Table
+from . import words
+from .figures import drawn
+from .parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
+
+__all__ = ["after", "before", "level"]
+
+SHOWN = 4  # records that are drawn
+
+
+def before(fit: Fit) -> tuple[Section, ...]:
+    """What stands before the model: records, channels, what their check says, spectra."""
+    return (
+        section("data", "Data", lambda: chain(_tables(_records(fit)), _over_time(_records(fit)))),
+        section("spectrum", "Spectrum", lambda: _spectra(fit)),
+    )
+
+
+def after(fit: Fit) -> tuple[Section, ...]:
+    """What stands behind the model: its response and what is left of the records."""
+    return (
+        section("response", "Response", lambda: _responses(fit)),
+        section("residuals", "Residuals", lambda: _residuals(fit), lambda: _tests(fit)),
+    )
+
+
+def level(fit: Fit) -> Iterable[Block]:
+    """How well the model explains the records."""
+    facts = dict(fit.facts())
+    yield Facts(tuple((name, facts[name]) for name in ("Trend", "Chi-square", "Condition", "Errors")))
+    yield Grid.of(fit.score(), "Simulated against measured")
+    yield Words(
+        "signal_to_error is the ratio of signal to error in dB (16 is very good); fit_percent is 100 for a "
+        "perfect simulation and 0 for one no better than the mean; r2 is the explained share of the "
+        "variance; theil is 0 for perfect and 1 for worst. The model was fitted to these same samples: a "
+        "record that was not used tells more."
+    )
+
+
+def _records(fit: Fit) -> Sequence[Record]:
+    if fit.records is None:
+        raise FitError(
+            "the samples are not kept with a fit that was loaded or shortened; fit again to show them"
+        )
+    return fit.records
+
+
+def _tables(records: Sequence[Record]) -> Iterable[Block]:
+    columns: dict[str, list[object]] = {"record": list(range(len(records)))}
+    columns["from"] = [rec.source.name if rec.source else "arrays" for rec in records]
+    columns["samples"] = [len(rec.t) for rec in records]
+    columns["start (s)"] = [rec.t0 for rec in records]
+    columns["duration (s)"] = [rec.duration for rec in records]
+    columns["dt (s)"] = ["uneven" if rec.dt is None else f"{rec.dt:.6g}" for rec in records]
+    columns["masked"] = [0 if rec.mask is None else int((~rec.mask).sum()) for rec in records]
+    yield Grid.of(Table(columns), "Records")
+    first = records[0]
+    names = (*first.outputs, *first.inputs)
+    roles = ["output"] * len(first.outputs) + [f"input, {word}" for word in first.intersample]
+    channels: dict[str, list[object]] = {"channel": list(names), "role": list(roles)}
+    channels["unit"] = [first.units.get(name, "") for name in names]
+    channels["lowest"] = [min(float(rec[name].min()) for rec in records) for name in names]
+    channels["highest"] = [max(float(rec[name].max()) for rec in records) for name in names]
+    yield Grid.of(Table(channels), "Channels" + (", over all records" if len(records) > 1 else ""))
+    for k, rec in enumerate(records[:SHOWN]):
+        found = rec.check()
+        if found:
+            yield Words(f"What the check of {'the record' if len(records) == 1 else f'record {k}'} says:")
+            yield Notes(tuple(found))
+
+
+def _over_time(records: Sequence[Record]) -> Iterable[Block]:
+    for k, rec in enumerate(records[:SHOWN]):
+        of = f" of record {k}" if len(records) > 1 else ""
+        rows = len(rec.outputs) + len(rec.inputs)
+        svg = drawn(partial(plot.record, rec), rows, height=1.4, sharex=True)
+        masked = "" if rec.mask is None else " Masked samples are left out; dotted lines bridge them."
+        yield Figure(
+            svg,
+            f"Outputs and inputs{of} over time.",
+            f"Outputs and inputs{of} over time, as they were fitted.{masked}",
+        )
+    if len(records) > SHOWN:
+        yield Words(f"The first {SHOWN} of {len(records)} records are drawn.")
+
+
+def _spectra(fit: Fit) -> Iterable[Block]:
+    low, high = fit.band
+    records = _records(fit)
+    rows = len(fit.outputs) + len(fit.inputs)
+    for k, rec in enumerate(records[:SHOWN]):
+        of = f" of record {k}" if len(records) > 1 else ""
+        yield Figure(
+            drawn(partial(plot.harmonics, fit, rec), rows, height=1.5, sharex=True),
+            f"Amplitude spectra of all channels{of}, from {low:.4g} to {high:.4g} rad/s shaded.",
+            f"Amplitude spectra{of} (Hann window). Shaded: the harmonics that were fitted. Dashed and "
+            "dotted: where white noise of the fit's level, and of that of the unused high band, would stand.",
+        )
+
+
+def _responses(fit: Fit) -> Iterable[Block]:
+    records = _records(fit)
+    rows = 2 * len(fit.outputs)
+    for k in range(min(len(records), SHOWN)):
+        of = f" of record {k}" if len(records) > 1 else ""
+        svg = drawn(partial(plot.response, fit, k), rows, height=1.7, sharex=True)
+        yield Figure(
+            svg,
+            f"Measured and simulated {', '.join(fit.outputs)}{of} over time, and the error below.",
+            f"Measured and simulated outputs{of}, and what is left. Simulated from the inputs alone; initial "
+            "state and trend are fitted to the record.",
+        )
+    if len(records) > SHOWN:
+        yield Words(f"The first {SHOWN} of {len(records)} records are drawn.")
+
+
+def _residuals(fit: Fit) -> Iterable[Block]:
+    fit._need_numbers("report")
+    rows = len(fit.row_names)
+    yield Figure(
+        drawn(partial(plot.residuals, fit), 2 * rows, height=2.0),
+        "Whitened residuals over the harmonics, and their autocorrelation, each with 95 % lines.",
+        "Whitened residual lines (variance one where the model and its noise are right) and their "
+        "autocorrelation; one point in twenty lies beyond the dashed lines.",
+    )
+    yield Figure(
+        drawn(partial(plot.residual_tests, fit), rows, columns=2, height=2.6),
+        "Cumulated power of the residual lines over the band, and their normal quantiles.",
+        "Left: cumulated power of the lines, straight where their level is one over the band, with the 95 % "
+        "band of the test. Right: their values against normal quantiles; the grey band holds each with 95 %.",
+    )
+
+
+def _tests(fit: Fit) -> Iterable[Block]:
+    fit._need_numbers("report")
+    yield plain_table(("asked", "of", "found", "answer"), words.tests(fit), "Tests of the residual lines")
+    yield Words(
+        f"A test objects where its p-value is below {UNLIKELY}: of right models one in a hundred does so by "
+        "chance, in each test."
+    )
