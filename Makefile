@@ -3,9 +3,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 FIGURES ?= figures
+PACKAGING := .venv/packaging/bin
+CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
+MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs bench rivals validate counts clean
+.PHONY: demo test test-rust test-python lint format docs bench rivals validate counts wheel sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -57,8 +60,31 @@ validate: .venv/dev
 counts: .venv/created
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
 
+## The wheel, on Linux for every system from manylinux2014 on, into dist/; what it holds is checked.
+wheel: .venv/packaging/created
+	cargo fetch --locked --quiet
+	RUSTFLAGS="--remap-path-prefix=$(CURDIR)=. $$(printf -- '--remap-path-prefix=%s=crates ' $(CRATES))" \
+		$(PACKAGING)/maturin build --release --locked $(MANYLINUX) --out dist
+	$(PACKAGING)/python packaging/contents.py dist/*.whl
+	$(PACKAGING)/twine check --strict dist/*.whl
+
+## The sources with every crate they need, into dist/; they build without a network.
+sdist: .venv/packaging/created
+	$(PACKAGING)/python packaging/sdist.py
+	$(PACKAGING)/python packaging/contents.py dist/*.tar.gz
+	$(PACKAGING)/twine check --strict dist/*.tar.gz
+
+## The wheel of dist/ in new environments, with the oldest versions it allows and the newest: see docs/release.md.
+test-wheel:
+	$(PYTHON) packaging/try_wheel.py oldest newest
+
+## Writes THIRD_PARTY_LICENSES again, after a change of Cargo.lock.
+licences:
+	cargo fetch --locked --quiet
+	$(PYTHON) packaging/licences.py
+
 clean:
-	rm -rf .venv target python/modfun/_core*.so
+	rm -rf .venv target dist python/modfun/_core*.so
 
 .venv/created:
 	$(PYTHON) -m venv .venv
@@ -78,6 +104,12 @@ clean:
 # The rivals' tools, apart from those of development.
 .venv/bench: .venv/dev benches/compare/requirements.txt
 	$(BIN)/python -m pip install --quiet -r benches/compare/requirements.txt
+	touch $@
+
+# The tools that make and look into wheels.
+.venv/packaging/created: .venv/created packaging/requirements.txt
+	$(PYTHON) -m venv .venv/packaging
+	$(PACKAGING)/python -m pip install --quiet -r packaging/requirements.txt
 	touch $@
 
 # modfun and its rivals on their own, since some of these hold others at old versions.
