@@ -32,7 +32,8 @@ def check_record(record: Record) -> Findings:
             sentences += _between_samples(record, name)
             held = record.intersample[record.inputs.index(name)] != "smooth" or _is_held(values)
         if not held:  # a held input sits at its extremes, repeats itself and jumps by design
-            sentences += [*_clipped(record, name), *_stale(record, name), *_outliers(record, name)]
+            sentences += [*_codes(record, name), *_clipped(record, name), *_stale(record, name)]
+            sentences += _outliers(record, name)
         if name in record.outputs:
             sentences += _trend(record, name)
     sentences += [*_noise(record), *_alike(record)]
@@ -150,6 +151,24 @@ def _between_samples(record: Record, name: str) -> Iterator[str]:
 
 def _is_smooth(values: F64) -> bool:
     return float(np.mean(np.diff(values, 2) ** 2)) < 0.05 * float(np.mean(np.diff(values) ** 2))
+
+
+def _codes(record: Record, name: str) -> Iterator[str]:
+    """Find one value, several times, far away from all others, such as -9999 where nothing was measured."""
+    values = record[name][record._good(name)]
+    for extreme in (float(values.max()), float(values.min())):
+        others = values[values != extreme]
+        count = len(values) - len(others)
+        if not 2 <= count < len(others):
+            continue
+        span = float(np.ptp(others))
+        if span > 0 and np.abs(others - extreme).min() > 10 * span:
+            cure = f"leave them out, rec.weigh(mask=rec[{name!r}] != {extreme:g})"
+            yield (
+                f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
+                f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
+                f"{cure if name in record.outputs else 'fill them in'}."
+            )
 
 
 def _clipped(record: Record, name: str) -> Iterator[str]:

@@ -352,6 +352,16 @@ def test_check_clipping():
     assert "smallest value -0.8" in sentence
 
 
+def test_check_codes_for_missing_values():
+    coded = Y.copy()
+    coded[[50, 51, 52, 300]] = -9999
+    assert said("4 samples are exactly -9999", y=coded, u=U)
+    assert said("rec.weigh(mask=rec['y'] != -9999)", y=coded, u=U)
+    assert said("fill them in", y=Y, u=coded)
+    steps = np.where(T > 5, 100.0, 0.0)  # two levels are a step
+    assert not said("missing values", y=Y, u=steps)
+
+
 def test_check_stale_samples():
     assert said("74 % of its samples repeat", y=np.repeat(Y[::4], 4)[: N + 1], u=U)
     frozen = Y.copy()
