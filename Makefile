@@ -8,7 +8,7 @@ CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
 MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs bench rivals validate counts wheel sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate counts wheel sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -40,6 +40,10 @@ format: .venv/dev
 docs: .venv/docs
 	rm -rf docs/reference/generated
 	$(BIN)/sphinx-build -E -W --keep-going -n -q -d target/doctrees docs target/docs
+
+## What is too wide, cut off or in error on the built pages, in headless Chromium; screenshots into target/look.
+docs-look: docs
+	$(BIN)/python docs/look.py
 
 ## modfun against its rivals into docs/benchmarks.md; stages and growth of costs into docs/performance.md.
 bench: .venv/bench
