@@ -27,7 +27,7 @@ exclude_patterns = ["_build", "_extensions", "_templates", "requirements.txt"]
 templates_path = ["_templates"]
 
 # Pages whose ```python blocks are run while the site is built, and what they print and draw is shown.
-executed_pages = ["tour", "howto/*", "explanation/*"]
+executed_pages = ["index", "tour", "howto/*", "explanation/*"]
 # Pages whose links to other pages are the order of their section.
 section_pages = ["guides", "examples", "project", "records/README", "howto/README", "explanation/README"]
 
@@ -66,6 +66,6 @@ html_theme_options = {
     "show_prev_next": False,
     "footer_start": ["copyright"],
     "footer_end": [],
-    "header_links_before_dropdown": 8,
+    "header_links_before_dropdown": 9,
 }
 html_sidebars = {"index": [], "tour": []}
