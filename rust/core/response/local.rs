@@ -397,12 +397,12 @@ impl Work {
                 .scale(told)
                 .store(&mut self.response[output * inputs + a]);
         }
-        self.reach_of_inputs::<L>(columns, output);
+        self.power_without_transient::<L>(columns, output);
     }
 
     /// Mean square of what of the output is no transient; where T is not fitted, of what the inputs explain.
     #[inline(always)]
-    fn reach_of_inputs<L: Lanes>(&mut self, columns: Columns, output: usize) {
+    fn power_without_transient<L: Lanes>(&mut self, columns: Columns, output: usize) {
         let (lines, terms) = (self.lines(), self.terms);
         let (mut power, mut k) = (L::splat(0.0), 0);
         for (piece, &(width, _)) in self.widths.iter().enumerate() {

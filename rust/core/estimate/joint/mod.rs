@@ -7,6 +7,7 @@
 
 mod batch;
 mod colour;
+mod default_band;
 mod delays;
 mod dense;
 mod design;
