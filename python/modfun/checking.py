@@ -236,10 +236,10 @@ def _trend(record: Record, name: str) -> Iterator[str]:
             "sensor drifts, fit with trend='linear'; if the system integrates, leave it."
         )
     if abs(mean) > 3 * spread:
+        large = "; so large an offset costs digits, subtract it first" if abs(mean) > 1000 * spread else ""
         yield (
             f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
-            "trend='constant' "
-            "(the default of linear models)."
+            f"trend='constant' (the default of linear models){large}."
         )
 
 

@@ -123,6 +123,16 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
         exec(compile("\n" * (line - 1) + code, str(page), "exec"), {"__name__": "__main__"})
 
 
+def test_the_sample_of_the_tour_is_that_of_the_command(tmp_path, monkeypatch, capsys):
+    from modfun.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    tour = next(block.values for block in blocks("python") if block.values[0].name == "tour.md")
+    exec(tour[1], {})
+    assert main(["sample", "other.csv"]) == 0
+    assert (tmp_path / "flight.csv").read_bytes() == (tmp_path / "other.csv").read_bytes()
+
+
 def command_lines():
     for block in blocks("sh"):
         page, code, line = block.values
