@@ -30,6 +30,7 @@ lint: .venv/dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/mypy examples packaging
 
 format: .venv/dev
 	cargo fmt --all

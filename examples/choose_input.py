@@ -10,9 +10,13 @@ rudder at once, as orthogonal multisines, and one after the other.
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import modfun as mf
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 DEG = np.pi / 180
 DT, LENGTH = 0.02, 16.0  # s
@@ -37,9 +41,10 @@ LATERAL_GUESS = {
 LATERAL_NOISE = [0.1 * DEG, 0.4 * DEG, 0.2 * DEG, 0.1 * DEG]
 
 
-def inputs():
+def inputs() -> dict[str, mf.signals.Signals]:
     """The candidates, 2 deg of elevator each."""
-    s, common = mf.signals, {"dt": DT, "amplitude": ELEVATOR, "before": 1.0, "duration": LENGTH}
+    s = mf.signals
+    common: dict[str, Any] = {"dt": DT, "amplitude": ELEVATOR, "before": 1.0, "duration": LENGTH}
     half = {**common, "duration": LENGTH / 2}
     once = s.multistep("de", [3, 2, 1, 1], omega=OMEGA, rate=RATE, **half)
     return {
@@ -53,7 +58,7 @@ def inputs():
     }
 
 
-def longitudinal():
+def longitudinal() -> dict[str, dict[str, float]]:
     """Bounds in % of the derivatives, and peaks, at 2 deg of elevator; the factor that makes alpha 3 deg."""
     rows = {}
     for name, de in inputs().items():
@@ -72,7 +77,7 @@ def longitudinal():
     return rows
 
 
-def verified(name, replicates=400):
+def verified(name: str, replicates: int = 400) -> Array:
     """Standard deviation of maximum likelihood on simulated records over the bound, a derivative each."""
     de = inputs()[name]
     y = MODEL.model(GUESS).simulate(u=de)
@@ -82,13 +87,14 @@ def verified(name, replicates=400):
     )
     many = mf.fit_many(batch, MODEL, band=6 * OMEGA)
     bound = mf.crlb(MODEL, de, params=GUESS, sigma=NOISE, trend="constant")
-    return many.params.std(axis=0, ddof=1) / bound.sd
+    ratios: Array = many.params.std(axis=0, ddof=1) / bound.sd
+    return ratios
 
 
-def lateral():
+def lateral() -> dict[str, dict[str, float]]:
     """Bounds in % of the derivatives: both inputs at once, and one after the other, in the same 20 s."""
     s, band = mf.signals, (0.7, 5.0)
-    common = {"dt": DT, "amplitude": 2 * DEG}
+    common: dict[str, Any] = {"dt": DT, "amplitude": 2 * DEG}
     at_once = s.multisine(["da", "dr"], band=band, duration=20.0, **common)
     alone = [s.multisine(name, band=band, duration=10.0, **common) for name in ("da", "dr")]
     steps = [s.multistep(name, omega=2.2, rate=RATE, duration=10.0, **common) for name in ("da", "dr")]
@@ -109,15 +115,15 @@ def lateral():
     return rows
 
 
-def table(rows, title):
+def table(rows: dict[str, dict[str, float]], title: str) -> mf.Table:
     """Rows by name as a Table."""
-    columns = {"input": list(rows)}
+    columns: dict[str, list[Any]] = {"input": list(rows)}
     for key in next(iter(rows.values())):
         columns[key] = [round(row[key], 2) for row in rows.values()]
     return mf.Table(columns, title=title)
 
 
-def figures(folder, rows, ratios):
+def figures(folder: str | Path, rows: dict[str, dict[str, float]], ratios: dict[str, Array]) -> None:
     """design_inputs.png: the inputs, what they do, and the bounds."""
     import matplotlib
 
@@ -154,7 +160,7 @@ def figures(folder, rows, ratios):
     fig.savefig(Path(folder) / "design_inputs.png", dpi=100)
 
 
-def main(replicates=400, folder=None):
+def main(replicates: int = 400, folder: str | Path | None = None) -> tuple[Any, Any, Any]:
     """Both studies; prints their tables and returns them."""
     rows = longitudinal()
     print(table(rows, "Short period: peak of alpha and rms of de, deg; bound in % of each parameter"), "\n")

@@ -12,6 +12,9 @@ import sys
 
 import modfun as mf
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 TRUE = np.array([3.0, 8.0, 5.0])
 GAIN = np.array([[4.0, 2.0]])
@@ -22,7 +25,7 @@ STRUCTURE = mf.TransferFunction(poles=2, zeros=0)
 SHARE, ON_Y, ON_BOTH = "collinearity, %", "error, %: noise on y", "error, %: noise on y and u"
 
 
-def loop(size):
+def loop(size: float) -> Array:
     """Noise-free y and u of the closed loop, (2, time)."""
     a, b = np.array([[0.0, 1.0], [-8.0, -3.0]]), np.array([[0.0], [5.0]])
     closed = mf.ss(a - b @ GAIN, b, np.vstack([[1.0, 0.0], -GAIN]), np.array([[0.0], [1.0]]))
@@ -30,16 +33,16 @@ def loop(size):
     return closed.simulate(u=size * np.sin(t**2 / 5), dt=DURATION / INTERVALS, x0=[1.0, 0.0])
 
 
-def error(clean, noise, seed):
+def error(clean: Array, noise: tuple[float, float], seed: int) -> float:
     """Root mean square error of the estimates over records and parameters, in % of the true values."""
     rng = np.random.default_rng(seed)
     sigma = np.array(noise) * np.sqrt(np.mean(clean**2, axis=1))
     data = clean + sigma[:, None] * rng.normal(size=(RECORDS, *clean.shape))
     many = mf.fit_many(mf.Batch(y=data[:, :1], u=data[:, 1:], dt=DURATION / INTERVALS), STRUCTURE)
-    return 100 * np.sqrt(np.mean((many.params[many.success] / TRUE - 1) ** 2))
+    return float(100 * np.sqrt(np.mean((many.params[many.success] / TRUE - 1) ** 2)))
 
 
-def main(figure=None):
+def main(figure: str | None = None) -> mf.Table:
     """The study as a table; its figure to a file, where one is named."""
     columns = {"size of r": list(SIZES), SHARE: [], ON_Y: [], ON_BOTH: []}
     for size in SIZES:
@@ -58,7 +61,7 @@ def main(figure=None):
     return table
 
 
-def draw(table, figure):
+def draw(table: mf.Table, figure: str) -> None:
     """Error over collinearity, beside what the report says."""
     import matplotlib
 

@@ -8,6 +8,7 @@ python examples/flight_test.py run7.csv                 # your own file, columns
 import argparse
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import modfun as mf
@@ -35,7 +36,7 @@ FORM = {
 }
 
 
-def lower_order_truth():
+def lower_order_truth() -> dict[str, float]:
     """What the sample's pitch rate from stick has for K, T, omega, zeta, tau."""
     za, zde, ma, mq, mde = TRUTH.values()
     omega = np.sqrt(za * mq - ma)
@@ -44,7 +45,7 @@ def lower_order_truth():
     return {"K": gain, "T": 1 / zero, "omega": omega, "zeta": -(za + mq) / (2 * omega), "tau": DELAY}
 
 
-def write_sample(path):
+def write_sample(path: Path) -> None:
     """A flight with three manoeuvres and a fourth for prediction: trimmed, with noise and a dropout."""
     rng = np.random.default_rng(11)
     count = int(90 / STEP) + 1
@@ -75,7 +76,7 @@ def write_sample(path):
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def read_flight(path):
+def read_flight(path: str | Path) -> list[mf.Record]:
     """The manoeuvres of a flight, angles in rad."""
     print(mf.columns(path))
     flight = mf.read(
@@ -97,11 +98,12 @@ def read_flight(path):
     return flight.split(on="event")
 
 
-def augmented(share=2e-4):
+def augmented(share: float = 2e-4) -> mf.Record:
     """A record under feedback de = .8 alpha + .4 q + share·doublet (rad): little of the elevator is free."""
     pilot = np.zeros(601)
     pilot[50:100], pilot[100:150] = 1.0, -1.0
     model = short_period.model(TRUTH)
+    assert model.matrices is not None  # as of every state-space model
     a, b, _, _ = model.matrices
     gain = np.array([[0.8, 0.4]])
     loop = mf.ss(a + b @ gain, b * share, np.vstack([np.eye(2), gain]), [[0.0], [0.0], [share]])
@@ -110,17 +112,18 @@ def augmented(share=2e-4):
     return mf.Record(y=np.array([alpha, q]) + noise, u=de, dt=STEP, outputs=["alpha", "q"], inputs=["de"])
 
 
-def analyse(path):
+def analyse(path: str | Path) -> tuple[mf.Fit, mf.Record, mf.Fit]:
     """Derivatives from all manoeuvres but the last, which is predicted; the lower-order system."""
     *used, last = read_flight(path)
-    derivatives = mf.fit([run.select(inputs=["de"]) for run in used], short_period)
+    runs = [run.select(inputs=["de"]) for run in used]
+    derivatives = mf.fit(runs, short_period)
     print(derivatives.summary())
     print(derivatives.table(units=dict(zip(TRUTH, ["1/s", "1/s", "1/s^2", "1/s", "1/s^2"], strict=True))))
     print("\nEach manoeuvre simulated, and the last, which was not used:")
     print(derivatives.score())
     unseen = last.select(inputs=["de"])
     print(derivatives.score(unseen))
-    print(mf.collinearity(derivatives.records, derivatives))
+    print(mf.collinearity(runs, derivatives))
 
     sticks = [run.select(outputs=["q"], inputs=["stick"]) for run in used]
     equivalent = mf.fit(sticks, lower_order)
@@ -129,7 +132,7 @@ def analyse(path):
     return derivatives, unseen, equivalent
 
 
-def draw(derivatives, unseen, equivalent, folder):
+def draw(derivatives: mf.Fit, unseen: mf.Record, equivalent: mf.Fit, folder: str | Path) -> None:
     """The page's figures."""
     import matplotlib
 
@@ -140,13 +143,14 @@ def draw(derivatives, unseen, equivalent, folder):
     derivatives.plot_response(unseen, ax=axes)
     figure.savefig(Path(folder) / "flight_prediction.png", dpi=85)
     figure, axes = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
+    assert equivalent.records is not None  # they are only of a fit that was saved and loaded
     response = mf.frf(equivalent.records, band=(0.9, 12.0))
     mf.plot.bode(equivalent, response, labels=["lower order", "without a model"], ax=axes)
     figure.savefig(Path(folder) / "flight_bode.png", dpi=110)
     plt.close("all")
 
 
-def main(arguments=()):
+def main(arguments: Sequence[str] = ()) -> tuple[mf.Fit, mf.Record, mf.Fit]:
     """Analyse the file given, or a sample made for the purpose."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter

@@ -36,8 +36,8 @@ def main() -> dict[str, mf.Track]:
     rec = flight()
     est = mf.Estimator(mf.TransferFunction(poles=2, zeros=1), band=7.0)
     tracks = {}
-    for name, memory in (("window 8 s", {}), ("window 8 s, forgetting 16 s", {"forgetting": 16.0})):
-        live = mf.Stream(est, dt=DT, window=8.0, outputs="q", inputs="de", **memory)
+    for name, memory in (("window 8 s", None), ("window 8 s, forgetting 16 s", 16.0)):
+        live = mf.Stream(est, dt=DT, window=8.0, outputs="q", inputs="de", forgetting=memory)
         tracks[name] = live.follow(rec, every=10)
         print(f"{name}: {tracks[name]}")
     return tracks

@@ -9,19 +9,22 @@ from pathlib import Path
 
 import modfun as mf
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.complex128]
 
 # The record was made of tones at these frequencies (turns a sample) and decibels below the strongest.
 TONES = {-0.15: -20, 0.1: -20, 0.2: 0, 0.21: 0}
 COUNT = 10
 
 
-def read(folder):
+def read(folder: str | Path) -> Array:
     """The samples, complex."""
     columns = np.loadtxt(Path(folder) / "kay_marple64" / "marple64_complex.csv", delimiter=",", skiprows=1)
     return columns[:, 1] + 1j * columns[:, 2]
 
 
-def main(folder):
+def main(folder: str | Path) -> mf.Sinusoids:
     """Tones that describe the record; all but the four are the coloured noise, taken for tones."""
     y = read(folder)
     found = mf.sinusoids(y, COUNT, dt=1.0)

@@ -3,12 +3,17 @@
 python examples/reduce_model.py
 """
 
+from typing import Any
+
 import modfun as mf
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
+Array = NDArray[np.float64]
 
-def rod(cells):
+
+def rod(cells: int) -> tuple[Any, Array, Array]:
     """x' = Ax + Bu, y = Cx: heated at one third of its length, measured at two thirds; A is sparse."""
     ones = np.ones(cells) * (cells + 1.0) ** 2
     a = sparse.diags([ones[1:], -2 * ones, ones[1:]], [-1, 0, 1], format="csc")
@@ -17,7 +22,7 @@ def rod(cells):
     return a, b, c
 
 
-def main():
+def main() -> None:
     red = mf.reduce(rod(2999), 4, dcgain=True)
     print(red.summary())
     print(f"dc gain {red.model.dcgain():.6f}, exact 1/9 = {1 / 9:.6f}\n")

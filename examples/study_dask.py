@@ -4,11 +4,12 @@ python examples/study_dask.py [tcp://scheduler:8786]
 """
 
 import sys
+from typing import Any
 
 import modfun as mf
 from distributed import Client
 
-STUDY = {
+STUDY: dict[str, Any] = {
     "system": mf.tf([5], [1, 3, 8]),
     "input": "sin(t**2/5)",
     "duration": 10.0,

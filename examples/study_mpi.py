@@ -3,10 +3,12 @@
 mpiexec -n 5 python -m mpi4py.futures examples/study_mpi.py
 """
 
+from typing import Any
+
 import modfun as mf
 from mpi4py.futures import MPIPoolExecutor
 
-STUDY = {
+STUDY: dict[str, Any] = {
     "system": mf.tf([5], [1, 3, 8]),
     "input": "sin(t**2/5)",
     "duration": 10.0,

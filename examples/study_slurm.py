@@ -6,11 +6,12 @@ python examples/study_slurm.py merge
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import modfun as mf
 from modfun.study.shards import merge
 
-STUDY = {
+STUDY: dict[str, Any] = {
     "system": mf.tf([5], [1, 3, 8]),
     "input": "sin(t**2/5)",
     "duration": 10.0,

@@ -3,6 +3,8 @@
 x'(t) = A0 x(t) + A1 x(t - 1) + B u(t - .4), both states measured with noise; matrices of Yi, Nelson, Ulsoy.
 """
 
+from typing import Any
+
 import modfun as mf
 import numpy as np
 
@@ -12,12 +14,12 @@ TRUTH |= {"c11": 1.66, "c12": -0.697, "c21": 0.93, "c22": -0.33, "b": 1.0, "h": 
 POLES = [-2.5, -3.0]  # for the roots at -1.01 and -1.98
 
 
-def plant():
+def plant() -> mf.timelag.DelaySystem:
     """The true system."""
     return mf.timelag.DelaySystem(A={0: A0, 1.0: A1}, B={0.4: B})
 
 
-def record(nsr, seed=1):
+def record(nsr: float, seed: int = 1) -> mf.Record:
     """40 s of both states under two sweeps."""
     return mf.simulate(
         plant(),
@@ -29,7 +31,7 @@ def record(nsr, seed=1):
     )
 
 
-def structure(lag="h"):
+def structure(lag: str | float = "h") -> mf.Equation:
     """What is fitted: the lag of the states a number, or a parameter between .2 and 2 s."""
     return mf.timelag.equation(
         A={0: [["a11", "a12"], ["a21", "a22"]], lag: [["c11", "c12"], ["c21", "c22"]]},
@@ -38,14 +40,14 @@ def structure(lag="h"):
     )
 
 
-def main():
+def main() -> tuple[mf.Record, mf.Fit, mf.timelag.DelaySystem, Any, tuple[Any, Any]]:
     """Record, fit, identified plant, feedback, and the true plant without and with it."""
     rec = record(nsr=0.05)
     fit = mf.fit(rec, structure())
     identified = mf.timelag.from_fit(fit)
     design = identified.place(POLES)
     true = plant()
-    start = {"duration": 6.0, "dt": 0.02, "history": [1.0, 1.0]}
+    start: dict[str, Any] = {"duration": 6.0, "dt": 0.02, "history": [1.0, 1.0]}
     runs = true.simulate(**start), true.simulate(design, **start)
     return rec, fit, identified, design, runs
 

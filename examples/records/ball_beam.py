@@ -4,6 +4,7 @@ Usage: python examples/records/ball_beam.py [FOLDER, default $MODFUN_DATA] [--fi
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -20,18 +21,18 @@ MODELS = {
 WINDOWS = (5.0, 10.0, 25.0)  # s
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Position of the ball and angle of the beam, 10 Hz."""
     path = common.data("daisy_ballbeam/ballbeam.csv", folder)
     return mf.read(path, time="t_s", outputs={"r": "y_pos"}, inputs={"angle": "u_angle"})
 
 
-def median_level(fit, rec, length):
+def median_level(fit: mf.Fit, rec: mf.Record, length: float) -> float:
     """Median signal-to-error ratio, dB, of windows that each have an initial state of their own."""
     return float(np.median([fit.score(part)["signal_to_error"][0] for part in rec.split(every=length)]))
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit the first half, predict windows of the second; returns what the page states."""
     rec = read(folder)
     print(rec.check())
@@ -43,7 +44,7 @@ def main(folder=None, figures=None):
             structure = mf.TransferFunction(poles=2, zeros=0, params=params, delay=LATE)
             fits[name] = mf.fit(first, structure, noise=noise)
         fits["free, the other half"] = mf.fit(second, fits[name].structure, noise="equation")
-    columns = {"model": list(fits)}
+    columns: dict[str, Any] = {"model": list(fits)}
     for name in ("a1", "a2", "b0", "delay"):
         columns[name] = [
             f"{fit[name]:.3f} ± {fit.bse[fit.param_names.index(name)]:.3f}"
@@ -52,14 +53,14 @@ def main(folder=None, figures=None):
             for fit in fits.values()
         ]
     print(f"\n{mf.Table(columns)}")
-    out = {"fits": fits, "levels": {}}
+    out: dict[str, Any] = {"fits": fits, "levels": {}}
     for name, fit in fits.items():
         unseen = first if "other" in name else second
         out["levels"][name] = [median_level(fit, unseen, length) for length in WINDOWS]
     columns = {
         f"{length:g} s": [row[i] for row in out["levels"].values()] for i, length in enumerate(WINDOWS)
     }
-    rounded = {name: np.round(values, 1) for name, values in columns.items()}
+    rounded: dict[str, Any] = {name: np.round(values, 1) for name, values in columns.items()}
     print(
         f"\nMedian S/E, dB, over windows of the half not fitted\n{mf.Table({'model': list(fits)} | rounded)}"
     )
@@ -73,7 +74,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fits, rec, figures):
+def draw(fits: dict[str, mf.Fit], rec: mf.Record, figures: common.Place) -> None:
     """Windows of 10 s of the second half."""
     figure, axes = common.panels(2, 1, sharex=True)
     for part in rec.split(every=10.0):

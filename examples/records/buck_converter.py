@@ -4,6 +4,7 @@ Usage: python examples/records/buck_converter.py [FOLDER, default $MODFUN_DATA] 
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -15,13 +16,13 @@ FALLING = [(0.0030, 0.0036), (0.0070, 0.0074)]  # s: it does not
 STEPS = 8  # of the integration, a sample
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Control voltage and output voltage, 100 kHz."""
     path = common.data("buck_converter_id/buck_id.csv", folder)
     return mf.read(path, time="t_s", outputs={"v": "y_V"}, inputs={"u": "u_V"}, intersample="zoh")
 
 
-def simulated(circuit, rec, state):
+def simulated(circuit: tuple[float, float, float], rec: mf.Record, state: common.Array) -> common.Array:
     """Output voltage of coil, capacitor, load and a diode: the coil's current never turns round.
 
     w is the current over C: v' = w - decay v, and w' = a2 mean - (a2 - loss decay) v - loss w while w >= 0,
@@ -29,7 +30,7 @@ def simulated(circuit, rec, state):
     """
     a1, a2, decay = circuit
     loss = a1 - decay
-    step = rec.dt / STEPS
+    step = (rec.t[1] - rec.t[0]) / STEPS
     v, w = state
     out = np.empty(rec.t.size)
     for k, control in enumerate(rec["u"]):
@@ -41,7 +42,7 @@ def simulated(circuit, rec, state):
     return out
 
 
-def predicted(circuit, rec):
+def predicted(circuit: tuple[float, float, float], rec: mf.Record) -> common.Array:
     """The simulation from the initial voltage and current that suit the record best."""
     from scipy.optimize import least_squares
 
@@ -51,27 +52,26 @@ def predicted(circuit, rec):
     return simulated(circuit, rec, found.x * scale)
 
 
-def level(rec, own):
+def level(rec: mf.Record, own: common.Array) -> float:
     """Signal-to-error ratio, dB, as `fit.score` states it."""
-    return 20 * np.log10(np.std(rec["v"]) / np.sqrt(np.mean((rec["v"] - own) ** 2)))
+    return float(20 * np.log10(np.std(rec["v"]) / np.sqrt(np.mean((rec["v"] - own) ** 2))))
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, predict, print; returns what the page states."""
     rec = read(folder)
     print(rec.check())
     halves = [rec.window(0, 0.005), rec.window(0.005, 0.01)]
-    out = {}
+    out: dict[str, Any] = {}
     with warnings.catch_warnings():  # the misfit of the linear model is what the page is about
         warnings.simplefilter("ignore", mf.ModfunWarning)
         linear = mf.fit(halves[0], mf.TransferFunction(poles=2, zeros=0))
+        rises = [rec.window(*part) for part in RISING]
         rising = mf.fit(
-            [rec.window(*part) for part in RISING],
+            rises,
             mf.Equation(f"v'' + a1*v' + a2*v = a2*(4 - u)*{SUPPLY / 3}", outputs=["v"], inputs=["u"]),
         )
-        free = mf.fit(
-            rising.records, mf.Equation("v'' + a1*v' + a2*v = a2*K*(4 - u)", outputs=["v"], inputs=["u"])
-        )
+        free = mf.fit(rises, mf.Equation("v'' + a1*v' + a2*v = a2*K*(4 - u)", outputs=["v"], inputs=["u"]))
         falling = mf.fit(
             [rec.window(*part) for part in FALLING], mf.Equation("v' + decay*v = 0", outputs=["v"])
         )
@@ -95,7 +95,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(halves, linear, own, figures):
+def draw(halves: list[mf.Record], linear: mf.Fit, own: list[common.Array], figures: common.Place) -> None:
     """Both models over both halves."""
     figure, axes = common.panels(1, 2, sharey=True)
     for ax, part, y, title in zip(axes, halves, own, ("first half", "second half"), strict=True):

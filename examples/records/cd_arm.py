@@ -4,6 +4,7 @@ Usage: python examples/records/cd_arm.py [FOLDER, default $MODFUN_DATA] [--figur
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -13,18 +14,18 @@ BAND = 0.6  # rad a sample: .1 % of the power of the inputs lies above
 ORDERS = range(1, 6)
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Two forces, two outputs; the sampling interval is not known and is taken as 1."""
     path = common.data("daisy_cd_arm_first/cd_arm_0_1024.csv", folder)
     return mf.read(path, time="k", outputs=["y1", "y2"], inputs=["u1", "u2"])
 
 
-def structure(poles):
+def structure(poles: int) -> mf.TransferFunction:
     """All four paths share the poles and have as many zeros: forces act within a sample."""
     return mf.TransferFunction(poles=poles, zeros=poles, denominator="common")
 
 
-def future_helps(rec, future, past=20):
+def future_helps(rec: mf.Record, future: int, past: int = 20) -> list[float]:
     """S/E (dB) of both outputs in the last third, predicted by least squares on inputs before and after."""
     lags = range(-future, past + 1)
     rows = np.column_stack([np.roll(u, lag) for u in rec.u for lag in lags] + [np.ones(rec.t.size)])
@@ -36,13 +37,13 @@ def future_helps(rec, future, past=20):
     return levels
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Choose, fit, predict; returns what the page states."""
     rec = read(folder)
     print(rec.check())
     power = np.abs(np.fft.rfft(rec.u, axis=1)) ** 2
     above = 2 * np.pi * np.arange(power.shape[1]) / rec.t.size > BAND
-    out = {"above": power[:, above].sum(axis=1) / power.sum(axis=1)}
+    out: dict[str, Any] = {"above": power[:, above].sum(axis=1) / power.sum(axis=1)}
     print(f"Power of u1, u2 above {BAND} rad a sample: {out['above'][0]:.2%}, {out['above'][1]:.2%}")
 
     quarters = rec.split(every=255.0)
@@ -66,13 +67,15 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(rec, fits, frf, figures):
+def draw(rec: mf.Record, fits: dict[int, mf.Fit], frf: mf.FrequencyResponse, figures: common.Place) -> None:
     """Gains of all four paths, with 95 % bands, beside those of the models."""
     figure, axes = common.panels(2, 2, size=(7.0, 4.6), sharex=True, sharey=True)
+    radius = frf.radius(0.95)
+    assert radius is not None  # only of responses without a covariance
     for o, output in enumerate(rec.outputs):
         for i, force in enumerate(rec.inputs):
             ax, gain = axes[o, i], np.abs(frf.response[o, i])
-            low, high = gain - frf.radius(0.95)[o, i], gain + frf.radius(0.95)[o, i]
+            low, high = gain - radius[o, i], gain + radius[o, i]
             ax.fill_between(frf.omega, np.maximum(low, 1e-3), high, color="0.85", label="frf, 95 %")
             ax.loglog(frf.omega, gain, color="0.5", lw=1.5)
             for (n, fit), color in zip(fits.items(), ("C0", "C3"), strict=True):

@@ -8,14 +8,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 HERE = Path(__file__).resolve()
+Place = str | Path | None  # a folder, where one was named
+Array = NDArray[np.float64]
 
 
 class Absent(SystemExit):
     """A record is not there; ends a script with the reason."""
 
 
-def data(name: str, folder: str | Path | None = None) -> Path:
+def data(name: str, folder: Place = None) -> Path:
     """Path of a record, such as "tu144_lon_4d/tu144_f20_4d.csv", in the folder of records.
 
     `folder` defaults to what MODFUN_DATA names, else to ../shared/data beside the repository.
@@ -45,11 +50,11 @@ def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.0, 4.
     return plt.subplots(rows, columns, figsize=size, layout="constrained", **options)
 
 
-def save(figure: Any, name: str, figures: str | Path) -> Path:
+def save(figure: Any, name: str, figures: Place) -> Path:
     """Write `figure` as records_NAME.png into the folder `figures` and close it."""
     import matplotlib.pyplot as plt
 
-    path = Path(figures) / f"records_{name}.png"
+    path = Path(figures or ".") / f"records_{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
@@ -64,9 +69,8 @@ def balanced(records: Any, model: Any, rounds: int = 4, first: Any = None) -> An
     which may be given.
     """
     import modfun as mf
-    import numpy as np
 
-    fit = first or mf.fit(records, model)
+    fit: Any = first or mf.fit(records, model)
     band = fit.band
     for _ in range(rounds):
         errors = np.hstack([fit.errors(i) for i in range(len(fit.records))])
@@ -88,8 +92,6 @@ def estimates(fits: dict[str, Any], names: Any = None) -> Any:
 
 def earlier(rec: Any, channel: str, samples: int = 1) -> Any:
     """The record with a channel taken some samples earlier, and so much shorter."""
-    import numpy as np
-
     moved = rec.assign(**{channel: np.roll(rec[channel], -samples)})
     return moved.window(rec.t[0], rec.t[-1 - samples])
 
@@ -99,8 +101,6 @@ def lag(rec: Any, channel: str, rate: Any) -> tuple[float, float]:
 
     Offset and slope of their difference do not count: sensors have offsets.
     """
-    import numpy as np
-
     whole = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * rec.dt
     inner = slice(10, -10)
     y, t = rec[channel][inner], rec.t[inner]

@@ -4,6 +4,7 @@ Usage: python examples/records/evaporator.py [FOLDER, default $MODFUN_DATA] [--f
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -15,14 +16,14 @@ POLES = (1, 2, 3, 4, 5)
 CUT = 2000  # samples; the last third is predicted
 
 
-def read(folder=None, cooling="foh"):
+def read(folder: common.Place = None, cooling: str = "foh") -> mf.Record:
     """Feed, vapour and cooling water; dry matter, flow and temperature. The interval is taken as 1."""
     path = common.data("daisy_evaporator_first/evaporator_0_3000.csv", folder)
     held = ["zoh", "zoh", cooling]
     return mf.read(path, time="k", outputs=OUTPUTS, inputs=INPUTS, intersample=held)
 
 
-def scored(fit, rec):
+def scored(fit: mf.Fit, rec: mf.Record) -> list[common.Array]:
     """S/E (dB) of both parts, and R2 of the second."""
     parts = [fit.score(rec.window(0, CUT - 1)), fit.score(rec.window(CUT, 2999))]
     return [
@@ -31,12 +32,12 @@ def scored(fit, rec):
     ]
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit the first two thirds, predict the last; returns what the page states."""
     rec = read(folder)
     first = rec.window(0, CUT - 1)
     print(rec.check())
-    out = {"levels": {}, "fits": {}}
+    out: dict[str, Any] = {"levels": {}, "fits": {}}
     with warnings.catch_warnings():  # disturbances of the process: classical and HC3 errors differ
         warnings.simplefilter("ignore", mf.ModfunWarning)
         for n in POLES:
@@ -53,7 +54,7 @@ def main(folder=None, figures=None):
         shared = mf.TransferFunction(poles=4, zeros=3, denominator="common")
         out["fits"]["common"] = mf.fit(first, shared)
         out["levels"]["4 poles for all"] = scored(out["fits"]["common"], rec)
-    columns = {}
+    columns: dict[str, Any] = {}
     for i, name in enumerate(OUTPUTS):
         for k, (part, digits) in enumerate((("fitted", 1), ("predicted", 1), ("R2", 3))):
             values = [row[k][i] for row in out["levels"].values()]
@@ -69,7 +70,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fits, rec, figures):
+def draw(fits: dict[Any, mf.Fit], rec: mf.Record, figures: common.Place) -> None:
     """A part that was not fitted."""
     figure, axes = common.panels(3, 1, size=(7.0, 4.4), sharex=True)
     for ax, name in zip(axes, OUTPUTS, strict=True):

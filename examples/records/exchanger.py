@@ -4,6 +4,7 @@ Usage: python examples/records/exchanger.py [FOLDER, default $MODFUN_DATA] [--fi
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -24,7 +25,7 @@ MODELS = {  # structure, samples by which the flow is taken earlier, power of th
 }
 
 
-def read(folder=None, earlier=0, power=1, copies=1):
+def read(folder: common.Place = None, earlier: int = 0, power: int = 1, copies: int = 1) -> mf.Record:
     """Outlet temperature, and the flow (raised to a power) held over each second."""
     path = common.data("daisy_exchanger/exchanger.csv", folder)
     rec = mf.read(path, time="t_s", outputs={"temp": "th_temp"}, inputs={"flow": "q_flow"})
@@ -39,20 +40,20 @@ def read(folder=None, earlier=0, power=1, copies=1):
     )
 
 
-def pulse_response(rec, length=40):
+def pulse_response(rec: mf.Record, length: int = 40) -> tuple[common.Array, list[float]]:
     """Response to a second of flow by least squares, sample by sample, and its S/E on the parts, dB."""
     flow, temp = rec["flow"], rec["temp"]
     rows = np.column_stack([np.roll(flow, lag) for lag in range(length)] + [np.ones(flow.size)])
     own = {name: slice(start + length, stop) for name, (start, stop) in PARTS.items()}
-    found = np.linalg.lstsq(rows[own["fitted"]], temp[own["fitted"]], rcond=None)[0]
+    found = np.linalg.lstsq(rows[own["fitted"]], temp[own["fitted"]], rcond=None)[0].astype(float)
     errors = temp - rows @ found
     levels = [20 * np.log10(np.std(temp[part]) / np.std(errors[part])) for part in own.values()]
     return found[:length], levels
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit one part, predict the others; returns what the page states."""
-    out = {"fits": {}, "levels": {}}
+    out: dict[str, Any] = {"fits": {}, "levels": {}}
     out["pulse"], bound = pulse_response(read(folder))
     print("Change of the temperature 0, 1, 2 ... s after a second of unit flow:")
     print(" ".join(f"{value:.2f}" for value in out["pulse"][:10]))
@@ -73,7 +74,9 @@ def main(folder=None, figures=None):
         ]
         print(f"{name}: {', '.join(values)}")
     rows = out["levels"] | {"40 free numbers": bound}
-    columns = {part: np.round([row[i] for row in rows.values()], 1) for i, part in enumerate(PARTS)}
+    columns: dict[str, Any] = {
+        part: np.round([row[i] for row in rows.values()], 1) for i, part in enumerate(PARTS)
+    }
     print(f"\nS/E, dB\n{mf.Table({'model': list(rows)} | columns)}")
     out["gain"] = {
         name: out["fits"][name].derived(gain="b0/a2").rows[0]
@@ -86,7 +89,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(out, records, figures):
+def draw(out: dict[str, Any], records: dict[str, mf.Record], figures: common.Place) -> None:
     """The pulse response, and 150 s that were not fitted."""
     figure, axes = common.panels(1, 2, width_ratios=[1, 2.4])
     axes[0].stem(np.arange(13), out["pulse"][:13], basefmt="0.7")

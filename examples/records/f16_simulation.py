@@ -4,6 +4,7 @@ Usage: python examples/records/f16_simulation.py [FOLDER, default $MODFUN_DATA] 
 """
 
 import json
+from typing import Any
 
 import common
 import modfun as mf
@@ -16,14 +17,14 @@ NAMES = ("Yb", "Yp", "Yr", "Yphi", "Lb", "Lp", "Lr", "Nb", "Np", "Nr", "Pr", "Yd
 REPLICATES = 100
 
 
-def read(folder=None, intersample="smooth"):
+def read(folder: common.Place = None, intersample: str = "smooth") -> mf.Record:
     """Sideslip, bank angle (deg), roll and yaw rate (deg/s), aileron (deg), 40 Hz, 15 s."""
     path = common.data("f16sim_lat_schroeder/f16sim_lat.csv", folder)
     inputs = {"da": "ail_deg"}
     return mf.read(path, time="t_s", outputs=CHANNELS, inputs=inputs, keep=KEPT, intersample=intersample)
 
 
-def published(folder=None):
+def published(folder: common.Place = None) -> tuple[common.Array, common.Array, common.Array]:
     """Finite-difference matrices A and B (aileron, all in degrees), and their entries by name."""
     given = json.loads(common.data("f16sim_lat_schroeder/linear_model_AB.json", folder).read_text())
     a, b = np.array(given["A"]), np.degrees(np.array(given["B"])[:, :1])
@@ -31,7 +32,7 @@ def published(folder=None):
     return a, b, np.array(entries)
 
 
-def structure(**held):
+def structure(**held: float) -> mf.StateSpace:
     """Every entry that need not be 0 or 1 is a parameter."""
     return mf.StateSpace(
         [["Yb", "Yp", "Yr", "Yphi"], ["Lb", "Lp", "Lr", 0], ["Nb", "Np", "Nr", 0], [0, 1, "Pr", 0]],
@@ -42,13 +43,13 @@ def structure(**held):
     )
 
 
-def known(rec):
+def known(rec: mf.Record) -> dict[str, float]:
     """What no aerodynamics enters: gravity in beta', and yaw rate in phi', from the trimmed flight."""
     alpha, speed = np.deg2rad(rec["alpha"][0]), rec["V"][0]
     return {"Yphi": GRAVITY / speed * np.cos(alpha), "Pr": np.tan(alpha)}
 
 
-def simulated(a, b, rec):
+def simulated(a: common.Array, b: common.Array, rec: mf.Record) -> tuple[common.Array, common.Array]:
     """S/E (dB) and errors of matrices against the record."""
     own = mf.ss(a, b, np.eye(4)).simulate(u=rec["da"], dt=rec.dt, intersample=rec.intersample[0])
     error = rec.y - own
@@ -56,7 +57,9 @@ def simulated(a, b, rec):
     return 20 * np.log10(rec.y.std(axis=1) / error.std(axis=1)), error
 
 
-def covered(a, b, truth, rec, fit):
+def covered(
+    a: common.Array, b: common.Array, truth: common.Array, rec: mf.Record, fit: mf.Fit
+) -> common.Array:
     """In how many simulations of the matrices, with the fit's errors as noise, 3 errors hold the truth, %."""
     own = mf.ss(a, b, np.eye(4)).simulate(u=rec["da"], dt=rec.dt)
     size = fit.errors().std(axis=1)[:, None]
@@ -66,10 +69,11 @@ def covered(a, b, truth, rec, fit):
     )
     many = mf.fit_many(batch, fit.structure, noise=mf.Noise(y=size[:, 0]), band=fit.band)
     kept = [NAMES.index(name) for name in fit.param_names]
-    return 100 * np.mean(np.abs(many.params - truth[kept]) < 3 * many.bse, axis=0)
+    share: common.Array = 100 * np.mean(np.abs(many.params - truth[kept]) < 3 * many.bse, axis=0)
+    return share
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, compare, print; returns what the page states."""
     rec, (a, b, truth) = read(folder), published(folder)
     print(f"Noise of the high band\n{rec.noise_level()}")
@@ -89,7 +93,9 @@ def main(folder=None, figures=None):
     }
     levels = {name: level for name, (level, _) in found.items()}
     levels |= {f"fit, {name}": fit.score()["signal_to_error"] for name, fit in fits.items()}
-    columns = {c: np.round([row[i] for row in levels.values()], 1) for i, c in enumerate(CHANNELS)}
+    columns: dict[str, Any] = {
+        c: np.round([row[i] for row in levels.values()], 1) for i, c in enumerate(CHANNELS)
+    }
     print(f"\n{mf.Table({'S/E, dB': list(levels)} | columns)}")
 
     off, shares = {}, {}
@@ -101,7 +107,7 @@ def main(folder=None, figures=None):
         if name != "default weights":
             rows["simulated, %"] = shares[name] = covered(a, b, truth, rec, fit)
         print(f"\n{mf.Table(rows, name)}")
-    out = {"truth": truth, "levels": levels, "fits": fits, "off": off, "covered": shares}
+    out: dict[str, Any] = {"truth": truth, "levels": levels, "fits": fits, "off": off, "covered": shares}
     out["collinearity"] = {name: mf.collinearity(rec, fits[name]) for name in ("own weights", "two known")}
     for name, shown in out["collinearity"].items():
         print(f"\n{name}\n{shown}")
@@ -110,7 +116,9 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(rec, found, fit, off, figures):
+def draw(
+    rec: mf.Record, found: dict[str, Any], fit: mf.Fit, off: dict[str, Any], figures: common.Place
+) -> None:
     """Errors of the yaw rate, and how far estimates lie from the published entries."""
     figure, (left, right) = common.panels(1, 2, size=(9.0, 3.8))
     left.plot(rec.t, found["published, smooth"][1][2], label="published matrices")

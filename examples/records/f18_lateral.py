@@ -6,20 +6,24 @@ report's 9–12 dB, for the whole record and for two parts of it; and why no lin
     MODFUN_DATA=folder python examples/records/f18_lateral.py [--figures docs/figures]
 """
 
+from typing import Any
+
 import modfun as mf
 import numpy as np
-from common import data, panels, run, save
+from common import Place, data, panels, run, save
 
 OUTPUTS, INPUTS = ["beta_deg", "p_dps", "r_dps"], ["ail_deg", "rdr_deg"]
 PARTS = {"whole": (0.0, 28.0), "first": (5.0, 13.8), "second": (12.5, 22.0)}  # s
 
 
-def fitted(rec, poles, denominator, method="awls", band=8.0):
+def fitted(
+    rec: mf.Record, poles: int, denominator: str, method: str = "awls", band: float | None = 8.0
+) -> mf.Fit:
     """Transfer functions with one zero fewer than poles."""
     return mf.fit(rec, mf.TransferFunction(poles=poles, denominator=denominator), method=method, band=band)
 
 
-def scores(parts):
+def scores(parts: dict[str, mf.Record]) -> tuple[mf.Table, dict[tuple[str, int, str], mf.Fit]]:
     """S/E a channel and the fastest growing pole, by part, method and structure."""
     rows, fits = [], {}
     for part, rec in parts.items():
@@ -34,7 +38,7 @@ def scores(parts):
     return mf.Table(dict(zip(names, zip(*rows, strict=True), strict=True))), fits
 
 
-def rudder(rec):
+def rudder(rec: mf.Record) -> mf.Table:
     """What the rudder did and what the yaw rate answered, in two stretches."""
     rows = []
     for start, stop in ((5.4, 9.6), (13.5, 18.0)):
@@ -45,7 +49,7 @@ def rudder(rec):
     return mf.Table(dict(zip(names, zip(*rows, strict=True), strict=True)))
 
 
-def main(folder=None, figures=None):
+def main(folder: Place = None, figures: Place = None) -> dict[str, Any]:
     """The tables of the page."""
     path = data("f18harv_lat_342l/f18harv_342l.csv", folder)
     rec = mf.read(path, outputs=OUTPUTS, inputs=INPUTS)
@@ -63,7 +67,7 @@ def main(folder=None, figures=None):
     return {"scores": table, "fits": fits, "rudder": moved, "whole by ml": whole}
 
 
-def draw(rec, fits, figures):
+def draw(rec: mf.Record, fits: dict[tuple[str, int, str], mf.Fit], figures: Place) -> None:
     """Roll and yaw rate with the simulations of both parts, and the controls."""
     figure, axes = panels(3, 1, size=(7.0, 5.0), sharex=True)
     for ax, i, name in ((axes[0], 1, "p (deg/s)"), (axes[1], 2, "r (deg/s)")):

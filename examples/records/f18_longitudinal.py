@@ -6,33 +6,37 @@ report's 8–12 dB; what the state at the beginning and the mean have to do with
     MODFUN_DATA=folder python examples/records/f18_longitudinal.py [--figures docs/figures]
 """
 
+from typing import Any
+
 import modfun as mf
 import numpy as np
-from common import data, panels, run, save
+from common import Array, Place, data, panels, run, save
 
 FAST = 25.0  # rad/s, far above the aircraft's own motion
 OUTPUTS = ["alpha_deg", "q_dps"]
 
 
-def structure(poles, denominator):
+def structure(poles: int, denominator: str) -> mf.TransferFunction:
     """Transfer functions with one zero fewer than poles."""
     return mf.TransferFunction(poles=poles, denominator=denominator)
 
 
-def signal_to_error(y, e, about_mean=True):
+def signal_to_error(y: Array, e: Array, about_mean: bool = True) -> Array:
     """dB a channel."""
     signal = np.std(y, axis=1) if about_mean else np.sqrt(np.mean(y**2, axis=1))
-    return 20 * np.log10(signal / np.sqrt(np.mean(e**2, axis=1)))
+    level: Array = 20 * np.log10(signal / np.sqrt(np.mean(e**2, axis=1)))
+    return level
 
 
-def above(e, dt):
+def above(e: Array, rec: mf.Record) -> Array:
     """Power of each channel above FAST, in per cent."""
     power = np.abs(np.fft.rfft(e - e.mean(axis=1, keepdims=True))) ** 2
-    omega = 2 * np.pi * np.fft.rfftfreq(e.shape[1], dt)
-    return 100 * power[:, omega > FAST].sum(axis=1) / power.sum(axis=1)
+    omega = 2 * np.pi * np.fft.rfftfreq(e.shape[1], rec.t[1] - rec.t[0])
+    share: Array = 100 * power[:, omega > FAST].sum(axis=1) / power.sum(axis=1)
+    return share
 
 
-def main(folder=None, figures=None):
+def main(folder: Place = None, figures: Place = None) -> dict[str, Any]:
     """The tables of the page."""
     path = data("f18harv_lon_153b/f18harv_153b.csv", folder)
     rec = mf.read(path, outputs=OUTPUTS, inputs=["stab_deg"])
@@ -49,7 +53,7 @@ def main(folder=None, figures=None):
 
     fit = fits[3, "common"]
     print(f"3 poles:\n{fit.damp()}\n2 poles:\n{fits[2, 'common'].damp()}\n\n{fit.table()}\n\n{fit.check()}\n")
-    fast = above(fit.errors(rec), rec.dt)
+    fast = above(fit.errors(rec), rec)
     print(f"above {FAST:g} rad/s: {fast[0]:.0f} % of the error of alpha, {fast[1]:.0f} % of that of q\n")
     observed = fit.predict(rec, initial_state=fit.initial_state(rec, "observer"))
     ways = {
@@ -72,7 +76,7 @@ def main(folder=None, figures=None):
     return {"scores": table, "fits": fits, "levels": levels, "fast": fast}
 
 
-def draw(rec, fits, figures):
+def draw(rec: mf.Record, fits: dict[tuple[int, str], mf.Fit], figures: Place) -> None:
     """Both outputs, measured and simulated, and the stabilator."""
     figure, axes = panels(3, 1, size=(7.0, 4.6), sharex=True)
     for i, (ax, name) in enumerate(zip(axes, ("α (deg)", "q (deg/s)"), strict=False)):

@@ -8,10 +8,12 @@ identified from the stabilator itself; lateral: two inputs. How the fit falls as
 
 import json
 import warnings
+from collections.abc import Callable
+from typing import Any
 
 import modfun as mf
 import numpy as np
-from common import data, panels, run, save
+from common import Array, Place, data, panels, run, save
 
 REPLICATES = 20
 LEVELS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)  # noise, standard deviation over that of the output
@@ -20,18 +22,19 @@ REPORT = {"longitudinal": (34.0, 41.0), "lateral": (16.0, 30.0)}  # dB
 BANDS = {"longitudinal": 7.0, "lateral": 7.5}  # rad/s, what the default rule takes at 5 % noise
 
 
-def signal_to_error(y, simulated):
+def signal_to_error(y: Array, simulated: Array) -> Array:
     """dB a channel, about the mean of y."""
-    return 20 * np.log10(np.std(y, axis=1) / np.sqrt(np.mean((y - simulated) ** 2, axis=1)))
+    level: Array = 20 * np.log10(np.std(y, axis=1) / np.sqrt(np.mean((y - simulated) ** 2, axis=1)))
+    return level
 
 
-def inputs(folder, name, channels):
+def inputs(folder: Place, name: str, channels: list[str]) -> tuple[list[Array], float]:
     """Inputs of a flight without their trim, and their step."""
     rec = mf.read(data(name, folder), outputs=["alpha_deg"], inputs=channels)
-    return [u - u.mean() for u in rec.u], rec.dt
+    return [u - u.mean() for u in rec.u], float(rec.t[1] - rec.t[0])
 
 
-def longitudinal(folder, matrices):
+def longitudinal(folder: Place, matrices: dict[str, Any]) -> tuple[mf.Record, Array]:
     """Response from rest of alpha (deg) and q (deg/s), the stabilator under feedback, the command."""
     (command,), dt = inputs(folder, "f18harv_lon_153b/f18harv_153b.csv", ["stab_deg"])
     a, b = np.array(matrices["A"]), np.array(matrices["B"])[:, :1]
@@ -42,7 +45,7 @@ def longitudinal(folder, matrices):
     return clean, command
 
 
-def lateral(folder, matrices):
+def lateral(folder: Place, matrices: dict[str, Any]) -> mf.Record:
     """Response from rest of beta (deg), p and r (deg/s) to aileron and rudder."""
     u, dt = inputs(folder, "f18harv_lat_342l/f18harv_342l.csv", ["ail_deg", "rdr_deg"])
     aircraft = mf.ss(matrices["A"], matrices["B"], np.eye(4)[:3], np.zeros((3, 2)))
@@ -50,7 +53,7 @@ def lateral(folder, matrices):
     return mf.Record(y=y, u=u, dt=dt, outputs=["beta", "p", "r"], inputs=["ail", "rdr"])
 
 
-def noisy(clean, level, seed):
+def noisy(clean: mf.Record, level: float, seed: int) -> mf.Record:
     """The record with white noise on its outputs, each in proportion to its own standard deviation."""
     noise = np.random.default_rng(seed).standard_normal(clean.y.shape)
     return clean.assign(
@@ -58,17 +61,17 @@ def noisy(clean, level, seed):
     )
 
 
-def in_the_loop(fit, rec, command):
+def in_the_loop(fit: mf.Fit, rec: mf.Record, command: Array) -> mf.Record:
     """Response from rest of an identified longitudinal model under the same feedback, as a record."""
-    den, _ = fit.polynomials()
+    den: Array = fit.polynomials()[0]
     nums = [fit.polynomials(i)[1][0] for i in range(2)]
     for num, gain in zip(nums, FEEDBACK.values(), strict=True):
-        den = np.polysub(den, gain * num)
+        den = np.asarray(np.polysub(den, gain * num), dtype=float)
     alpha, q = mf.tf([[num] for num in nums], den).simulate(u=[command], dt=rec.dt)
     return rec.assign(alpha=alpha, q=q)
 
 
-def score(clean, predict, *given):
+def score(clean: mf.Record, predict: Callable[..., mf.Record], *given: Any) -> Array:
     """S/E of a simulation; minus infinity of one that overflows."""
     try:
         return signal_to_error(clean.y, predict(*given).y)
@@ -76,7 +79,7 @@ def score(clean, predict, *given):
         return np.full(len(clean.y), -np.inf)
 
 
-def study(kind, clean, poles, level, command=None):
+def study(kind: str, clean: mf.Record, poles: int, level: float, command: Array | None = None) -> Array:
     """Median over the replicates of S/E a channel against the noise-free outputs, and of S/E in the loop."""
     estimator = mf.Estimator(mf.TransferFunction(poles=poles, denominator="common"), band=BANDS[kind])
     found = []
@@ -86,12 +89,13 @@ def study(kind, clean, poles, level, command=None):
         found.append([score(clean, fit.predict, rec)])
         if command is not None:
             found[-1].append(score(clean, in_the_loop, fit, rec, command))
-    return np.median(found, axis=0)
+    middle: Array = np.median(found, axis=0)
+    return middle
 
 
-def poles_of(lon, lat, matrices):
+def poles_of(lon: mf.Record, lat: mf.Record, matrices: dict[str, Any]) -> mf.Table:
     """Table of the poles of a fit each, with their standard errors and the truth."""
-    columns = {"model": [], "pole": [], "omega": [], "bse": [], "truth": []}
+    columns: dict[str, list[Any]] = {"model": [], "pole": [], "omega": [], "bse": [], "truth": []}
     for kind, clean, count in (("longitudinal", lon, 2), ("lateral", lat, 4)):
         structure = mf.TransferFunction(poles=count, denominator="common")
         fit = mf.Estimator(structure, band=BANDS[kind])(noisy(clean, 0.05, 0))
@@ -105,7 +109,7 @@ def poles_of(lon, lat, matrices):
     return mf.Table(columns)
 
 
-def main(folder=None, figures=None):
+def main(folder: Place = None, figures: Place = None) -> dict[str, Any]:
     """Tables by order at 5 % noise and by noise at the right order, in dB; the figure."""
     warnings.simplefilter("ignore", mf.ModfunWarning)  # unstable estimates are what we want
     matrices = json.loads(data("f18_polynomial_model/f18_poly_and_linear_5deg.json", folder).read_text())
@@ -115,7 +119,7 @@ def main(folder=None, figures=None):
     print(f"Poles, rad/s, 5 % noise, one record; longitudinal of 2, lateral of 4\n{estimates}\n")
     names = ["alpha", "q", "alpha in the loop", "q in the loop", "beta", "p", "r"]
 
-    def table(first, cases):
+    def table(first: str, cases: list[tuple[float, tuple[int, int], float]]) -> mf.Table:
         rows = []
         for value, poles, level in cases:
             flown = study("longitudinal", lon, poles[0], level, command)
@@ -131,7 +135,7 @@ def main(folder=None, figures=None):
     return {"poles": estimates, "orders": orders, "noise": noise, "longitudinal": lon, "command": command}
 
 
-def draw(noise, figures):
+def draw(noise: mf.Table, figures: Place) -> None:
     """S/E over noise, the report's ranges shaded."""
     figure, axes = panels(1, 2, sharey=True)
     shown = {

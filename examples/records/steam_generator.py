@@ -4,6 +4,7 @@ Usage: python examples/records/steam_generator.py [FOLDER, default $MODFUN_DATA]
 """
 
 import warnings
+from typing import Any
 
 import common
 import modfun as mf
@@ -21,20 +22,21 @@ CARRIED = np.arange(0.7, 1.06, 0.02)  # fuel burnt by a unit of air, tried for o
 LAGS = 60  # samples of the pulse responses
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Four inputs, four outputs, every 3 s."""
     path = common.data("daisy_steamgen_first/steamgen_0_4800.csv", folder)
     return mf.read(path, time="t_s", outputs=OUTPUTS, inputs=INPUTS, intersample="zoh")
 
 
-def pulses(rec, output):
+def pulses(rec: mf.Record, output: str) -> common.Array:
     """Response to a sample of each input, times its standard deviation: (input, lag), by least squares."""
     rows = np.column_stack([np.roll(u, lag) for u in rec.u for lag in range(LAGS)] + [np.ones(rec.t.size)])
-    found = np.linalg.lstsq(rows[LAGS:], rec[output][LAGS:], rcond=None)[0][:-1]
-    return found.reshape(len(rec.inputs), LAGS) * rec.u.std(axis=1)[:, None]
+    found: common.Array = np.linalg.lstsq(rows[LAGS:], rec[output][LAGS:], rcond=None)[0][:-1]
+    found = found.reshape(len(rec.inputs), LAGS) * rec.u.std(axis=1)[:, None]
+    return found
 
 
-def excess(rec, carried):
+def excess(rec: mf.Record, carried: float) -> mf.Record:
     """The record of o2 with one input: per cent of oxygen that burning leaves over, never negative."""
     left = 21 * (1 - rec["fuel"] / np.maximum(carried * rec["air"], 1e-6))
     return mf.Record(
@@ -42,25 +44,26 @@ def excess(rec, carried):
     )
 
 
-def scored(rec, structure):
+def scored(rec: mf.Record, structure: mf.TransferFunction) -> tuple[mf.Fit, list[float]]:
     """Fit to the first two thirds; the fit, and S/E (dB) there and on the rest, and R2 on the rest."""
-    fit = mf.fit(rec.window(0, 9600), structure)
-    rows = [fit.score(part).rows[0] for part in (fit.records[0], rec.window(9600, 14397))]
+    first = rec.window(0, 9600)
+    fit = mf.fit(first, structure)
+    rows = [fit.score(part).rows[0] for part in (first, rec.window(9600, 14397))]
     return fit, [rows[0]["signal_to_error"], rows[1]["signal_to_error"], rows[1]["r2"]]
 
 
-def gains(fit):
+def gains(fit: mf.Fit) -> mf.Table:
     """Steady gain of each input, with its standard error."""
     n = fit.structure.poles
     last = {key: f"b{n - 1}[{key}]" if len(fit.inputs) > 1 else f"b{n - 1}" for key in fit.inputs}
     return fit.derived(**{f"from {k}": (lambda p, b=b: p[b] / p[f"a{n}"]) for k, b in last.items()})
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit the first two thirds, predict the last; returns what the page states."""
     rec = read(folder)
     print(rec.check())
-    out = {"fits": {}, "levels": {}, "pulses": {name: pulses(rec, name) for name in OUTPUTS}}
+    out: dict[str, Any] = {"fits": {}, "levels": {}, "pulses": {name: pulses(rec, name) for name in OUTPUTS}}
     print("\nLevel: response to one sample of each input, 0, 1, 2 ... samples later")
     for name, row in zip(INPUTS, out["pulses"]["level"], strict=True):
         print(f"{name:5}" + "".join(f"{value:7.3f}" for value in row[:8]))
@@ -86,7 +89,7 @@ def main(folder=None, figures=None):
             out["fits"][name], out["levels"][f"{name}, as below"] = scored(records[name], structure)
     fit = out["delay"]
     print(f"\nsteam: delay of the fuel, estimated: {fit['delay[fuel]']:.2f} ± {fit.bse[-1]:.2f} s")
-    columns = dict(
+    columns: dict[str, Any] = dict(
         zip(("fitted", "predicted", "R2 predicted"), zip(*out["levels"].values(), strict=True), strict=True)
     )
     columns = {name: np.round(values, 3 if "R2" in name else 1) for name, values in columns.items()}
@@ -99,7 +102,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fits, records, figures):
+def draw(fits: dict[str, mf.Fit], records: dict[str, mf.Record], figures: common.Place) -> None:
     """The part that was not fitted."""
     figure, axes = common.panels(4, 1, size=(7.0, 5.0), sharex=True)
     units = {"p": "p, psi", "o2": "O2, %", "level": "level", "steam": "steam, kg/s"}

@@ -3,6 +3,9 @@
 Usage: python examples/records/supersonic_transport.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import common
 import modfun as mf
 import numpy as np
@@ -11,18 +14,20 @@ NAMES = ("a1", "a2", "b0", "b1", "delay")
 TRUTH = np.array([0.9, 2.0, 0.4, 0.1, 0.2])  # (0.4 s + 0.1) e^(-0.2 s)/(s^2 + 0.9 s + 2)
 LATE = mf.TransferFunction(poles=2, zeros=1, delay=mf.Free(max=0.5))
 REPLICATES = 100
+Noise = Callable[[np.random.Generator], common.Array]
 
 
-def read(column, folder=None):
+def read(column: str, folder: common.Place = None) -> mf.Record:
     """Stick (cm), in straight lines between samples, and a column as pitch rate q (deg/s), 32 Hz."""
     path = common.data("sst_pitch_tf_delay/sst_pitch.csv", folder)
     return mf.read(path, time="t_s", outputs={"q": column}, inputs={"stick": "u_stick_cm"}, intersample="foh")
 
 
-def midpoint(rec):
+def midpoint(rec: mf.Record) -> tuple[common.Array, common.Array]:
     """The true system by the midpoint rule, its delayed input in straight lines: how the file was made."""
     a, b, c = np.array([[-0.9, -2.0], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([0.4, 0.1])
     u = np.interp(rec.t - 0.2, rec.t, rec["stick"])
+    assert rec.dt is not None  # evenly sampled
     x, y, h = np.zeros(2), np.zeros(rec.t.size), rec.dt
     for k in range(rec.t.size - 1):
         half = x + h / 2 * (a @ x + b * u[k])
@@ -32,7 +37,7 @@ def midpoint(rec):
     return y, np.array([-poles.sum().real, poles.prod().real])
 
 
-def within(rec, draw, **options):
+def within(rec: mf.Record, draw: Noise, **options: Any) -> dict[str, common.Array]:
     """Many noisy copies: in how many the truth lies within 2 and 3 errors, bias and deviation in %."""
     y = np.array([rec.y + draw(np.random.default_rng([7, k])) for k in range(REPLICATES)])
     many = mf.fit_many(mf.Batch(y=y, u=rec.u[None], dt=rec.dt, intersample="foh"), LATE, **options)
@@ -45,23 +50,23 @@ def within(rec, draw, **options):
     }
 
 
-def white(size):
+def white(size: float) -> Noise:
     """White noise of a standard deviation, as a function of a generator."""
     return lambda rng: size * rng.standard_normal(5241)
 
 
-def recoloured(error):
+def recoloured(error: common.Array) -> Noise:
     """Noise with the spectrum of `error`, its phases by chance: its colour, not its relation to the stick."""
     size = np.abs(np.fft.rfft(error - error.mean()))
     return lambda rng: np.fft.irfft(size * np.exp(2j * np.pi * rng.random(size.size)), error.size)
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, print; returns what the page states."""
     true, measured = read("ytrue_q_dps", folder), read("z_q_dps", folder)
     clean = mf.fit(true, LATE)
     y, poles = midpoint(true)
-    out = {"clean": clean, "midpoint": np.std(true["q"] - y), "poles": poles}
+    out: dict[str, Any] = {"clean": clean, "midpoint": np.std(true["q"] - y), "poles": poles}
     columns = {"parameter": NAMES, "truth": TRUTH, "estimate": clean.params, "error": clean.params - TRUTH}
     print(f"{mf.Table(columns)}\nS/E {clean.score()['signal_to_error'][0]:.1f} dB")
     print(f"The midpoint rule repeats ytrue to {out['midpoint']:.1e}; a1, a2 of its poles: {poles.round(5)}")
@@ -71,7 +76,9 @@ def main(folder=None, figures=None):
     out["exact"] = np.max(np.abs(mf.fit(exact, LATE).params - TRUTH))
     print(f"Fitted to an exact simulation: largest error {out['exact']:.1e}")
     error, size = measured["q"] - true["q"], true["q"].std()
-    cases = {f"ytrue, white {level} %": (true, white(level / 100 * size), {}) for level in (1, 5, 10, 20)}
+    cases: dict[str, Any] = {
+        f"ytrue, white {level} %": (true, white(level / 100 * size), {}) for level in (1, 5, 10, 20)
+    }
     cases["exact, white 1 %"] = exact, white(0.01 * size), {}
     cases["exact, colour of z"] = exact, recoloured(error), {}
     cases['  with noise="coloured"'] = exact, recoloured(error), {"noise": "coloured"}
@@ -85,12 +92,12 @@ def main(folder=None, figures=None):
     out["measured"] = {word: mf.fit(measured, LATE, noise=word) for word in ("output", "coloured")}
     for word, fit in out["measured"].items():
         off = (fit.params - TRUTH) / fit.bse
-        rows = zip(NAMES, fit.params, fit.bse, off, strict=True)
-        print(f"{word}: " + ", ".join(f"{n} {v:.4f} ± {e:.4f} ({o:+.1f})" for n, v, e, o in rows))
+        shown = zip(NAMES, fit.params, fit.bse, off, strict=True)
+        print(f"{word}: " + ", ".join(f"{n} {v:.4f} ± {e:.4f} ({o:+.1f})" for n, v, e, o in shown))
     by_chance = recoloured(error)(np.random.default_rng(1))
-    options = {"band": (0.1, 3.0), "halfwidth": 20, "method": "lpm"}
+    options: dict[str, Any] = {"band": (0.1, 3.0), "halfwidth": 20, "method": "lpm"}
     response, other = (mf.frf(true.assign(q=q), **options) for q in (error, by_chance))
-    out["coherence"] = [one.coherence[0, one.omega < 1].mean() for one in (response, other)]
+    out["coherence"] = [np.mean(np.asarray(one.coherence)[0, one.omega < 1]) for one in (response, other)]
     related = np.corrcoef(error, true["q"])[0, 1]
     print(f"z - ytrue: standard deviation {error.std():.4f}, correlation with ytrue {related:.2f}")
     print("Coherence with the stick below 1 rad/s: {:.2f}, by chance {:.2f}".format(*out["coherence"]))
@@ -99,14 +106,18 @@ def main(folder=None, figures=None):
     return out
 
 
-def figure_of(fit, true, measured, response, figures):
+def figure_of(
+    fit: mf.Fit, true: mf.Record, measured: mf.Record, response: mf.FrequencyResponse, figures: common.Place
+) -> None:
     """Both columns, and what of their difference follows the stick, beside the system's own response."""
     figure, (left, right) = common.panels(1, 2, size=(8.0, 3.6))
     left.plot(measured.t, measured["q"], color="0.6", lw=1, label="z")
     left.plot(true.t, true["q"], color="C0", lw=1, label="ytrue")
     left.plot(true.t, measured["q"] - true["q"], color="C3", lw=0.7, label="z − ytrue")
     left.set(xlabel="t, s", ylabel="q, deg/s", xlim=(80, 164))
-    gain, radius = np.abs(response.response[0, 0]), response.radius(0.95)[0, 0]
+    circles = response.radius(0.95)
+    assert circles is not None  # only of responses without a covariance
+    gain, radius = np.abs(response.response[0, 0]), circles[0, 0]
     right.loglog(response.omega, np.abs(fit.frequency_response(response.omega)[0][0]), "C0", label="system")
     right.loglog(response.omega, gain, "C3", label="z − ytrue, without a model")
     right.fill_between(response.omega, np.maximum(gain - radius, 1e-4), gain + radius, color="C3", alpha=0.2)

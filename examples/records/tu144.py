@@ -5,6 +5,8 @@ K (s + 1/T) e^(-tau s) / (s^2 + 2 zeta omega s + omega^2)
 Usage: python examples/records/tu144.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
+from typing import Any
+
 import common
 import modfun as mf
 import numpy as np
@@ -13,13 +15,13 @@ LATE = mf.TransferFunction(poles=2, zeros=1, delay=mf.Free(max=0.6))
 TERMS = {"omega": "sqrt(a2)", "zeta": "a1/(2*sqrt(a2))", "1/T": "b1/b0", "K": "b0"}
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Stick (inches) and pitch rate (deg/s), 32 Hz, 20 s."""
     path = common.data("tu144_lon_4d/tu144_f20_4d.csv", folder)
     return mf.read(path, time="t_s", outputs={"q": "q_dps"}, inputs={"stick": "lonstk_in"})
 
 
-def row(fit, rec):
+def row(fit: mf.Fit, rec: mf.Record) -> dict[str, Any]:
     """What the tables show of a fit: S/E and R2 on a record, delay, frequency and damping with errors."""
     score = fit.score(rec).rows[0]
     found = fit.derived(**{k: TERMS[k] for k in ("omega", "zeta")}).rows
@@ -32,16 +34,18 @@ def row(fit, rec):
     }
 
 
-def table(title, rows):
+def table(title: str, rows: dict[str, dict[str, Any]]) -> None:
     """Print rows by name."""
     columns = {key: [row[key] for row in rows.values()] for key in next(iter(rows.values()))}
     print(f"\n{mf.Table({'': list(rows)} | columns, title)}")
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, print; returns what the page states."""
     rec = read(folder)
-    out = {"trend": {word: mf.fit(rec, LATE, trend=word) for word in (None, "constant", "linear")}}
+    out: dict[str, Any] = {
+        "trend": {word: mf.fit(rec, LATE, trend=word) for word in (None, "constant", "linear")}
+    }
     table("Trend of the output", {str(word): row(fit, rec) for word, fit in out["trend"].items()})
     fit = out["fit"] = out["trend"]["linear"]
 
@@ -78,7 +82,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fit, rec, response, figures):
+def draw(fit: mf.Fit, rec: mf.Record, response: mf.FrequencyResponse, figures: common.Place) -> None:
     """The record and its simulation; the frequency response with and without a model."""
     figure, axes = common.panels(2, 2, size=(9.0, 4.4))
     (top, gain), (bottom, phase) = axes

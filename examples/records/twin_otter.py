@@ -3,6 +3,8 @@
 Usage: python examples/records/twin_otter.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
+from typing import Any
+
 import common
 import modfun as mf
 import numpy as np
@@ -23,13 +25,13 @@ LATE_VANE = mf.Equation(  # the vane shows alpha h seconds late
 )
 
 
-def read(run, folder=None):
+def read(run: str, folder: common.Place = None) -> mf.Record:
     """Angle of attack (deg), pitch rate (deg/s) and elevator (deg) of a run, 50 Hz."""
     path = common.data(f"twinotter_lon_{run}/twinotter_lon_{run}.csv", folder)
     return mf.read(path, time="t_s", outputs=CHANNELS, inputs={"de": "el_deg"}, keep=KEPT)
 
 
-def lag(rec):
+def lag(rec: mf.Record) -> tuple[float, float]:
     """Lag of alpha (s) behind what gyroscope and accelerometer say of it, with their agreement (dB).
 
     alpha' = q + g/V (az cos alpha + cos(theta - alpha)), which holds whatever the aerodynamics.
@@ -39,10 +41,10 @@ def lag(rec):
     return common.lag(rec, "alpha", rec["q"] + np.rad2deg(turn))
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, predict, print; returns what the page states."""
     runs = {run: read(run, folder) for run in ("018", "019")}
-    out = {}
+    out: dict[str, Any] = {}
 
     rate = {run: rec.select(outputs=["q"]) for run, rec in runs.items()}
     tf = mf.fit(rate["018"], mf.TransferFunction(poles=2, zeros=1))
@@ -103,7 +105,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fit, runs, figures):
+def draw(fit: mf.Fit, runs: dict[str, mf.Record], figures: common.Place) -> None:
     """Run 018, fitted, and run 019, predicted."""
     figure, axes = common.panels(2, 2, sharex="col", sharey="row")
     for column, (run, rec) in zip(axes.T, runs.items(), strict=True):

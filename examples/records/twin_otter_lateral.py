@@ -3,6 +3,8 @@
 Usage: python examples/records/twin_otter_lateral.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
+from typing import Any
+
 import common
 import modfun as mf
 import numpy as np
@@ -14,13 +16,13 @@ CHANNELS = {"beta": "beta_deg", "p": "p_dps", "r": "r_dps", "phi": "phi_deg"}
 KEPT = {"V": "V_fps", "qbar": "qbar_psf", "alpha": "alpha_deg", "theta": "theta_deg", "ay": "ay_g"}
 
 
-def read(folder=None):
+def read(folder: common.Place = None) -> mf.Record:
     """Sideslip, bank angle (deg), roll and yaw rate (deg/s), aileron and rudder (deg), 50 Hz."""
     path = common.data("twinotter_lat_f1_017/twinotter_lat_f1_017.csv", folder)
     return mf.read(path, time="t_s", outputs=CHANNELS, inputs={"da": "ail_deg", "dr": "rdr_deg"}, keep=KEPT)
 
 
-def structure(rec):
+def structure(rec: mf.Record) -> mf.StateSpace:
     """Kinematics and gravity known from the trim of the record, aerodynamics unknown."""
     alpha, theta, speed = np.deg2rad(rec["alpha"].mean()), np.deg2rad(rec["theta"].mean()), rec["V"].mean()
     return mf.StateSpace(
@@ -36,7 +38,7 @@ def structure(rec):
     )
 
 
-def lag(rec):
+def lag(rec: mf.Record) -> tuple[float, float]:
     """Lag of beta (s) behind what gyroscopes and accelerometer say of it, with their agreement (dB).
 
     beta' = p sin alpha - r cos alpha + g/V (ay + cos theta sin phi), which holds whatever the aerodynamics.
@@ -46,7 +48,7 @@ def lag(rec):
     return common.lag(rec, "beta", rec["p"] * np.sin(alpha) - rec["r"] * np.cos(alpha) + force)
 
 
-def nondimensional(fit, rec):
+def nondimensional(fit: mf.Fit, rec: mf.Record) -> mf.Table:
     """Coefficients of force and moments a radian; rates count as p b/2V."""
     pressure, speed = rec["qbar"].mean() * WING, rec["V"].mean()
     moment, turn = pressure * SPAN, 2 * speed / SPAN
@@ -57,10 +59,10 @@ def nondimensional(fit, rec):
     return fit.derived(**found)
 
 
-def main(folder=None, figures=None):
+def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit, print; returns what the page states."""
     rec = read(folder)
-    out = {"lag": lag(rec)}
+    out: dict[str, Any] = {"lag": lag(rec)}
     late, level = out["lag"]
     print(f"The vane follows the integrated rates by {1000 * late:.0f} ms: agreement {level:.1f} dB")
 
@@ -81,7 +83,9 @@ def main(folder=None, figures=None):
     out["tf"] = mf.fit(rec.select(outputs=["beta", "p", "r"]), shared)
     levels["transfer functions"] = np.append(out["tf"].score()["signal_to_error"], np.nan)
     out["levels"] = levels
-    columns = {c: np.round([row[i] for row in levels.values()], 1) for i, c in enumerate(CHANNELS)}
+    columns: dict[str, Any] = {
+        c: np.round([row[i] for row in levels.values()], 1) for i, c in enumerate(CHANNELS)
+    }
     print(f"\nS/E, dB\n{mf.Table({'fit': list(levels)} | columns)}")
 
     last = fits["and 2.5 to 15 s"]
@@ -96,7 +100,7 @@ def main(folder=None, figures=None):
     return out
 
 
-def draw(fit, rec, figures):
+def draw(fit: mf.Fit, rec: mf.Record, figures: common.Place) -> None:
     """All four channels, measured and simulated."""
     figure, axes = common.panels(2, 2, sharex=True)
     labels = ("β, deg", "p, deg/s", "r, deg/s", "φ, deg")
