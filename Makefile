@@ -4,11 +4,12 @@ PYTHON ?= python3
 BIN := .venv/bin
 FIGURES ?= figures
 PACKAGING := .venv/packaging/bin
+TRIED := target/sdist-tried
 CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
 MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate counts wheel sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -70,14 +71,22 @@ wheel: .venv/packaging/created
 	cargo fetch --locked --quiet
 	RUSTFLAGS="--remap-path-prefix=$(CURDIR)=. $$(printf -- '--remap-path-prefix=%s=crates ' $(CRATES))" \
 		$(PACKAGING)/maturin build --release --locked $(MANYLINUX) --out dist
-	$(PACKAGING)/python packaging/contents.py dist/*.whl
+	$(PACKAGING)/python packaging/contents.py dist
 	$(PACKAGING)/twine check --strict dist/*.whl
 
 ## The sources with every crate they need, into dist/; they build without a network.
 sdist: .venv/packaging/created
 	$(PACKAGING)/python packaging/sdist.py
-	$(PACKAGING)/python packaging/contents.py dist/*.tar.gz
+	$(PACKAGING)/python packaging/contents.py dist
 	$(PACKAGING)/twine check --strict dist/*.tar.gz
+
+## Builds the sources of dist/ with no crate in store, and without a network where root can take it away.
+try-sdist: .venv/packaging/created
+	rm -rf $(TRIED) && mkdir -p $(TRIED)/crates
+	$(shell [ "$$(id -u)" = 0 ] && command -v unshare >/dev/null && echo unshare --net) env \
+		CARGO_HOME=$(CURDIR)/$(TRIED)/crates CARGO_NET_OFFLINE=true PATH="$(CURDIR)/$(PACKAGING):$$PATH" \
+		$(PACKAGING)/python -m pip wheel --quiet --no-build-isolation --no-deps --no-index \
+		--wheel-dir $(TRIED) dist/*.tar.gz
 
 ## The wheel of dist/ in new environments, with the oldest versions it allows and the newest: see docs/release.md.
 test-wheel:

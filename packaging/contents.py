@@ -1,6 +1,6 @@
 """Looks into wheels and source distributions: nothing missing, nothing too much, loadable by old systems.
 
-python packaging/contents.py dist/*
+python packaging/contents.py dist
 """
 
 import io
@@ -17,14 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LICENCES = {"LICENSE", "THIRD_PARTY_LICENSES"}
 CORE = {"_core.abi3.so", "_core.pyd"}
 # What manylinux2014 systems have. Their libm and libgcc count for `fma` and unwinding.
-LIBRARIES = {
-    "libc.so.6",
-    "libm.so.6",
-    "libgcc_s.so.1",
-    "libpthread.so.0",
-    "libdl.so.2",
-    "ld-linux-x86-64.so.2",
-}
+LIBRARIES = {"libc.so.6", "libm.so.6", "libgcc_s.so.1", "libpthread.so.0", "libdl.so.2"}
+LIBRARIES |= {"ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"}
 GLIBC = (2, 17)
 
 
@@ -82,23 +76,28 @@ def sdist(path: Path) -> list[str]:
         names = {member.name.removeprefix(top) for member in archive.getmembers() if member.isfile()}
         lock = archive.extractfile(top + "Cargo.lock")
         packages = tomllib.load(io.BytesIO(lock.read()))["package"] if lock else []
+        file = archive.extractfile(top + ".cargo/config.toml")
+        config = file.read().decode() if file else ""
     vendored = {name.split("/")[1] for name in names if name.startswith("vendor/")}
     crates = {package["name"] for package in packages if "source" in package}
     said = different("vendor", vendored, crates)
+    if "vendor" not in config:
+        said.append("does not say that its crates are in vendor")
     for folder in ("python", "rust"):
         held = {name.removeprefix(folder + "/") for name in names if name.startswith(folder + "/")}
         said += different(folder, held, tracked(folder))
-    wanted = LICENCES | {".cargo/config.toml", "PKG-INFO", "README.md", "pyproject.toml"}
+    wanted = LICENCES | {"PKG-INFO", "README.md", "pyproject.toml"}
     return said + [f"lacks {name}" for name in sorted(wanted - names)]
 
 
 def main() -> int:
     wrong = 0
-    for path in map(Path, sys.argv[1:]):
+    found = [path for folder in sys.argv[1:] for path in sorted(Path(folder).iterdir())]
+    for path in found:
         said = wheel(path) if path.suffix == ".whl" else sdist(path)
         print(f"{path}: {path.stat().st_size:,} bytes, {'; '.join(said) or 'as it should be'}")
         wrong += bool(said)
-    return wrong
+    return wrong or not found
 
 
 if __name__ == "__main__":

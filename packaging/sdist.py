@@ -18,6 +18,13 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+CONFIG = """\
+[source.crates-io]
+replace-with = "vendored"
+
+[source.vendored]
+directory = "vendor"
+"""
 UNUSED = re.compile(r"\[dev-dependencies\]|\[\[(?:test|bench|example)\]\]")
 
 
@@ -42,10 +49,10 @@ def shorten(folder: Path) -> None:
 
 def vendor(folder: Path) -> None:
     """Puts the crates into the sources, of the versions that were tested."""
-    told = run("cargo", "vendor", "--quiet", "vendor", at=folder)
+    run("cargo", "vendor", "--quiet", "vendor", at=folder)
     config = folder / ".cargo" / "config.toml"
     config.parent.mkdir()
-    config.write_text(told, "utf-8")
+    config.write_text(CONFIG, "utf-8")
     if foreign := locked(folder) - locked(ROOT):
         raise SystemExit(f"versions differ from those of Cargo.lock: {sorted(foreign)}")
 

@@ -52,7 +52,7 @@ def attempt(which: str, wheel: Path, whole: bool) -> bool:
         return subprocess.run([python, *arguments], cwd=ROOT).returncode
 
     wanted = lowest() + OLD_NEEDS if which == "oldest" else []
-    if run("-m", "pip", "install", "--quiet", f"{wheel}[all]", *wanted, *TOOLS):
+    if run("-m", "pip", "install", "--quiet", "--only-binary=:all:", f"{wheel}[all]", *wanted, *TOOLS):
         return False
     where = "import modfun; print(modfun.__file__)"
     told = subprocess.run([python, "-c", where], cwd=ROOT, check=True, capture_output=True, text=True).stdout
