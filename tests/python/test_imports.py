@@ -14,7 +14,7 @@ HEAVY = {
 }  # fmt: skip
 
 LOOK = """
-import json, os, signal, sys, threading, warnings
+import json, os, signal, sys, threading, time, warnings
 import numpy
 handlers = [signal.getsignal(s) for s in signal.valid_signals()]
 state = numpy.geterr(), dict(os.environ), os.getcwd(), list(sys.path), sys.excepthook
@@ -23,9 +23,11 @@ folder = set(os.listdir("."))
 files = set(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else set()
 tasks = set(os.listdir("/proc/self/task")) if os.path.isdir("/proc/self/task") else set()
 random = numpy.random.get_state()[1].tolist()
-before = set(sys.modules)
+before, began = set(sys.modules), time.process_time()
 import modfun
+seconds = time.process_time() - began
 print(json.dumps({
+    "seconds": seconds,
     "modules": sorted(set(sys.modules) - before),
     "threads": threading.active_count(),
     "tasks": not tasks or set(os.listdir("/proc/self/task")) == tasks,
@@ -63,6 +65,11 @@ def test_import_loads_little_besides_numpy(seen):
     other = [name for name in seen["modules"] if name not in own]
     assert len(own) < 100, own
     assert len(other) < 30, other
+
+
+def test_import_takes_no_time_worth_mention(seen):
+    """Some tenths of a second of the processor beside NumPy; the bound holds on busy machines too."""
+    assert seen["seconds"] < 2.0
 
 
 @pytest.mark.parametrize("what", ["tasks", "files", "folder", "handlers", "state", "hooks", "random"])
