@@ -14,30 +14,27 @@ from pathlib import Path
 
 import modfun as mf
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
-
-Array = NDArray[np.float64]
 
 GAIN = 35.1507  # N/V, given with the record
 DT = 1e-3  # s
 TOP = 20.0  # Hz
 
 
-def read(folder: Path) -> tuple[Array, Array, Array]:
+def read(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position in m, velocity in m/s, force in N."""
     _, _, q, volts = np.loadtxt(folder / "emps_est" / "data_emps.csv", delimiter=",", skiprows=1).T
     low_pass = butter(4, 100, fs=1 / DT, output="sos")
     return q, np.gradient(sosfiltfilt(low_pass, q), DT), GAIN * volts
 
 
-def record(q: Array, velocity: Array, force: Array) -> mf.Record:
+def record(q: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> mf.Record:
     return mf.Record(
         y=q, u=[force, np.sign(velocity)], dt=DT, outputs=["q"], inputs=["force", "s"], units={"q": "m"}
     )
 
 
-def simulated(params: dict[str, float], force: Array, q: float, velocity: float) -> Array:
+def simulated(params: dict[str, float], force: np.ndarray, q: float, velocity: float) -> np.ndarray:
     """Position under the measured force alone, with friction that holds where the force is small."""
     out = np.empty(force.size)
     for k, push in enumerate(force - params["OF"]):

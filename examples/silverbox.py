@@ -9,10 +9,7 @@ from pathlib import Path
 
 import modfun as mf
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import resample_poly
-
-Array = NDArray[np.float64]
 
 DT = 2**14 / 1e7  # s
 FITTED = 1024  # intervals
@@ -20,14 +17,14 @@ SETTLED = 300  # samples after which the unknown initial state is forgotten (m/d
 FINER = 8  # steps a sample in simulation
 
 
-def read(folder: Path) -> tuple[Array, Array]:
+def read(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Input and output, V."""
     path = folder / "silverbox_multisine" / "silverbox_50000_66384.csv"
     _, u, y = np.loadtxt(path, delimiter=",", skiprows=1).T
     return u, y
 
 
-def simulated(fit: mf.Fit, u: Array) -> Array:
+def simulated(fit: mf.Fit, u: np.ndarray) -> np.ndarray:
     """Response from rest, Runge-Kutta on the input between its samples."""
     m, d, k1, k3, c = fit.params[[fit.param_names.index(n) for n in ("m", "d", "k1", "k3", "c")]]
     fine, h = resample_poly(u, 2 * FINER, 1), DT / FINER

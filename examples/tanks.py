@@ -14,22 +14,19 @@ from pathlib import Path
 
 import modfun as mf
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 DT = 4.0  # s
 FITTED = 140  # intervals before the first overflow
 FULL = 10.0
 
 
-def read(folder: Path) -> tuple[Array, Array]:
+def read(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Pump and lower level, V."""
     _, u, y = np.loadtxt(folder / "cascaded_tanks_est" / "cts_est.csv", delimiter=",", skiprows=1).T
     return u, y
 
 
-def simulated(k: float, gain: float, u: Array, upper: float, lower: float) -> Array:
+def simulated(k: float, gain: float, u: np.ndarray, upper: float, lower: float) -> np.ndarray:
     """Lower level; what flows over is lost. Steps of .4 s between samples, straight input."""
     out = np.empty(u.size)
     step = DT / 10
@@ -43,7 +40,7 @@ def simulated(k: float, gain: float, u: Array, upper: float, lower: float) -> Ar
     return out
 
 
-def levels(fit: mf.Fit, u: Array, y: Array) -> Array:
+def levels(fit: mf.Fit, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The lower level over the whole record; the upper tank begins where the lower one's slope says."""
     k, gain = fit.params[[fit.param_names.index(n) for n in ("k", "k4")]]
     slope = np.polyfit(DT * np.arange(10), y[:10], 1)[0]
