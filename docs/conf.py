@@ -18,6 +18,7 @@ extensions = [
     "pages",
     "formulas",
     "commands",
+    "links",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
