@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from ..extras import optional
 
 __all__ = ["drawn"]
 
+LONG = 40  # letters of a name in a drawing
 MANY = 3000  # points of a line beyond which it is a picture within the drawing
 # Black, greys that are dark, and white follow the page; all other colours show on both.
 _COLOURS = {
@@ -56,11 +58,12 @@ def drawn(
     with warnings.catch_warnings(), style.context(["default", words]):
         # The page's fonts have letters that matplotlib's own has not.
         warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+        warnings.filterwarnings("ignore", message="constrained_layout not applied")
         figure = figures.Figure(figsize=(width, height * rows + 0.5), layout="constrained")
         axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel())
         draw(axes)
         for here in figure.axes:
-            _plain_names(here)
+            _plain_names(here, height)
             for line in here.get_lines():
                 line.set_rasterized(len(line.get_xdata()) > MANY)
         buffer = io.StringIO()
@@ -71,9 +74,27 @@ def drawn(
     return _COLOUR.sub(lambda found: _COLOURS[found[0].lower()], text)
 
 
-def _plain_names(here: Any) -> None:
-    """Names of channels are text: a $ in them begins no formula."""
+def _plain_names(here: Any, height: float) -> None:
+    """Names of channels are text: a $ in them begins no formula, and long ones are cut."""
     legend = here.get_legend()
-    texts = [here.title, here.xaxis.label, here.yaxis.label, *(legend.get_texts() if legend else [])]
+    _cut([here.title, here.xaxis.label], LONG)
+    _cut([here.yaxis.label], round(13 * height))
+    _cut(legend.get_texts() if legend else [], LONG)
+    for axis in (here.xaxis, here.yaxis):
+        words = axis.get_major_formatter()
+        if type(words).__name__ == "FuncFormatter":  # names at the ticks
+            axis.set_major_formatter(partial(_tick, words))
+
+
+def _tick(words: Any, place: float, position: int) -> str:
+    return _short(words(place, position), 16)
+
+
+def _cut(texts: Sequence[Any], most: int) -> None:
     for text in texts:
         text.set_parse_math(False)
+        text.set_text(_short(text.get_text(), most))
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
