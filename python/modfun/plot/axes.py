@@ -126,7 +126,8 @@ def decibels(size: Any) -> Any:
 
 def clip_to_lines(axes: Any) -> None:
     """Scale an axis by its lines: an enormous confidence band must not flatten them."""
-    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
+    lines = [np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()]
+    values = np.concatenate(lines) if lines else np.empty(0)  # a gain of zero has no line
     values = values[np.isfinite(values)]
     if values.size:
         low, high = float(values.min()), float(values.max())

@@ -36,19 +36,30 @@ def page_of(fit: Fit, title: str | None, command: str | None) -> Page:
     """
     said, tone, findings = words.verdict(fit)
     data = of_gains if isinstance(fit, ResponseFit) else of_records
-    made = (
-        *data.before(fit),
-        section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), lambda: data.level(fit)),
-        section("bode", "Frequency response", lambda: _bode(fit)),
-        *data.after(fit),
-        section("poles", "Poles", lambda: _poles(fit)),
-        section(
-            "parameters", "How parameters hang together", lambda: _collinear(fit), lambda: _correlation(fit)
-        ),
-        section("provenance", "Provenance", lambda: _provenance(fit, command)),
-    )
+    made = [*data.before(fit)]
+    if words.usable(fit):
+        made += [
+            section(
+                "model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), lambda: data.level(fit)
+            ),
+            section("bode", "Frequency response", lambda: _bode(fit)),
+            *data.after(fit),
+            section("poles", "Poles", lambda: _poles(fit)),
+            section(
+                "parameters",
+                "How parameters hang together",
+                lambda: _collinear(fit),
+                lambda: _correlation(fit),
+            ),
+        ]
+    made.append(section("provenance", "Provenance", lambda: _provenance(fit, command)))
     return Page(
-        title or _title(fit), (*_facts(fit), ("Report made", provenance.now())), said, tone, findings, made
+        title or _title(fit),
+        (*_facts(fit), ("Report made", provenance.now())),
+        said,
+        tone,
+        findings,
+        tuple(made),
     )
 
 
@@ -70,7 +81,6 @@ def _facts(fit: Fit) -> tuple[tuple[str, str], ...]:
 
 
 def _formulas(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
     if not isinstance(fit.structure, Written):
         return formulas.transfer_functions(fit)
     values = {**fit.layout.held, **fit.estimates()}
@@ -108,7 +118,6 @@ def _paths(fit: Fit) -> str:
 
 
 def _poles(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
     if not fit.has_poles:
         raise SpecError("the equations are not linear, so they have no poles")
     svg = drawn(lambda axes: plot.poles(fit, ax=axes[0]), 1, height=4.0, width=6.5)

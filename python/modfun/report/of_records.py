@@ -128,7 +128,6 @@ def _responses(fit: Fit) -> Iterable[Block]:
 
 
 def _residuals(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
     rows = len(fit.row_names)
     yield Figure(
         drawn(partial(plot.residuals, fit), 2 * rows, height=2.0),
@@ -145,7 +144,6 @@ def _residuals(fit: Fit) -> Iterable[Block]:
 
 
 def _tests(fit: Fit) -> Iterable[Block]:
-    fit._need_numbers("report")
     yield plain_table(("asked", "of", "found", "answer"), words.tests(fit), "Tests of the residual lines")
     yield Words(
         f"A test objects where its p-value is below {UNLIKELY}: of right models one in a hundred does so by "

@@ -13,15 +13,14 @@ from ..explain import UNLIKELY
 from ..noise import Noise
 from ..results import Fit
 
-__all__ = ["assumption", "explained", "python_call", "tests", "verdict"]
+__all__ = ["assumption", "explained", "python_call", "tests", "usable", "verdict"]
 
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 
 
 def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
     """A sentence, its tone, and the findings behind it."""
-    usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
-    if not usable:
+    if not usable(fit):
         return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
     findings = tuple(fit.check())
     told = explained(fit)
@@ -33,6 +32,11 @@ def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
             findings,
         )
     return f"The checks found nothing wrong. {told}", "good", ()
+
+
+def usable(fit: Fit) -> bool:
+    """Whether there is an estimate to show."""
+    return fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
 
 
 def explained(fit: Fit) -> str:
