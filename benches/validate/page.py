@@ -16,7 +16,7 @@ HEAD = """# Numerical trust
 Written by `make validate`; do not edit. What modfun computes is held here against the report (A. E. Pearson, NASA NAG-1-1065, 1993), published benchmarks, the statistics it claims, slow twins written from the formulas, the orders of convergence that theory gives, and itself under other threads, processes and instruction sets. What single tests assert is in [accuracy.md](accuracy.md).
 
 Every section has its command, machine and date; seeds are fixed, so that numbers come again, on one machine bit for bit. `make validate ONLY=orders` makes one section and leaves the others. A row says **off** where it breaks the rule of its table, with the reason; a row that is off without a reason known makes the command fail. ± is one Monte Carlo standard error.
-"""  # noqa: E501
+"""
 SUMMARY = "## Summary"
 
 

@@ -42,7 +42,7 @@ class Gaps:
         gap = float(np.max(np.abs(got - want)) / (np.max(np.abs(want)) if size is None else size))
         row = self.rows.setdefault(name, [0, 0.0, limit])
         row[0] += 1
-        row[1] = gap if not gap <= row[1] else row[1]  # nan stays
+        row[1] = float(np.maximum(row[1], gap))  # nan stays
 
 
 # Samples and lines -------------------------------------------------------------------------------

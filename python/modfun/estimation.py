@@ -82,7 +82,8 @@ def fit(
         `Noise`: known up to a common factor. Equations take the levels of several outputs, and of what noise
         adds to nonlinear signals, from the unused harmonics or from `Noise`.
     cov_type : {"HC3", "nonrobust"}
-        Standard errors without an assumption on the noise colour, or the classical ones.
+        Standard errors without an assumption on the noise colour, or the classical ones. Both take its level
+        as constant over the record; where it changes give ``Record(sigma=)``.
     output_weights : (output,) or (output, output) array_like, optional
         Of several outputs: 1/variance of the noise of each, or the inverse of its covariance, instead of the
         estimated one.
