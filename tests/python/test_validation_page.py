@@ -12,11 +12,12 @@ PAGE = ROOT / "docs" / "validation.md"
 for folder in ("benches", "benches/compare", "benches/validate", "examples", "examples/records"):
     sys.path.append(str(ROOT / folder))
 
-import covering  # noqa: E402
+import claims  # noqa: E402
+import gaps  # noqa: E402
+import intervals  # noqa: E402
 import orders  # noqa: E402
 import page  # noqa: E402
 import published  # noqa: E402
-import the_report  # noqa: E402
 import twins  # noqa: E402
 import validate  # noqa: E402
 
@@ -89,24 +90,24 @@ def test_orders_are_those_of_theory(make):
     "kind", [twins.spectra, twins.regressors, twins.estimates, twins.iterates, twins.bands]
 )
 def test_the_core_agrees_with_its_twins(kind):
-    gaps = twins.Gaps()
-    kind(gaps, 6)
-    for name, (count, gap, limit) in gaps.rows.items():
+    found = gaps.Gaps()
+    kind(found, 6)
+    for name, (count, gap, limit) in found.rows.items():
         assert count >= 2, name
         assert gap <= limit, name
 
 
 def test_a_twin_that_differs_or_is_not_finite_is_seen():
-    gaps = twins.Gaps()
+    found = gaps.Gaps()
     for got in ([1.0, 2.0], [1.0, 2.2], [1.0, float("nan")], [1.0, 2.0]):
-        gaps.add("x", 1e-3, got, [1.0, 2.0])
-    assert gaps.rows["x"][0] == 4
-    assert not gaps.rows["x"][1] <= 1e-3
+        found.add("x", 1e-3, got, [1.0, 2.0])
+    assert found.rows["x"][0] == 4
+    assert not found.rows["x"][1] <= 1e-3
 
 
 def test_classical_intervals_cover_and_hc3_is_cautious():
     """4,000 records; 4.5 Monte Carlo errors for three parameters: false alarm 2e-5, the seed is fixed."""
-    hc3, classical = covering.study("x", 4000, ("ml",), nsr=0.1, harmonics=11, trend=None)
+    hc3, classical = intervals.study("x", 4000, ("ml",), nsr=0.1, harmonics=11, trend=None)
     assert (hc3.kind, classical.kind) == ("HC3", "classical")
     assert np.all(np.abs(classical.covered - 0.95) < 4.5 * classical.errors)
     assert np.all(hc3.covered > 0.95 - 4.5 * hc3.errors)
@@ -114,16 +115,16 @@ def test_classical_intervals_cover_and_hc3_is_cautious():
 
 def test_noise_counted_on_the_mean_of_y_gives_the_reports_bias():
     """12.1 %; known to .1 % from 10,000 runs."""
-    value, error = the_report.mean_absolute(10_000)
+    value, error = claims.mean_absolute(10_000)
     assert error == pytest.approx(0.09, rel=0.5)
     assert value == pytest.approx(12.08, abs=4.5 * error)
 
 
 def test_a_claim_is_as_far_away_as_its_errors_say():
-    near = the_report.Claim("x", "5–10", 12.0, 0.5, 5.0, 10.0, "")
+    near = claims.Claim("x", "5–10", 12.0, 0.5, 5.0, 10.0, "")
     assert near.away == pytest.approx(4.0)
-    assert the_report.Claim("x", "5–10", 7.0, 0.0, 5.0, 10.0, "").away == 0.0
-    assert the_report.Claim("x", "never", 1.0, 0.0, 0.0, 0.0, "").away == np.inf
+    assert claims.Claim("x", "5–10", 7.0, 0.0, 5.0, 10.0, "").away == 0.0
+    assert claims.Claim("x", "never", 1.0, 0.0, 0.0, 0.0, "").away == np.inf
 
 
 def test_data_that_are_not_there_are_named(tmp_path, monkeypatch):

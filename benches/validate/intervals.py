@@ -1,0 +1,341 @@
+"""Studies of 95 % intervals, and of the scatter of `ml` over its bound: what `covering` shows and judges."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import modfun as mf
+import numpy as np
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+TF2 = mf.TransferFunction(poles=2, zeros=0)
+EQ24 = {"system": mf.tf([5], [1, 3, 8]), "input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
+KINDS = {"HC3": "HC3", "nonrobust": "classical"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """Coverage of each parameter by one kind of interval."""
+
+    name: str
+    kind: str  # "classical" or "HC3"
+    covered: np.ndarray
+    records: int
+    failures: int = 0
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Monte Carlo standard errors, with half a case added on both sides."""
+        c = (self.covered * self.records + 0.5) / (self.records + 1)
+        return np.sqrt(c * (1 - c) / self.records)
+
+
+# Transfer functions in compiled studies ----------------------------------------------------------
+
+
+def study(name: str, records: int, methods: tuple[str, ...], **words: object) -> list[Row]:
+    """A row a method and kind of interval, from one `mf.MonteCarlo`."""
+    options = {k: words.pop(k) for k in ("harmonics", "band", "trend") if k in words}
+    model = words.pop("model", TF2)
+    estimators = {
+        f"{m}|{kind}": mf.Estimator(model, method=m, cov_type=kind, **options)
+        for m in methods
+        for kind in KINDS
+    }
+    found = mf.MonteCarlo(**{**EQ24, **words}, estimators=estimators, replicates=records, seed=31).run(
+        threads=1, progress=False
+    )
+    rows = []
+    for k, key in enumerate(estimators):
+        method, kind = key.split("|")
+        word = f"{name}, `{method}`" if len(methods) > 1 else name
+        covered = found.coverage[..., k, :].reshape(-1)
+        rows.append(
+            Row(f"{word}, {KINDS[kind]}", KINDS[kind], covered, records, int(found.failures[..., k].sum()))
+        )
+    return rows
+
+
+def white(scale: float) -> list[Row]:
+    """The report's example over methods and noise."""
+    out = []
+    for nsr in (0.05, 0.2):
+        name = f"eq. (24), NSR {nsr:g}".replace("0.", ".")
+        records = int(20_000 * scale)
+        out += study(name, records, ("ls", "wls", "awls", "ml"), nsr=nsr, harmonics=11, trend=None)
+    return out
+
+
+def structures(scale: float) -> list[Row]:
+    """Default band; other systems; random initial states."""
+    n = int(10_000 * scale)
+    light = mf.tf([4], [1, 0.3, 4])
+    third = mf.tf([6, 12], [1, 2.2, 10.2, 9])
+    tf31 = mf.TransferFunction(poles=3, zeros=1)
+    return [
+        *study("eq. (24), NSR .2, default band and trend", n, ("ml",), nsr=0.2),
+        *study("eq. (24), NSR .1, random initial states", n, ("ml",), nsr=0.1, initial_state="random"),
+        *study("light mode (ζ .075), NSR .1, default band", n, ("ml",), nsr=0.1, system=light),
+        *study(
+            "third order with a zero, NSR .05", n, ("ml",), nsr=0.05, system=third, model=tf31, harmonics=16
+        ),
+    ]
+
+
+def autoregressive(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    """AR(1) noise, pole .95, of unit standard deviation."""
+    e = rng.standard_normal(y.size + 200) * np.sqrt(1 - 0.95**2)
+    return lfilter([1.0], [1.0, -0.95], e)[200:]
+
+
+def coloured(scale: float) -> list[Row]:
+    """AR(1) noise: both intervals of the white assumption, and noise="coloured"."""
+    n = int(4000 * scale)
+    return [
+        *study("AR(.95) noise, M = 11", n, ("ml",), nsr=0.1, noise=autoregressive, harmonics=11, trend=None),
+        *study(
+            "AR(.95) noise, wide band", n, ("ml",), nsr=0.1, noise=autoregressive, harmonics=40, trend=None
+        ),
+    ]
+
+
+# Fits one by one ---------------------------------------------------------------------------------
+
+
+def fitted(
+    name: str, make: Callable[[int], mf.Record], model: object, truth: dict, records: int, **options
+) -> list[Row]:
+    """Rows of both intervals from single fits of records made by number."""
+    inside: dict[str, list] = {kind: [] for kind in KINDS}
+    failures = 0
+    for k in range(records):
+        fit = mf.fit(make(k), model, **options)
+        if not fit.success:
+            failures += 1
+            continue
+        true = np.array([truth[p] for p in fit.param_names])
+        for kind, cov in (("HC3", fit.cov_hc3), ("nonrobust", fit.cov_nonrobust)):
+            degrees = getattr(fit, "df_hc3", None) if kind == "HC3" else None
+            half = student.ppf(0.975, fit.df_resid if degrees is None else degrees) * np.sqrt(np.diag(cov))
+            inside[kind].append(np.abs(fit.params - true) <= half)
+    return [
+        Row(f"{name}, {KINDS[kind]}", KINDS[kind], np.mean(got, axis=0), len(got), failures)
+        for kind, got in inside.items()
+    ]
+
+
+CLEAN = mf.simulate(**{"sys" if k == "system" else k: v for k, v in EQ24.items()})
+RMS = float(np.sqrt(np.mean(CLEAN.y**2)))
+TRUE24 = {"a1": 3.0, "a2": 8.0, "b0": 5.0}
+
+
+def own_noise(scale: float) -> list[Row]:
+    """AR noise fitted; four times the noise on the last 40 %, known or not."""
+    n = int(1200 * scale)
+
+    def ar(k: int) -> mf.Record:
+        e = autoregressive(np.random.default_rng([41, k]), CLEAN.y[0], CLEAN.dt)
+        return mf.Record(y=CLEAN.y + 0.1 * RMS * e, u=CLEAN.u, dt=CLEAN.dt)
+
+    level = np.where(np.arange(257) < 154, 1.0, 4.0)
+
+    def uneven(k: int, **words: object) -> mf.Record:
+        e = np.random.default_rng([42, k]).standard_normal(257)
+        return mf.Record(y=CLEAN.y + 0.05 * RMS * level * e, u=CLEAN.u, dt=CLEAN.dt, **words)
+
+    few = {"harmonics": 11, "trend": None}
+    return [
+        *fitted(
+            'AR(.95) noise, noise="coloured"', ar, TF2, TRUE24, n, noise="coloured", band=20.0, trend=None
+        ),
+        *fitted("noise 4 times as strong on 40 % of the record", uneven, TF2, TRUE24, n, **few),
+        *fitted("the same with sigma=", lambda k: uneven(k, sigma=level), TF2, TRUE24, n, **few),
+    ]
+
+
+def outputs(scale: float) -> list[Row]:
+    """Two outputs with one denominator, correlated noise of unlike size; an unknown delay."""
+    t = 0.05 * np.arange(401)
+    u = np.array([np.sin(t**2 / 6), np.cos((20 - t) ** 2 / 5)])
+    clean = mf.tf([[[1.0, 2.0], [3.0]], [[0.5], [-1.0, 0.7]]], [1.0, 1.2, 4.0]).simulate(u=u, dt=0.05)
+    root = np.array([[0.1, 0.0], [0.05, 0.02]])
+    structure = mf.TransferFunction(poles=2, zeros=[[1, 0], [0, 1]], denominator="common")
+
+    def two(k: int) -> mf.Record:
+        e = np.random.default_rng([43, k]).standard_normal(clean.shape)
+        return mf.Record(y=clean + root @ e, u=u, dt=0.05)
+
+    names = structure.param_names(("u1", "u2"), ("y1", "y2"))
+    truth = dict(zip(names, [1.2, 4.0, 1.0, 2.0, 3.0, 0.5, -1.0, 0.7], strict=True))
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.3, min=0, max=0.6))
+    system = mf.tf([5], [1, 3, 8], delay=0.37)
+    words = {**EQ24, "input": "sin(t**2/5)"}
+    words.pop("system")
+
+    def delayed(k: int) -> mf.Record:
+        return mf.simulate(system, **words, nsr=0.1, seed=44, replicate=k)
+
+    n = int(800 * scale)
+    found = late.param_names()
+    delay = dict(zip(found, [3.0, 8.0, 5.0, 0.37], strict=True))
+    return [
+        *fitted("two outputs, correlated noise, Σ estimated", two, structure, truth, n, band=6.0),
+        *fitted("delay estimated, NSR .1", delayed, late, delay, n // 2, harmonics=12, trend=None),
+    ]
+
+
+def equations(scale: float) -> list[Row]:
+    """Duffing with bias correction; state equations that share noise; both as a user fits them."""
+    import nonlinear
+
+    y, u, dt = nonlinear.duffing_record()
+    rms = np.sqrt(np.mean(y**2))
+
+    def duffing(k: int) -> mf.Record:
+        return mf.Record(
+            y=y + 0.1 * rms * np.random.default_rng([45, k]).standard_normal(y.shape), u=u, dt=dt
+        )
+
+    t, _, _, clean = nonlinear.aircraft_record()
+    sigma = 0.1 * np.sqrt(np.mean(clean**2, axis=1))[:, None]
+    de = nonlinear.elevator(t)
+
+    def aircraft(k: int) -> mf.Record:
+        e = sigma * np.random.default_rng([46, k]).standard_normal(clean.shape)
+        return mf.Record(y=clean + e, u=de, dt=t[1], outputs=["alpha", "q"], inputs=["de"])
+
+    n = int(1200 * scale)
+    duff = fitted(
+        "equation (Duffing), NSR .1", duffing, nonlinear.DUFFING, nonlinear.DUFFING_TRUE, n, harmonics=13
+    )
+    state = fitted("state equations, NSR .1", aircraft, nonlinear.aircraft(), nonlinear.SHORT, n, trend=None)
+    return [*duff, *state]
+
+
+def derived(scale: float) -> list[Row]:
+    """ω and ζ of the poles and static gain by the delta method; the initial state by least squares."""
+    true = np.array([np.sqrt(8), 3 / (2 * np.sqrt(8)), 5 / 8])
+    start = np.array([0.3, -0.5])
+    inside, states = [], []
+    for k in range(int(1500 * scale)):
+        rec = mf.simulate(
+            EQ24["system"], input=EQ24["input"], duration=10.0, intervals=256, nsr=0.1, seed=47, replicate=k,
+            initial_state=start,
+        )  # fmt: skip
+        fit = mf.fit(rec, TF2, cov_type="nonrobust", harmonics=11, trend=None)
+        table = fit.derived(wn="sqrt(a2)", zeta="a1/(2*sqrt(a2))", gain="b0/a2")
+        half = student.ppf(0.975, fit.df_resid) * table["bse"]
+        inside.append(np.abs(table["value"] - true) <= half)
+        found = fit.initial_state(rec)
+        states.append(np.abs(found.state - start) <= 1.96 * found.bse)
+    return [
+        Row(f"{name}, classical", "classical", np.mean(got, axis=0), len(got))
+        for name, got in (
+            ("ω, ζ, gain by the delta method", inside),
+            ("initial state by least squares", states),
+        )
+    ]
+
+
+def bootstrap(scale: float) -> list[Row]:
+    """Parametric resampling, 200 a fit."""
+    inside = []
+    for k in range(int(400 * scale)):
+        e = np.random.default_rng([48, k]).standard_normal(257)
+        rec = mf.Record(y=CLEAN.y + 0.2 * RMS * e, u=CLEAN.u, dt=CLEAN.dt)
+        fit = mf.fit(rec, TF2, harmonics=11, trend=None)
+        low, high = mf.bootstrap(fit, replicates=200, seed=k, progress=False).conf_int().T
+        inside.append((low <= [3, 8, 5]) & (np.array([3, 8, 5]) <= high))
+    return [Row("bootstrap, parametric, classical", "classical", np.mean(inside, axis=0), len(inside))]
+
+
+def responses(scale: float) -> list[Row]:
+    """Circles about the gains of a light mode, held white input."""
+    system = mf.tf([9.0], [1.0, 0.3, 9.0])
+    omega = np.array([1.0, 2.0, 2.6, 3.0, 3.3, 4.0, 6.0])
+    out = []
+    for method in ("lpm", "lrm"):
+        inside = []
+        for k in range(int(1000 * scale)):
+            u = np.random.default_rng([49, k]).standard_normal(4097)
+            rec = mf.simulate(
+                system,
+                input=u,
+                duration=204.8,
+                intervals=4096,
+                nsr=0.1,
+                seed=49,
+                replicate=k,
+                intersample="zoh",
+            )
+            found = mf.frf(rec, omega, method=method, progress=False)
+            exact = system.frequency_response(omega).response[0, 0]
+            inside.append(np.abs(found.response[0, 0] - exact) <= found.radius(0.95)[0, 0])
+        out.append(
+            Row(f"frequency response, {method}, classical", "classical", np.mean(inside, axis=0), len(inside))
+        )
+    return out
+
+
+def tones(scale: float) -> list[Row]:
+    """Two tones in white and in AR(1) noise: ω, amplitude, phase of both."""
+    n, k = int(4000 * scale), np.arange(256)
+    rng = np.random.default_rng(50)
+    out = []
+    for name, frequencies, options in (
+        ("sinusoids, white noise", (0.10, 0.12), {}),
+        ("sinusoids, AR(1) noise, all samples", (0.05, 0.40), {}),
+        ("sinusoids, AR(1) noise, lines=9", (0.05, 0.40), {"lines": 9}),
+    ):
+        omega = 2 * np.pi * np.array(frequencies)
+        phase = rng.uniform(-np.pi, np.pi, (n, 2))
+        clean = np.cos(omega[:, None] * k + phase[:, :, None]).sum(axis=1)
+        e = rng.standard_normal((n, 356))
+        e = e if "white" in name else lfilter([0.6], [1, -0.8], e)
+        found = mf.sinusoids(
+            mf.Batch(y=clean + 0.22 * e[:, 100:], dt=1.0), 2, progress=False, threads=1, **options
+        )
+        truth = np.concatenate([np.tile(omega, (n, 1)), np.ones((n, 2)), phase], axis=1)
+        gap = found.params - truth
+        gap[:, 4:] = (gap[:, 4:] + np.pi) % (2 * np.pi) - np.pi
+        inside = (np.abs(gap) <= 1.96 * found.bse)[found.success]
+        out.append(Row(f"{name}, classical", "classical", inside.mean(axis=0), len(inside), n - len(inside)))
+    return out
+
+
+CASES = (white, structures, coloured, own_noise, outputs, equations, derived, bootstrap, responses, tones)
+
+
+# Efficiency --------------------------------------------------------------------------------------
+
+
+def efficiency(scale: float) -> list[tuple[str, np.ndarray, np.ndarray, int]]:
+    """(what, sd over bound, its Monte Carlo error, records) of `ml`, state unknown, no trend."""
+    out = []
+    tf31 = mf.TransferFunction(poles=3, zeros=1)
+    cases = {
+        "eq. (24), N = 256, NSR .05": {"nsr": 0.05},
+        "eq. (24), N = 256, NSR .2": {"nsr": 0.2},
+        "eq. (24), N = 1024, NSR .2": {"nsr": 0.2, "intervals": 1024},
+        "light mode (ζ .075), NSR .1": {"nsr": 0.1, "system": mf.tf([4], [1, 0.3, 4])},
+        "third order with a zero, NSR .05": {"nsr": 0.05, "system": mf.tf([6, 12], [1, 2.2, 10.2, 9])},
+    }
+    for name, words in cases.items():
+        setting = {**EQ24, **words}
+        model = tf31 if "third" in name else TF2
+        records = int(20_000 * scale)
+        res = mf.MonteCarlo(
+            **setting, estimators={"ml": mf.Estimator(model, trend=None)}, replicates=records, seed=51
+        ).run(threads=1, progress=False, coverage=False)
+        system, nsr = setting.pop("system"), setting.pop("nsr")
+        least = mf.crlb(system, mf.simulate(system, **setting), nsr=nsr).sd
+        out.append((name, res.sd.reshape(-1) / least, res.sd_mcse.reshape(-1) / least, records))
+    return out
+
+
+def case(name: str, scale: float) -> list:
+    warnings.simplefilter("ignore", mf.ModfunWarning)
+    return globals()[name](scale)
