@@ -58,7 +58,7 @@ bench: .venv/bench
 rivals: .venv/rivals/created
 	.venv/rivals/bin/python benches/compare/accuracy.py $(if $(RECORDS),--keep $(RECORDS))
 
-## docs/validation.md: report, benchmarks, coverage, twins, orders, bits; 25 minutes. ONLY=orders makes one section.
+## docs/validation.md: report, benchmarks, coverage, twins, orders, bits; minutes when idle. ONLY=orders makes one section.
 validate: .venv/dev
 	$(BIN)/python benches/validate/validate.py $(if $(ONLY),--only $(ONLY))
 

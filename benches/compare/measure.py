@@ -110,8 +110,8 @@ def _said(*command: str) -> str:
 
 
 def _commit() -> str:
-    """The commit of what is measured, and whether it was changed since."""
-    commit = _said("git", "rev-parse", "--short", "HEAD")
+    """The last commit that changed what is measured, and whether it was changed since."""
+    commit = _said("git", "log", "-1", "--format=%h", "--", ":/rust", ":/python/modfun")
     changed = _said("git", "status", "--porcelain", "--untracked-files=no", "--", ":/rust", ":/python/modfun")
     return f" ({commit}{', changed' if changed else ''})" if commit else ""
 
