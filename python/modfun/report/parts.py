@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -119,10 +119,6 @@ class Page:
     tone: str  # "good", "doubtful" or "bad"; "plain" where nothing is judged
     findings: tuple[str, ...]
     sections: tuple[Section, ...]
-
-    def beside(self, *more: Section) -> Page:
-        """The same with further sections before the last one, the provenance."""
-        return replace(self, sections=(*self.sections[:-1], *more, self.sections[-1]))
 
 
 def section(name: str, heading: str, *makers: Callable[[], Block | Iterable[Block]]) -> Section:
