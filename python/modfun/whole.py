@@ -8,7 +8,9 @@ from pathlib import Path
 
 from .errors import ModfunError, SpecError
 
-__all__ = ["unwritten", "write", "write_text"]
+__all__ = ["SCRATCH", "unwritten", "write", "write_text"]
+
+SCRATCH = ".writing"  # end of the name of a file that is not all there
 
 
 def write(path: Path, data: bytes) -> None:
@@ -19,7 +21,7 @@ def write(path: Path, data: bytes) -> None:
     OSError
         The disk does not take it; what was there before is still there.
     """
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}")
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}{SCRATCH}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with open(scratch, "xb") as file:

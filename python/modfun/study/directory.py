@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..errors import DataError, ModfunWarning, SpecError
-from .files import SampleFile, append, packed, read_part, unpacked, write, write_part
+from .files import SampleFile, alone, append, made, packed, read_part, swept, unpacked, write, write_part
 from .frozen import freeze, thaw
 from .plan import Plan
 from .tally import Tally
@@ -76,18 +76,21 @@ class Directory:
         arrays: dict[str, NDArray[Any]] = {}
         described = json.dumps({"plan": freeze(work.plan, arrays), "draw": work.draw}).encode()
         files = {STUDY: described, TRUTH: packed(arrays)}
-        if (place / MANIFEST).exists():
-            found = cls(place, _manifest(place))
-            found._check(work)
+        made(place)
+        with alone(place):
+            if (place / MANIFEST).exists():
+                found = cls(place, _manifest(place))
+                found._check(work)
+            else:
+                found = cls(place, _described(work))
+            known = found.manifest.get("files", {})
             for name, data in files.items():
-                if _digest(place / name) != found.manifest["files"][name]:
+                if known.get(name) != _digest(place / name):
                     write(place / name, data)
-        else:
-            for name, data in files.items():
-                write(place / name, data)
-            found = cls(place, _described(work))
-        found.manifest["files"] = {name: _digest(place / name) for name in files}
-        found._save()
+            found.manifest["files"] = {name: _digest(place / name) for name in files}
+            found._save()
+        for folder in (place, place / PARTS):
+            swept(folder)
         if work.samples:
             found.samples = SampleFile(place / SAMPLES, work.plan.shape)
         return found
@@ -141,12 +144,13 @@ class Directory:
 
     def want(self, replicates: int) -> None:
         """Want at least so many replicates; a directory never shrinks."""
-        now = _manifest(self.path)["replicates"]  # another process may want more
-        self.manifest["replicates"] = max(replicates, self.replicates, now)
-        if self.replicates > now:
-            self._save()
-        if self.samples is not None:
-            self.samples.grow(self.replicates)
+        with alone(self.path):
+            now = _manifest(self.path)["replicates"]  # another process may want more
+            self.manifest["replicates"] = max(replicates, self.replicates, now)
+            if self.replicates > now:
+                self._save()
+            if self.samples is not None:
+                self.samples.grow(self.replicates)
 
     def missing(self) -> list[Part]:
         """Parts that are not there, or damaged."""

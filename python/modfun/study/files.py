@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,24 @@ from numpy.typing import NDArray
 
 from .. import whole
 from ..errors import ModfunError
+from ..whole import SCRATCH
 from .work import Part
 
-__all__ = ["SampleFile", "append", "packed", "read_part", "unpacked", "write", "write_part"]
+__all__ = [
+    "SampleFile",
+    "alone",
+    "append",
+    "made",
+    "packed",
+    "read_part",
+    "swept",
+    "unpacked",
+    "write",
+    "write_part",
+]
 
 F64 = NDArray[np.float64]
+OLD = 3600.0  # s after which a file under a temporary name was left by a process that was killed
 HEADER = 128  # bytes before the numbers of a sample file, enough for any number of replicates
 
 
@@ -51,6 +66,49 @@ def append(path: Path, line: bytes) -> None:
         raise _unwritten(path, error) from error
 
 
+def made(folder: Path) -> None:
+    """Make a folder, if it is not there.
+
+    Raises
+    ------
+    ModfunError
+        It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritten(folder, error) from error
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep others from changing what is read here and then written; a killed process leaves no lock.
+
+    Where there are no such locks, two runs that want different numbers of replicates may forget one of them
+    for the directory; parts are never lost.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    locked = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems
+            fcntl.flock(locked, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(locked)
+
+
+def swept(folder: Path) -> None:
+    """Remove what processes that were killed while they wrote left in a folder long ago."""
+    for path in folder.glob(f".*.*{SCRATCH}"):
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > OLD:
+                path.unlink()
+
+
 def packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     """Arrays by name as bytes, the same for the same arrays."""
     buffer = io.BytesIO()
@@ -76,7 +134,7 @@ def write_part(path: Path, study: str, part: Part, arrays: Mapping[str, NDArray[
 def read_part(path: Path, study: str, number: int, size: int) -> tuple[Part, dict[str, NDArray[Any]]] | None:
     """Part and arrays, or None where the file is missing, damaged, cut short, or of something else."""
     try:
-        data = path.read_bytes()
+        data = path.read_bytes() if path.is_file() else b""  # of a pipe one would wait for ever
     except OSError:
         return None
     title, _, payload = data.partition(b"\n")
@@ -149,5 +207,6 @@ class SampleFile:
 
 
 def _unwritten(path: Path, error: OSError) -> ModfunError:
-    cure = "parts finished before are kept: make room or allow writing, and run again to go on"
+    what = "move it away" if path.is_dir() else "make room or allow writing"
+    cure = f"parts finished before are kept: {what}, and run again to go on"
     return whole.unwritten("run", path, error, cure)
