@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError
+from .tables import listed
 
 __all__ = ["Delimited", "number", "read_delimited"]
 
@@ -20,6 +21,7 @@ F64 = NDArray[np.float64]
 TRUTH = {"true": 1.0, "false": 0.0}
 CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:\.\d*)?)")  # days (IRIG), hours, minutes
 LONGEST_UNIT = 12  # letters; more is a description
+UTF16 = (b"\xff\xfe", b"\xfe\xff")  # how a file of "Unicode text" begins
 MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
 
 
@@ -105,7 +107,7 @@ def read_delimited(path: Path) -> Delimited:
     """
     data = path.read_bytes()
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data.startswith(UTF16) else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # older loggers write the degree sign so
     lines = text.splitlines()
@@ -130,7 +132,7 @@ def read_delimited(path: Path) -> Delimited:
             units = {name: unit.strip("()[]") for name, unit in said.items() if len(unit) <= LONGEST_UNIT}
             kept = kept[1:]
     if not kept:
-        raise DataError(f"{path.name} has column names ({', '.join(names)}) but no rows of numbers")
+        raise DataError(f"{path.name} has column names ({listed(names)}) but no rows of numbers")
     rows = [lines[k] for k in kept]
     marks = len(names) - 1
     for k, row in enumerate(rows):  # counting marks is enough where nothing is quoted, and fast

@@ -17,7 +17,7 @@ from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
 from .records import Record
 from .samples import EVEN, Origin
 from .sources import Source, Told, open_source
-from .tables import Table, nearest
+from .tables import Table, listed, nearest
 
 __all__ = ["columns", "read"]
 
@@ -113,7 +113,7 @@ def read(
     table = open_source(source, part)
     told = table.told
     if outputs is None and not told.outputs:
-        raise SpecError(f"read: say with outputs= which of the columns they are: {', '.join(table.names)}")
+        raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")
     clock = _clock_of(table) if time is None and dt is None else time
     out = _roles(told.outputs if outputs is None else outputs, "outputs")
     into = _roles(_left(told.inputs, out) if inputs is None else inputs, "inputs")

@@ -15,6 +15,7 @@ import numpy as np
 
 from .errors import DataError
 from .extras import optional
+from .memory import refuse_large
 
 __all__ = ["Opaque", "load_mat"]
 
@@ -44,6 +45,8 @@ def load_mat(path: Path) -> dict[str, Any]:
     h5py = optional("h5py", "mat", f"reading {path.name} (a .mat file of version 7.3)") if hdf5 else None
     try:
         return _load_hdf5(path, h5py) if hdf5 else _load_old(path)
+    except DataError:
+        raise
     except Exception as problem:  # SciPy and h5py raise a dozen kinds for damaged files
         said = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
         raise DataError(
@@ -126,6 +129,7 @@ def _item(item: Any, file: Any, h5py: Any) -> Any:
         return fields
     if item.attrs.get("MATLAB_empty", 0):
         return "" if kind == "char" else [] if kind == "cell" else np.zeros(0)
+    refuse_large(f"{Path(file.filename).name}: {item.name}", item.nbytes)
     values = item[()]
     if item.dtype == h5py.ref_dtype:
         return [_item(file[reference], file, h5py) for reference in np.ravel(values)]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .errors import SpecError
 from .samples import even_step
 from .sources import Source, Told
+from .tables import listed
 
 __all__ = ["guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]
 
@@ -76,7 +77,7 @@ def guess_time(table: Source) -> str:
         f"several columns may be the time ({', '.join(found)})" if found else "no column is named t or time"
     )
     cure = "say which with time=" if found else "name it with time=, or give dt="
-    raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {', '.join(table.names)}")
+    raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {listed(table.names)}")
 
 
 def pace(times: F64) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from .delimited import number, read_delimited
 from .errors import DataError, SpecError
 from .extras import optional
+from .memory import refuse_large
 from .tables import nearest
 
 __all__ = ["Source", "Told", "from_arrays", "open_source"]
@@ -95,8 +97,12 @@ def _open_file(path: Path) -> Source:
     kind = path.suffix.lower()
     if kind == ".npz":
         try:
+            with ZipFile(path) as packed:
+                refuse_large(path.name, sum(one.file_size for one in packed.infolist()))
             with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
                 arrays = dict(held)
+        except DataError:
+            raise
         except Exception as problem:  # NumPy, zipfile and zlib have their own for damaged files
             raise _damaged(path, problem) from None
         return from_arrays(arrays, path.name)

@@ -22,6 +22,7 @@ __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
 KIND = "modfun.Fit"
 SCHEMA = 2
+STATUS = ("ok", "maxiter", "rank", "nonfinite")
 
 # Fields that are plain numbers, texts, or lists of them.
 _PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")
@@ -73,34 +74,55 @@ def fit_from_dict(values: Any) -> Fit:
             f"version reads {SCHEMA}; install a newer modfun"
         )
     try:
-        fields: dict[str, Any] = {name: values[name] for name in _PLAIN}
-        fields["cost"], fields["noise_scale"] = float(values["cost"]), float(values["noise_scale"])
-        fields["known_level"] = _array(values["high_band_levels"])
-        fields.update({name: tuple(values[name]) for name in _TUPLES})
-        fields["window_weights"] = tuple(values.get("window_weights", ()))
-        fields.update({name: _array(values[name]) for name in _ARRAYS})
-        fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])
-        pieces = [_array(e["re"]) + 1j * _array(e["im"]) for e in values["residuals"]]
-        if fields["band_rule"] is not None:
-            fields["band_rule"] = {k: float(v) for k, v in fields["band_rule"].items()}
-        structure = _structure_from_dict(values["structure"])
-        fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
-        fields["pieces"] = tuple(pieces)
-        if "data" in values:
-            from .response import FrequencyResponse
-            from .response_fit import ResponseFit
-
-            data = FrequencyResponse.from_dict(values["data"])
-            return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
-        if isinstance(structure, TransferFunction):
-            return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
-        from .equation_fit import EquationFit, layout_of
-
-        channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
-        fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})
-        return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
+        return _sound(_fit_of(values))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"loading a fit: the file is damaged ({type(error).__name__}: {error})") from None
+        raise DataError(
+            f"loading a fit: the file is damaged ({type(error).__name__}: {error}); fit and save again"
+        ) from None
+
+
+def _fit_of(values: dict[str, Any]) -> Fit:
+    """A fit, whatever its numbers are."""
+    fields: dict[str, Any] = {name: values[name] for name in _PLAIN}
+    fields["cost"], fields["noise_scale"] = float(values["cost"]), float(values["noise_scale"])
+    fields["known_level"] = _array(values["high_band_levels"])
+    fields.update({name: tuple(values[name]) for name in _TUPLES})
+    fields["window_weights"] = tuple(values.get("window_weights", ()))
+    fields.update({name: _array(values[name]) for name in _ARRAYS})
+    fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])
+    pieces = [_complex(e["re"], e["im"]) for e in values["residuals"]]
+    if fields["band_rule"] is not None:
+        fields["band_rule"] = {k: float(v) for k, v in fields["band_rule"].items()}
+    structure = _structure_from_dict(values["structure"])
+    fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
+    fields["pieces"] = tuple(pieces)
+    if "data" in values:
+        from .response import FrequencyResponse
+        from .response_fit import ResponseFit
+
+        data = FrequencyResponse.from_dict(values["data"])
+        return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
+    if isinstance(structure, TransferFunction):
+        return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
+    from .equation_fit import EquationFit, layout_of
+
+    channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
+    fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})
+    return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
+
+
+def _sound(fit: Fit) -> Fit:
+    """The fit, if its numbers have the shapes of its parameters."""
+    count = len(fit.param_names)
+    for name, shape in (
+        ("params", (count,)), ("cov_nonrobust", (count,) * 2), ("cov_hc3", (count,) * 2)
+    ):  # fmt: skip
+        if getattr(fit, name).shape != shape:
+            raise ValueError(f"{name} has shape {getattr(fit, name).shape}, not {shape}")
+    if fit.status not in STATUS:
+        raise ValueError(f"status is {fit.status!r}")
+    Options.checked("load", method=fit.options.method)
+    return fit
 
 
 def load(path: str | Path) -> Any:
@@ -132,12 +154,15 @@ def load(path: str | Path) -> Any:
     if not place.is_file():
         raise SpecError(f"load: there is no file {str(place)!r}")
     try:
-        values = json.loads(place.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        values = json.loads(place.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:  # ValueError: no JSON, no UTF-8, numbers without an end
         raise DataError(
             f"load: {str(place)!r} is not JSON ({error}); it should be what fit.save wrote"
         ) from None
-    return fit_from_dict(values)
+    try:
+        return fit_from_dict(values)
+    except DataError as error:
+        raise DataError(f"load: {str(place)!r}: {str(error).removeprefix('loading a fit: ')}") from None
 
 
 def _structure_to_dict(structure: Any) -> dict[str, Any]:
@@ -202,6 +227,12 @@ def _options_from_dict(values: dict[str, Any]) -> Options:
 
 def _array(values: Any) -> NDArray[np.float64]:
     return np.array(values, dtype=float)  # "nan" and "inf" as text are understood
+
+
+def _complex(re: Any, im: Any) -> NDArray[np.complex128]:
+    if np.shape(re) != np.shape(im):
+        raise ValueError(f"real parts have shape {np.shape(re)}, imaginary parts {np.shape(im)}")
+    return _array(re) + 1j * _array(im)
 
 
 def told(value: Any) -> Any:

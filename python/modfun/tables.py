@@ -14,8 +14,9 @@ from . import html
 from .errors import SpecError
 from .extras import optional
 
-__all__ = ["Findings", "Table", "nearest"]
+__all__ = ["Findings", "Table", "listed", "nearest"]
 
+MANY, LONG = 40, 60  # names that a message lists, and letters of each
 DIGITS = 5  # significant digits of the largest number of a column
 
 
@@ -190,7 +191,14 @@ def nearest(name: object, known: Sequence[str]) -> str:
     if text:  # "q" is no close match of "Q (deg/s)" by letters, but what is meant all the same
         close += [word for word in known if word.lower().startswith(text) and word not in close][:3]
     guess = f"did you mean {' or '.join(repr(word) for word in close)}? " if close else ""
-    return f"{guess}there are: {', '.join(known) if known else 'none'}"
+    return f"{guess}there are: {listed(known)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message, cut where there are very many or very long ones, as in a file that is no table."""
+    shown = [name if len(name) <= LONG else f"{name[:LONG]}…" for name in map(str, names[:MANY])]
+    more = f", … ({len(names)} in all)" if len(names) > MANY else ""
+    return (", ".join(shown) or "none") + more
 
 
 def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:

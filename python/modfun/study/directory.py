@@ -192,15 +192,15 @@ class Directory:
 
     def save(self, part: Part, tally: Tally) -> None:
         """Keep a part, unless a longer one is there already."""
-        found = self._part(part.number)
-        if found is not None and found[0].replicates > part.replicates:
-            return
         digest = b""
         if self.samples is not None and tally.samples is not None:
             self.samples.put(part.first, tally.samples)
             digest = self.samples.digest(part) or b""
         arrays = tally.arrays() | {"samples": np.frombuffer(digest, np.uint8)}
-        write_part(self._file(part.number), self.manifest["study"], part, arrays)
+        with alone(self.path):
+            found = self._part(part.number)
+            if found is None or found[0].replicates <= part.replicates:
+                write_part(self._file(part.number), self.manifest["study"], part, arrays)
 
     def take(self, part: Part, other: Directory) -> bool:
         """Copy a part from another directory of this study, if it is there."""

@@ -12,7 +12,7 @@ from ..errors import ModfunError, SpecError
 from ..interrupts import Held
 from .tally import Tally
 from .work import Part, Work, compute
-from .worker import GIVEN_UP, task
+from .worker import GIVEN_UP, new_run, stop, task
 
 __all__ = ["Engine", "Store", "engine", "tallies"]
 
@@ -93,13 +93,15 @@ class Submitted:
     def __init__(self, work: Work, executor: Any) -> None:
         workers = getattr(executor, "_max_workers", None)
         self.window = _window(work, 2 * workers if isinstance(workers, int) else UNKNOWN)
-        self._task = task(work)
+        self._run = new_run()
+        self._task = task(work, self._run)
         self._executor = executor
         # Who computes in submit itself can be interrupted there.
         self._quick = any(kind.__module__.startswith(POOLS) for kind in type(executor).__mro__)
         self._done: SimpleQueue[Any] = SimpleQueue()
         self._futures: dict[Any, Part] = {}
         self._again: set[int] = set()
+        self._taken = False
 
     def begin(self, part: Part) -> None:
         try:
@@ -110,11 +112,14 @@ class Submitted:
         except RuntimeError as error:
             raise _died(error) from error
         except Exception as error:
+            if self._taken:  # it was sound, and is gone
+                raise _died(error) from error
             raise SpecError(
                 f"run: submit of executor= failed with {type(error).__name__}: {error}; {SUBMITS}"
             ) from error
         if not all(callable(getattr(future, name, None)) for name in FUTURE):
             raise SpecError(f"run: submit of executor= returned {_said(future)}, no future; {SUBMITS}")
+        self._taken = True
         self._futures[future] = part
         with Held():
             future.add_done_callback(self._done.put)
@@ -144,6 +149,7 @@ class Submitted:
         with Held():
             for future in self._futures:
                 future.cancel()
+            stop(self._run)
 
 
 class Mapped:
@@ -151,7 +157,7 @@ class Mapped:
 
     def __init__(self, work: Work, call: Callable[..., Iterable[Answer]]) -> None:
         self.window = _window(work, UNKNOWN)
-        self._task = task(work)
+        self._task = task(work, new_run())
         self._call = call
         self._batch: list[Part] = []
         self._answers: Iterator[Any] = iter(())

@@ -148,8 +148,8 @@ def read_part(path: Path, study: str, number: int, size: int) -> tuple[Part, dic
 
 
 def _title(study: str, part: Part, payload: bytes) -> bytes:
-    said = hashlib.sha256(payload).hexdigest()
-    return f"modfun part 1 {study} {part.number} {part.replicates} {said}\n".encode()
+    what = f"modfun part 2 {study} {part.number} {part.replicates}".encode()
+    return b"%s %s\n" % (what, hashlib.sha256(what + payload).hexdigest().encode())
 
 
 # Estimates ---------------------------------------------------------------------------------------

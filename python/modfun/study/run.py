@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..callables import importable
 from ..errors import ModfunWarning, SpecError
+from ..memory import available as _available
 from ..progress import Progress
 from .engine import engine, tallies
 from .plan import Plan
@@ -242,12 +243,3 @@ def _room(work: Work, replicates: int) -> F64:
             f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB, which this "
             "process cannot have; give directory=, which keeps them in a file, or fewer replicates"
         ) from error
-
-
-def _available() -> int | None:
-    """Bytes of memory that may still be used, where the system tells."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        return next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
-    except (OSError, StopIteration, ValueError):
-        return None

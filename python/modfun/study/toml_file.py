@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 import tomllib
 from collections.abc import Callable, Mapping
@@ -92,27 +93,32 @@ def load(path: str | Path) -> MonteCarlo:
     """
     place = Path(path)
     try:
-        told = tomllib.loads(place.read_text(encoding="utf-8"))
+        text = place.read_text(encoding="utf-8-sig")
+        told = tomllib.loads(text)
     except FileNotFoundError:
         raise SpecError(
             f"there is no study file {str(place)!r}; `modfun mc init {place}` writes one"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise SpecError(f"study file {str(place)!r} cannot be read ({error.strerror or error})") from None
+    except (ValueError, RecursionError) as error:  # ValueError: no TOML, no UTF-8, numbers without an end
         raise SpecError(f"{place}: this is not TOML: {error}") from None
     folder = str(place.resolve().parent)
     if folder not in sys.path:
         sys.path.insert(0, folder)
-    return study(told, str(place))
+    return study(told, str(place), text)
 
 
-def study(told: Mapping[str, Any], file: str) -> MonteCarlo:
-    """The study that a TOML document tells; `file` begins its messages."""
+def study(told: Mapping[str, Any], file: str, text: str = "") -> MonteCarlo:
+    """The study that a TOML document tells; `file` begins its messages, `text` tells lines."""
     given: dict[str, Any] = {"estimators": None}
     for name, value in told.items():
         if name in OF_A_RUN:
             raise SpecError(f"{file}: {name} is no part of a study but of a run: modfun mc run --{name}")
         if name not in KEYS:
-            raise SpecError(f"{file}: there is no key {name!r}; {nearest(name, list(KEYS))}")
+            raise SpecError(
+                f"{file}{_line(name, text)}: there is no key {name!r}; {nearest(name, list(KEYS))}"
+            )
         given[name] = KEYS[name](Key(file, name, KEYS.keys()), value)
     if isinstance(given["estimators"], dict):
         given["estimators"] = {
@@ -123,6 +129,18 @@ def study(told: Mapping[str, Any], file: str) -> MonteCarlo:
         return MonteCarlo(**given)
     except (SpecError, DataError) as error:
         raise type(error)(f"{file}: {str(error).removeprefix('MonteCarlo: ')}") from error.__cause__
+    except MemoryError as error:
+        raise SpecError(
+            f"{file}: the study does not fit into memory ({error}); take fewer intervals"
+        ) from None
+
+
+def _line(name: str, text: str) -> str:
+    """Where a key of the study stands, as far as a look at the text can tell."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if re.match(rf"""\s*(\[\s*)?["']?{re.escape(name)}["']?\s*[=.\]]""", line):
+            return f", line {number}"
+    return ""
 
 
 # Systems and structures --------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from ..interrupts import raises
 from .tally import Tally
 from .work import Part, Work, compute
 
-__all__ = ["GIVEN_UP", "task"]
+__all__ = ["GIVEN_UP", "new_run", "stop", "task"]
 
 Answer = tuple[Part, Tally]
 
@@ -35,16 +35,32 @@ class Run(NamedTuple):
 
 _last: Run | None = None  # what this process works for
 _left: Run | None = None  # what it was interrupted in
+_stopped: set[Run] = set()
 
 
-def task(work: Work) -> Callable[[Part], Answer | str]:
+def task(work: Work, run: Run) -> Callable[[Part], Answer | str]:
     """The function of a part that is given to an executor: it returns the part and its sums."""
-    return partial(_task, work, Run(os.getpid(), os.urandom(8)))
+    return partial(_task, work, run)
+
+
+def new_run() -> Run:
+    """A run of this process."""
+    return Run(os.getpid(), os.urandom(8))
+
+
+def stop(run: Run) -> None:
+    """Have the threads of this process give up their parts of a run."""
+    _stopped.add(run)
 
 
 def _task(work: Work, run: Run, part: Part) -> Answer | str:
     if not _of_a_pool(run):
-        return part, compute(work, part)
+
+        def hear(done: int, total: int) -> None:
+            if run in _stopped:
+                raise KeyboardInterrupt
+
+        return part, compute(work, part, progress=hear)
     global _last
     _last = run
     if raises():

@@ -1,4 +1,4 @@
-"""Ctrl-C stops every long call within seconds."""
+"""Ctrl-C stops every long call within seconds, and the process goes on as if nothing had been."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from modfun.study import shards, toml_file
+from study_cases import wait_for
 
 SETUP = """
     import concurrent.futures, multiprocessing, signal
@@ -29,6 +31,20 @@ SETUP = """
     def own(call):
         return study(estimators={"ml": "ml", "own": call})
 
+    big = mf.simulate(system, input="sin(t**2/5)", duration=200.0, intervals=20000, nsr=0.2, seed=0)
+    free = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.3, min=0, max=2))
+    cubic = mf.Equation("y'' + a*y' + b*y + c*y**3 = d*u")
+    params = dict(a1=3.0, a2=8.0, b0=5.0, delay=0.3)
+    rng = np.random.default_rng(0)
+
+    def again(call, *given, **options):  # calls that are short enough for Ctrl-C to wait for their end
+        while True:
+            call(*given, **options)
+
+    def pushed():
+        stream = mf.Stream(mf.Estimator(tf2, harmonics=6), dt=0.04, window=10.0)
+        again(stream.push, rng.standard_normal(10**6), rng.standard_normal(10**6))
+
     def pool():
         return concurrent.futures.ProcessPoolExecutor(2, multiprocessing.get_context("fork"))
 """
@@ -45,14 +61,52 @@ LONG = {
     "run by a pool": "study().run(progress=False, executor=pool())",
     "run of a function": "own(lambda rec, rng: [1, 2, 3]).run(progress=False)",
     "run of a noise": "study(noise=lambda rng, y, dt: rng.normal(size=y.size)).run(progress=False)",
+    "run by threads": "study().run(progress=False, executor=concurrent.futures.ThreadPoolExecutor(2))",
+    "run by a Pool": "study().run(progress=False, executor=multiprocessing.get_context('fork').Pool(2).imap)",
+    "fit": "again(mf.fit, [big] * 10, tf2, harmonics=1000)",
+    "fit with a free delay": "again(mf.fit, big, free, harmonics=500)",
+    "fit of equations": "again(mf.fit, big, cubic, harmonics=500)",
+    "select_order": "again(mf.select_order, [rec] * 5, poles=range(1, 6))",
+    "cross_validate": "mf.cross_validate([rec] * 3000, {'a': tf2, 'b': mf.TransferFunction(poles=3)})",
+    "frf": "again(mf.frf, [big] * 20, np.linspace(0.1, 5, 300))",
+    "sinusoids": "again(mf.sinusoids, big.y[0], 3, dt=0.1)",
+    "reduce": "again(mf.reduce, mf.ss(np.diag(-np.linspace(.1, 50, 60)), np.ones(60), np.ones(60)), 4)",
+    "simulate": "again(mf.simulate, system, input='sin(t**2/5)', duration=1e4, intervals=10**6)",
+    "crlb with a free delay": "again(mf.crlb, free, [big] * 5, nsr=0.2, params=params)",
+    "roots": "again(mf.timelag.DelaySystem(A={k * .37: rng.normal(size=(6, 6)) for k in (0, 1)}).poles, 9)",
+    "mu": "plant = mf.timelag.DelaySystem(A={0: [[-1, -3], [2, -5]], 1.0: [[1.66, -.697], [.93, -.33]]}, "
+    "B={.4: [1, 0]}); again(plant.mu, plant.place([-2.5, -3]), A={0: 0.1 * np.ones((2, 2))})",
+    "push": "pushed()",
+    "elimination": "again(lambda: mf.Equation(['x1\\' = a*x2 + b*x1', 'x2\\' = c*x1 + e*u', 'y = x1'], "
+    "outputs=['y'], inputs=['u'], hidden=['x1', 'x2']).compiled())",
+    "output error": "again(mf.rivals.output_error(tf2), big, rng)",
+    "pem": "again(mf.rivals.pem(tf2), rec, rng)",
     "run of an optimiser": "own(mf.rivals.output_error(tf2)).run(progress=False)",
 }
+
+
+# The call is cut; then the same short calls as before it give the same numbers.
+AFTERWARDS = """
+def known():
+    found = study().run(progress=False, replicates=600)
+    many = mf.fit_many([rec] * 9, tf2, harmonics=8)
+    return [*found.bias.ravel(), *mf.fit(rec, tf2, harmonics=8).params, *many.params[-1]]
+
+before = known()
+print("ready", flush=True)
+try:
+    CALL
+except KeyboardInterrupt:
+    pass
+assert known() == before
+print("usable", flush=True)
+"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize("call", LONG.values(), ids=LONG)
 def test_ctrl_c(call: str, tmp_path: Path) -> None:
-    code = textwrap.dedent(SETUP) + f"print('ready', flush=True)\n{call}\n"
+    code = textwrap.dedent(SETUP) + AFTERWARDS.replace("CALL", call)
     with subprocess.Popen(
         [sys.executable, "-c", code],
         stdout=subprocess.PIPE,
@@ -65,11 +119,37 @@ def test_ctrl_c(call: str, tmp_path: Path) -> None:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
             with pytest.raises(subprocess.TimeoutExpired):
-                process.wait(timeout=1.5)
+                process.wait(timeout=1.0)
             os.killpg(process.pid, signal.SIGINT)  # all processes of a terminal get it
+            out, err = process.communicate(timeout=20)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    assert out == "usable\n", err
+    assert process.returncode == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_the_command(tmp_path: Path) -> None:
+    """It leaves with the exit code of an interrupted command, and what is made is kept."""
+    text = toml_file.EXAMPLE.replace("replicates = 1000 ", "replicates = 100000000 ")
+    (tmp_path / "study.toml").write_text(text)
+    code = """
+import signal, sys
+from modfun.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main(["mc", "run", "study.toml", "--out", "a"]))
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stderr=subprocess.PIPE, cwd=tmp_path, text=True, start_new_session=True
+    ) as process:
+        try:
+            wait_for(tmp_path / "a", 1)
+            process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=20)
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-    assert "KeyboardInterrupt" in err
-    assert process.returncode != 0
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert shards.status(tmp_path / "a").damaged == ()
