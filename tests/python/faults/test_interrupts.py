@@ -126,7 +126,8 @@ def test_ctrl_c(call: str, tmp_path: Path) -> None:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
     assert out == "usable\n", err
-    assert process.returncode == 0
+    # Where the interrupt went through exec() of a text, as of a dataclass, CPython itself ends by the signal.
+    assert process.returncode in (0, -signal.SIGINT)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
