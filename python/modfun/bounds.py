@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import public, reals
 from .errors import DataError, SpecError
 from .prediction import sample_weights
 from .records import Record
@@ -80,6 +81,7 @@ class Bound:
         return self.to_table()._repr_html_()
 
 
+@public
 def crlb(
     sys: Any,
     experiment: Record | Signals | Sequence[Record | Signals] | None = None,
@@ -166,7 +168,7 @@ def crlb(
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
-    states: list[Any] = [None if start is None else _numbers("start", start)]
+    states: list[Any] = [None if start is None else reals("crlb", "start", start)]
     if isinstance(sys, Fit):
         if experiment is None:
             if sys.records is None:
@@ -208,20 +210,13 @@ def crlb(
     return Bound(param_names=known.names, values=known.values, cov=half @ half.T, sigma=sd)
 
 
-def _numbers(name: str, given: Any) -> F64:
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise SpecError(f"crlb: {name}={given!r} must be numbers") from None
-
-
 # Noise and information -----------------------------------------------------------------------
 
 
 def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64:
     """Covariance of the outputs' noise."""
     q, name = rms.size, "nsr" if sigma is None else "sigma"
-    values = _numbers(name, sigma if nsr is None else nsr)
+    values = reals("crlb", name, sigma if nsr is None else nsr)
     matrix = values.ndim == 2 and nsr is None
     sizes = np.diag(values) if matrix and values.shape == (q, q) else values
     if not np.all(np.isfinite(values)) or np.any(sizes <= 0) or sizes.shape not in ((), (q,)):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import html
+from .arguments import public
 from .errors import FitError, SpecError
 from .estimation import Estimator, _fit, _options, _records, _structure
 from .options import Choices, Options
@@ -29,6 +30,7 @@ STRONG = 30.0  # condition index (Belsley, Kuh and Welsch)
 SHARE = 0.5  # of a variance that one direction accounts for
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Collinearity:
     """Collinearity of the regressors of a fit, whitened, of unit length, transient eliminated.
@@ -75,6 +77,7 @@ class Collinearity:
         return self.table._repr_html_() + html.listing(lines)
 
 
+@public
 def collinearity(
     data: Record | Sequence[Record],
     model: TransferFunction | Equation | StateSpace | Estimator | Fit,

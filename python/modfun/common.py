@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import html
+from .arguments import public
 from .errors import SpecError
 from .intervals import probability
 from .results import Fit
@@ -21,6 +22,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class CommonPoles:
     """Poles and zeros that outputs share, as far as the data tell; see `common_poles`.
@@ -70,6 +72,7 @@ class _Root:
         return self.value.imag == 0
 
 
+@public
 def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     """Find the poles and zeros that outputs share, by reducing a fit with separate denominators.
 

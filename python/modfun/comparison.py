@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import public
 from .errors import DataError, FitError, SpecError
 from .estimation import Estimator, _fit, _records
 from .records import Record
@@ -19,6 +20,7 @@ __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 
 
+@public
 class Comparison(Table):
     """Scores of several fits on one record, a row a fit and output; see `compare`.
 
@@ -58,6 +60,7 @@ class Comparison(Table):
         return Comparison, (self.fits, self.record)
 
 
+@public
 class CrossValidation(Table):
     """Scores on records left out of the fit, a row an estimator, record and output; see `cross_validate`.
 
@@ -97,6 +100,7 @@ class CrossValidation(Table):
         return CrossValidation, (self.to_dict(), self.title)
 
 
+@public
 def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None) -> Comparison:
     """Score several fits on one record: simulations, initial state and trend fitted, as `Fit.score`.
 
@@ -130,6 +134,7 @@ def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None
     return Comparison(fits, rec)
 
 
+@public
 def cross_validate(
     records: Sequence[Record],
     estimators: Mapping[str, Estimator | TransferFunction] | Sequence[Estimator | TransferFunction],

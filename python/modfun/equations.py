@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import public
 from .callables import address, at
 from .errors import SpecError
 from .free import Free
@@ -35,6 +36,7 @@ Basis = str | Callable[[Any], ArrayLike] | ArrayLike
 _OUTPUT, _INPUT = re.compile(r"y\d*"), re.compile(r"u\d*")
 
 
+@public
 class Equation(Written):
     """Differential equations as text, linear or not, one or several that share parameters.
 

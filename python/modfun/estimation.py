@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .batches import Batch
+from .arguments import public
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Estimator", "fit", "fit_many"]
 
 
+@public
 def fit(
     data: Record | Sequence[Record] | FrequencyResponse,
     model: TransferFunction | Written,
@@ -141,6 +143,7 @@ def fit(
     return _fitted(data, _structure(model, "fit"), options)
 
 
+@public
 class Estimator:
     """A structure with a method and its options: `est(rec)` is `fit(rec, model, **options)`.
 
@@ -191,6 +194,7 @@ class Estimator:
         return f"Estimator({self.model!r}{words})"
 
 
+@public
 def fit_many(
     data: Batch | Sequence[Record],
     model: TransferFunction | Written,

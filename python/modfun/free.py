@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
+from .arguments import public, real
 from .errors import SpecError
 
 __all__ = ["Free"]
 
 
+@public
 @dataclass(frozen=True, init=False)
 class Free:
     """A parameter to be estimated, with a start and bounds: ``Free(0.1, min=0, max=0.5)``.
@@ -55,12 +57,7 @@ class Free:
 
 
 def _number(name: str, value: Any) -> float:
-    try:
-        if isinstance(value, bool | str):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise SpecError(f"Free: {name}={value!r} must be a number") from None
+    number = real("Free", name, value, finite=False)
     if number != number:
         raise SpecError(f"Free: {name}={value!r} is not a number")
     return number

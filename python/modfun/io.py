@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import public
 from .errors import DataError, SpecError
 from .masking import Mask, mask_of
 from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
@@ -26,6 +27,7 @@ Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 
 
+@public
 def read(
     source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any,
     *,
@@ -159,6 +161,7 @@ def _origin(path: Path) -> Origin:
         return Origin(path.name, hashlib.file_digest(file, "sha256").hexdigest())
 
 
+@public
 def columns(
     source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any, *, part: str | None = None
 ) -> Table:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .batches import Batch
+from .arguments import public
 from .errors import DataError, SpecError
 from .extras import optional
 from .intervals import probability, student_interval
@@ -30,6 +31,7 @@ _WORDS = np.array(STATUS)
 _NONFINITE = STATUS.index("nonfinite")
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class FitMany:
     """Fits of many records by one structure.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .arguments import public, reals
 from .errors import DataError, SpecError
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ __all__ = ["Noise", "weighting"]
 F64 = NDArray[np.float64]
 
 
+@public
 @dataclass(frozen=True, init=False, repr=False)
 class Noise:
     """Measurement noise known up to a common factor: `mf.fit(rec, model, noise=mf.Noise(y=0.02, u=0.1))`.
@@ -78,10 +80,7 @@ def _given(name: str, given: Any) -> Any:
         if not all(callable(one) for one in given):
             raise SpecError(f"Noise: {name}={given!r} mixes functions and numbers; give a function a channel")
         return tuple(given)
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
+    values = reals("Noise", name, given)
     if values.ndim > 2 or not np.all(np.isfinite(values)):
         raise SpecError(
             f"Noise: {name}={given!r} must be standard deviations, a covariance matrix, or functions of omega"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import public
 from .errors import DataError, SpecError
 from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
@@ -26,6 +27,7 @@ __all__ = ["NonlinearModel", "model_of"]
 F64 = NDArray[np.float64]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearModel:
     """Equations with numbers; made by ``Equation.model(params)`` or ``fit.model``.

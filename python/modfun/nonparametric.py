@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import public, reals
 from .errors import DataError, ModfunWarning, SpecError
 from .options import Options
 from .progress import Progress
@@ -31,6 +32,7 @@ AROUND = 31  # neighbours that choose together
 Piece = tuple[float, C128, C128]  # line spacing, coefficients of the outputs and of the inputs
 
 
+@public
 def frf(
     data: Record | Sequence[Record],
     omega: ArrayLike | None = None,
@@ -407,10 +409,7 @@ def _frequencies(
 
 
 def _floats(name: str, given: Any) -> F64:
-    try:
-        values = np.atleast_1d(np.asarray(given, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise SpecError(f"frf: {name}={given!r} must be numbers") from None
+    values = np.atleast_1d(reals("frf", name, given))
     if values.ndim != 1:
         raise SpecError(f"frf: {name} has shape {values.shape}; give one list of numbers")
     return values

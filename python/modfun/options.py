@@ -8,6 +8,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from .arguments import real, reals, whole
 from .errors import SpecError
 from .noise import Noise
 from .tables import nearest
@@ -21,6 +22,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
 _REPORTED = ("cov_type", "output_weights", "correct")
+MOST = 10**9
 TRENDS = ("auto", "constant", "linear")
 
 
@@ -134,11 +136,11 @@ def _checked(what: str, **given: Any) -> Options:
                 f"{what}: band={given['band']!r} and harmonics={given['harmonics']!r} say the same thing "
                 "twice; give one of them, or neither for the default rule"
             )
-        checked["harmonics"] = _integer(what, "harmonics", given["harmonics"], 1)
+        checked["harmonics"] = whole(what, "harmonics", given["harmonics"], 1, MOST)
     if "maxiter" in given:
-        checked["maxiter"] = _integer(what, "maxiter", given["maxiter"], 1)
+        checked["maxiter"] = whole(what, "maxiter", given["maxiter"], 1, MOST)
     if "tol" in given:
-        checked["tol"] = _number(what, "tol", given["tol"])
+        checked["tol"] = real(what, "tol", given["tol"])
         if not 0 < checked["tol"] < 1:
             raise SpecError(f"{what}: tol={given['tol']!r} must lie between 0 and 1; the default is 1e-9")
     if "extended" in given and not isinstance(given["extended"], bool | np.bool_):
@@ -161,10 +163,11 @@ _looked_up = lru_cache(64, typed=True)(_checked)
 
 
 def _band(what: str, band: Any) -> tuple[float, float]:
-    edges = band if isinstance(band, tuple | list | np.ndarray) else (0.0, band)
+    several = isinstance(band, tuple | list) or (isinstance(band, np.ndarray) and band.ndim)
+    edges = band if several else (0.0, band)
     if len(edges) != 2:
         raise SpecError(f"{what}: band={band!r} must be the upper edge or (lower, upper), in rad/s")
-    low, high = (_number(what, "band", edge) for edge in edges)
+    low, high = (real(what, "band", edge) for edge in edges)
     if not 0 <= low < high:
         raise SpecError(
             f"{what}: band={band!r} must satisfy 0 <= lower < upper (rad/s; an edge in Hz times 2 pi)"
@@ -173,10 +176,7 @@ def _band(what: str, band: Any) -> tuple[float, float]:
 
 
 def _weights(what: str, given: Any) -> tuple[Any, ...]:
-    try:
-        weights = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        weights = np.array(np.nan)
+    weights = reals(what, "output_weights", given)
     matrix = weights.ndim == 2 and weights.shape[0] == weights.shape[1]
     if not (weights.ndim == 1 or matrix) or not np.all(np.isfinite(weights)):
         raise SpecError(
@@ -188,24 +188,3 @@ def _weights(what: str, given: Any) -> tuple[Any, ...]:
         raise SpecError(f"{what}: output_weights={given!r} must be positive (a matrix: positive definite)")
     plain = weights.tolist()
     return tuple(plain) if weights.ndim == 1 else tuple(map(tuple, plain))
-
-
-def _number(what: str, name: str, value: Any) -> float:
-    try:
-        if isinstance(value, bool | str):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise SpecError(f"{what}: {name}={value!r} must be a number") from None
-    if not np.isfinite(number):
-        raise SpecError(f"{what}: {name}={value!r} must be finite")
-    return number
-
-
-MOST = 10**9
-
-
-def _integer(what: str, name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not (least <= value <= MOST):
-        raise SpecError(f"{what}: {name}={value!r} must be a whole number from {least} to {MOST}")
-    return int(value)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, html
+from .arguments import public
 from .derived import cancelling
 from .errors import FitError, SpecError
 from .estimation import _fit, _options, _records
@@ -31,6 +32,7 @@ DOUBT = 1e-3  # two noise levels that differ so improbably are not those of whit
 FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class OrderSelection:
     """Candidates of several orders, and the one the record supports.
@@ -78,6 +80,7 @@ class OrderSelection:
         return self.table._repr_html_() + html.listing(self.notes)
 
 
+@public
 def select_order(
     data: Record | Sequence[Record],
     *,

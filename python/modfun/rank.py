@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .arguments import public, whole
 from .errors import DataError, SpecError
 from .estimation import _records
 from .masking import refuse_own_noise
-from .options import _band, _integer
+from .options import MOST, _band
 from .records import Record
 from .simulation import spectrum
 from .tables import Table
@@ -22,6 +23,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
+@public
 def rank_test(
     data: Record | Sequence[Record],
     *,
@@ -55,7 +57,7 @@ def rank_test(
     DataError
         Uneven or masked samples, or fewer lines than the columns need.
     """
-    q = _integer("rank_test", "poles", poles, 1)
+    q = whole("rank_test", "poles", poles, 1, MOST)
     edges = None if band is None else _band("rank_test", band)
     records = _records(data, "rank_test")
     seen, noise = np.zeros((q + 1, q + 1)), np.zeros((q + 1, q + 1))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import html
+from .arguments import public
 from .errors import SpecError
 from .lti import LTI
 from .structures import TransferFunction
@@ -25,6 +26,7 @@ F64 = NDArray[np.float64]
 METHODS = ("awls", "balanced")
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Reduction:
     """A model of lower order and how far it is from the system; made by `reduce`.
@@ -115,6 +117,7 @@ class Reduction:
         return plot.reduction(self, ax=ax, hz=hz)
 
 
+@public
 def reduce(
     system: Any,
     structure: int | TransferFunction,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .batches import Batch
+from .arguments import public, whole
 from .errors import FitError, SpecError
 from .estimation import _fit, _threads, fit_many
 from .intervals import probability
@@ -158,6 +159,7 @@ class Bootstrap(FitMany):
         return self.summary()._repr_html_()
 
 
+@public
 def bootstrap(
     fit: Fit,
     *,
@@ -227,8 +229,8 @@ def bootstrap(
     records = _records(fit)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
-    count = _whole("replicates", replicates, 2, 10**9)
-    address = _whole("seed", seed, 0, 2**64 - 1)
+    count = whole("bootstrap", "replicates", replicates, 2, 10**9)
+    address = whole("bootstrap", "seed", seed, 0, 2**64 - 1)
     workers = _threads(threads)
     held = _held(fit)
     found = [fit.simulate(rec) for rec in records]
@@ -322,12 +324,6 @@ def _records(fit: Fit) -> tuple[Record, ...]:
             "mf.fit(records, fit.structure, **fit.options.given())"
         )
     return fit.records
-
-
-def _whole(name: str, value: object, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise SpecError(f"bootstrap: {name}={value!r} must be a whole number from {least} to {most}")
-    return int(value)
 
 
 def _quantiles(values: F64, tails: F64) -> tuple[F64, F64]:

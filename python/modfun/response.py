@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import html
+from .arguments import complexes, public, reals
 from .errors import DataError, SpecError
 from .extras import optional
 from .intervals import probability
@@ -23,6 +24,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class FrequencyResponse:
     """Complex gains at angular frequencies, with their uncertainty where it is known.
@@ -123,7 +125,7 @@ class FrequencyResponse:
             "noise_cov": _optional(
                 "noise_cov", noise_cov, (where.size, gains.shape[0], gains.shape[0]), complex
             ),
-            "degrees": None if degrees is None else np.broadcast_to(degrees, where.shape).astype(float),
+            "degrees": _optional("degrees", degrees, where.shape, float),
             "coherence": _optional("coherence", coherence, (gains.shape[0], where.size), float),
             "halfwidth": _optional("halfwidth", halfwidth, (where.size,), int),
             "reach": _optional("reach", reach, (where.size,), float),
@@ -307,10 +309,10 @@ def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg
             "FrequencyResponse: give response=, or both magnitude_db= and phase_deg= of a Bode diagram"
         )
     if response is not None:
-        gains: C128 = np.array(response, dtype=np.complex128)
+        gains = complexes("FrequencyResponse", "response", response, DataError).copy()
     else:
-        decibels = np.asarray(magnitude_db, dtype=np.float64)
-        degrees = np.asarray(phase_deg, dtype=np.float64)
+        decibels = reals("FrequencyResponse", "magnitude_db", magnitude_db, DataError)
+        degrees = reals("FrequencyResponse", "phase_deg", phase_deg, DataError)
         if decibels.shape != degrees.shape:
             raise DataError(
                 f"FrequencyResponse: magnitude_db has shape {decibels.shape}, phase_deg {degrees.shape}; "
@@ -321,7 +323,10 @@ def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg
 
 
 def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...], kind: type) -> Any:
-    array: NDArray[Any] = np.array(given, dtype=kind)
+    read = complexes if kind is complex else reals
+    array: NDArray[Any] = read("FrequencyResponse", name, given, DataError).astype(kind)
+    if array.ndim == 0 and len(shape) == 1:  # one for all frequencies
+        array = np.full(shape, array)
     if array.ndim == 1 and shape == (1, 1, array.size):
         array = array.reshape(shape)
     if array.shape != shape:

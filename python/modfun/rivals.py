@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import public
 from .errors import DataError, FitError, SpecError
 from .masking import refuse_own_noise
 from .propagate import Inputs
@@ -31,6 +32,7 @@ C128 = NDArray[np.complex128]
 HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
 
 
+@public
 def output_error(
     model: TransferFunction,
     *,
@@ -74,6 +76,7 @@ def output_error(
     return OutputError(model, initial_state, trend, None if start is None else dict(start), maxiter)
 
 
+@public
 def pem(
     model: TransferFunction,
     *,
@@ -109,6 +112,7 @@ def pem(
     return PredictionError(model, initial_state, trend, maxiter)
 
 
+@public
 def arx(model: TransferFunction) -> ARX:
     """Discrete-time ARX least squares, converted to continuous time as `pem` does it.
 
@@ -131,6 +135,7 @@ def arx(model: TransferFunction) -> ARX:
 # Continuous time ---------------------------------------------------------------------------------
 
 
+@public
 @dataclass(frozen=True)
 class OutputError:
     """Continuous-time output error; made by `output_error`."""
@@ -208,6 +213,7 @@ def _inputs(
 # Discrete time -----------------------------------------------------------------------------------
 
 
+@public
 @dataclass(frozen=True)
 class PredictionError:
     """Discrete-time output-error model, converted to continuous time; made by `pem`."""
@@ -241,6 +247,7 @@ class PredictionError:
         return fit.continuous(found, self.name)
 
 
+@public
 @dataclass(frozen=True)
 class ARX:
     """Discrete-time ARX least squares, converted to continuous time; made by `arx`."""

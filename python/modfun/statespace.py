@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import public
 from .errors import SpecError
 from .free import Free
 from .lti import LTI, ss
@@ -26,6 +27,7 @@ Matrix = tuple[tuple[Entry, ...], ...]
 MOST_STATES = 20
 
 
+@public
 class StateSpace(Written):
     """x' = A x + B u, y = C x + D u with entries that are numbers, names or expressions.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._core import __version__
+from .arguments import public
 from .errors import DataError, SpecError
 from .free import Free
 from .noise import Noise
@@ -125,6 +126,7 @@ def _sound(fit: Fit) -> Fit:
     return fit
 
 
+@public
 def load(path: str | Path) -> Any:
     """Read a fit that was written with `Fit.save`, or the directory of a study.
 

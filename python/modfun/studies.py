@@ -8,6 +8,7 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
+from .arguments import public
 from .errors import SpecError
 from .estimation import _threads
 from .options import Options
@@ -41,6 +42,7 @@ class RunOptions(TypedDict, total=False):
     coverage: bool
 
 
+@public
 class MonteCarlo:
     """A study of estimators on simulated records.
 

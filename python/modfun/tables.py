@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import html
+from .arguments import public
 from .errors import SpecError
 from .extras import optional
 
@@ -20,6 +21,7 @@ MANY, LONG = 40, 60  # names that a message lists, and letters of each
 DIGITS = 5  # significant digits of the largest number of a column
 
 
+@public
 class Table:
     """Named columns of equal length; prints aligned, cannot be changed.
 

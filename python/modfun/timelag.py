@@ -347,9 +347,9 @@ class DelaySystem:
         SpecError
             Errors that do not fit the plant, a loop that is not stable without them.
         """
+        from .arguments import reals
         from .delay.design import as_design
         from .delay.mu import margin
-        from .delay.numbers import real_numbers
 
         k, transformation = as_design(self, K)
         blocks = [errors] if isinstance(errors, Uncertainty) else list(errors or [])
@@ -362,7 +362,7 @@ class DelaySystem:
                     blocks.append(Uncertainty(A=own) if name == "A" else Uncertainty(B=own))
         if not blocks:
             raise SpecError("mu: nothing is uncertain; give errors=, or half-widths A= and B= by lag")
-        grid = None if omega is None else np.atleast_1d(real_numbers("mu: omega", omega))
+        grid = None if omega is None else np.atleast_1d(reals("mu", "omega", omega))
         if grid is not None and (grid.ndim != 1 or not grid.size or not np.all(np.isfinite(grid))):
             raise SpecError("mu: omega must be one list of finite angular frequencies in rad/s")
         return margin(self, k, transformation, blocks, grid)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import public
 from .errors import SpecError
 from .intervals import probability, student_interval
 from .tables import Table, nearest
@@ -75,6 +76,7 @@ class _Tones:
         return float(value) if value.ndim == 0 else value
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Sinusoids(_Tones):
     """Tones of one record; see `sinusoids`.
@@ -190,6 +192,7 @@ class Sinusoids(_Tones):
         return self.summary()._repr_html_()
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class SinusoidsMany(_Tones):
     """Tones of many records; see `sinusoids`.

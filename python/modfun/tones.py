@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .batches import Batch
+from .arguments import public, real, reals
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS, shown
@@ -24,6 +25,7 @@ AWLS_LINES = 9
 F64 = NDArray[np.float64]
 
 
+@public
 @overload
 def sinusoids(
     data: Batch,
@@ -41,6 +43,7 @@ def sinusoids(
 ) -> SinusoidsMany: ...
 
 
+@public
 @overload
 def sinusoids(
     data: Record | ArrayLike,
@@ -58,6 +61,7 @@ def sinusoids(
 ) -> Sinusoids: ...
 
 
+@public
 def sinusoids(
     data: Record | Batch | ArrayLike,
     count: int | None = None,
@@ -259,7 +263,7 @@ def _samples(data: Record | Batch | ArrayLike, dt: float | None) -> tuple[NDArra
         raise DataError(
             f"sinusoids: sample {where} is {y[where]}; cut it off, fill it, or mask it in a Record"
         )
-    if dt is None or not (np.isfinite(dt) and dt > 0):
+    if dt is None or not real("sinusoids", "dt", dt) > 0:
         raise SpecError(
             f"sinusoids: dt={dt!r}; an array needs its sampling interval in seconds, a positive number"
         )
@@ -305,7 +309,7 @@ def _edges(band: float | tuple[float, float] | None, dt: float, is_complex: bool
     limit = np.pi / dt
     low, high = -limit if is_complex else 0.0, limit
     if band is not None:
-        given = np.atleast_1d(np.asarray(band, dtype=float))
+        given = np.atleast_1d(reals("sinusoids", "band", band))
         if given.size == 1:
             given = np.array([low, given[0]])
         if given.size != 2 or not low <= given[0] < given[1] <= limit * (1 + 1e-9):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import public
 from .errors import SpecError
 from .extras import optional
 from .tables import Table, nearest
@@ -18,6 +19,7 @@ __all__ = ["Track", "joined"]
 F64 = NDArray[np.float64]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Track:
     """Estimates of one structure at many moments of a stream.

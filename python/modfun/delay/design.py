@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import complexes, public, real, reals
 from ..errors import SpecError
 from ..tables import Table
-from .numbers import complex_numbers, real_numbers
 from .transformation import Transformation, _expm, _said, integrals
 
 __all__ = ["Controller", "Design", "placed", "quadratic"]
@@ -21,6 +21,7 @@ WEAK = 1e-9  # part of its size that a root's input vector must have to be contr
 POINTS = 4  # samples whose polynomial stands for x between two of them
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """u = −Kz for a delay system; an array K wherever one is expected.
@@ -79,6 +80,7 @@ class Design:
         return self.table()._repr_html_()
 
 
+@public
 class Controller:
     """u = −Kz from samples of x, u held over each interval; `step` in real time.
 
@@ -176,7 +178,7 @@ def placed(transformation: Transformation, poles: ArrayLike, line: float) -> Des
     from scipy.signal import place_poles
 
     n = transformation.plant.order
-    wanted = complex_numbers("place: poles", poles)
+    wanted = np.atleast_1d(complexes("place", "poles", poles))
     if wanted.shape != (n,) or not np.all(np.isfinite(wanted)):
         raise SpecError(
             f"place: {wanted.size} poles for the {n} roots that can be moved; give {n} finite numbers"
@@ -223,7 +225,7 @@ def quadratic(transformation: Transformation, q: ArrayLike, r: ArrayLike, line: 
 
 def gain(given: ArrayLike, inputs: int, n: int) -> F64:
     """K as a matrix, checked."""
-    k = np.atleast_2d(real_numbers("K", given))
+    k = np.atleast_2d(reals("design", "K", given))
     if k.shape != (inputs, n) or not np.all(np.isfinite(k)):
         raise SpecError(
             f"K has shape {k.shape}; with {inputs} input(s) and {n} states it is ({inputs}, {n}), finite"
@@ -233,7 +235,7 @@ def gain(given: ArrayLike, inputs: int, n: int) -> F64:
 
 def seconds(dt: Any) -> float:
     """A sampling interval, checked."""
-    if not (isinstance(dt, int | float | np.number) and np.isfinite(dt) and dt > 0):
+    if not real("design", "dt", dt) > 0:
         raise SpecError(f"dt={dt!r} must be a sampling interval in seconds above 0")
     return float(dt)
 
@@ -273,7 +275,7 @@ def _design(transformation: Transformation, k: F64) -> Design:
 
 
 def _weight(name: str, given: ArrayLike, size: int, *, definite: bool) -> F64:
-    w = real_numbers(f"lqr: {name}", given)
+    w = reals("lqr", name, given)
     w = w * np.eye(size) if w.ndim == 0 else np.diag(w) if w.ndim == 1 else w
     word = "positive definite" if definite else "positive semidefinite"
     if w.shape != (size, size) or not np.all(np.isfinite(w)) or not np.allclose(w, w.T):

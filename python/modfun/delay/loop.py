@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import real, reals
 from ..errors import DataError, ModfunWarning, SpecError
 from ..expressions import is_samples, sources
 from ..propagate import intersample_kinds
 from ..signals import Signals
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
-from .numbers import real_numbers
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["simulated"]
 
 F64 = NDArray[np.float64]
+MOST_STEPS = 10**8
 
 
 def simulated(
@@ -38,13 +39,15 @@ def simulated(
 ) -> Trajectory:
     """`DelaySystem.simulate`."""
     dt = seconds(dt)
-    length = float(real_numbers("simulating: duration", duration))
-    intervals = int(np.floor(length / dt * (1 + 1e-12) + 1e-9)) if np.isfinite(length) else 0
+    ratio = real("simulating", "duration", duration) / dt
+    if not ratio <= MOST_STEPS:
+        raise SpecError(f"simulating: duration={duration!r} is {ratio:.3g} intervals dt = {dt:g} s; raise dt")
+    intervals = int(np.floor(ratio * (1 + 1e-12) + 1e-9))
     if intervals < 1:
         raise SpecError(f"simulating: duration={duration!r} must be at least one interval dt = {dt:g} s")
     n, inputs = plant.order, plant.shape[1]
     before = history(past, n, "history")
-    start = before(np.zeros(1))[:, 0] if x0 is None else real_numbers("simulating: x0", x0)
+    start = before(np.zeros(1))[:, 0] if x0 is None else reals("simulating", "x0", x0)
     if start.shape != (n,) or not np.all(np.isfinite(start)):
         raise SpecError(f"simulating: x0 has shape {start.shape}; give {n} finite numbers")
     motion = Motion(plant, dt, intervals)
@@ -130,7 +133,7 @@ def _law(
                 return np.where(t >= k * dt * (1 - 1e-12), x[:, None], done(t))
 
             steps = _steps(held[: back + k], back, dt, lambda t: np.zeros((inputs, t.size)))
-            u = np.atleast_1d(real_numbers("simulating: what the law gives", feedback(k * dt, state, steps)))
+            u = np.atleast_1d(reals("simulating", "what the law gives", feedback(k * dt, state, steps)))
             if u.shape != (inputs,) or not np.all(np.isfinite(u)):
                 raise DataError(
                     f"simulating: at t = {k * dt:g} s the law gives {u}; {inputs} finite number(s) are needed"

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import reals
 from ..errors import DataError, SpecError
 from ..expressions import Source, evaluate, is_samples
-from .numbers import real_numbers
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
@@ -240,7 +240,7 @@ def history(given: Any, count: int, what: str) -> History:
                 f"{error}"
             ) from None
         return called
-    values = np.zeros(count) if given is None else np.atleast_1d(real_numbers(f"simulating: {what}", given))
+    values = np.zeros(count) if given is None else np.atleast_1d(reals("simulating", what, given))
     if values.shape != (count,) or not np.all(np.isfinite(values)):
         raise SpecError(
             f"simulating: the {what} has shape {values.shape}; give {count} finite number(s), or a function "

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import complexes
 from ..errors import SpecError
 from ..tables import Table
-from .numbers import complex_numbers
 from .roots import Lagged, Roots, left_null
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _chosen(a: Lagged, roots: C128, n: int, keep: Sequence[complex] | None) -> l
 
 
 def _named(roots: C128, keep: Sequence[complex], n: int) -> C128:
-    wanted = complex_numbers("transformation: keep", keep)
+    wanted = np.atleast_1d(complexes("transformation", "keep", keep))
     if wanted.size != n:
         raise SpecError(f"transformation: keep= has {wanted.size} roots, the system has {n} states; give {n}")
     found = []

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import real, reals
 from ..errors import SpecError
 
 __all__ = ["Names", "amplitudes_of", "band_of", "intervals_of", "names_of", "number", "samples_of"]
@@ -20,15 +21,10 @@ MOST_SAMPLES = 10**7
 def number(what: str, value: Any, *, least: float = 0.0, strict: bool = True) -> float:
     """A finite number above `least` (or at least that)."""
     try:
-        found = float(value)
-    except (TypeError, ValueError):
+        found = real(what, "", value)
+    except SpecError:
         found = np.nan
-    if (
-        isinstance(value, bool | str)
-        or not np.isfinite(found)
-        or found < least
-        or (strict and found == least)
-    ):
+    if not found >= least or (strict and found == least):
         raise SpecError(f"{what}={value!r} must be a number {'above' if strict else 'of at least'} {least:g}")
     return found
 
@@ -53,6 +49,8 @@ def names_of(what: str, given: Names) -> tuple[str, ...]:
 def samples_of(what: str, seconds: Any, dt: float, *, least: float = 0.0, strict: bool = False) -> int:
     """A time that must be a whole number of sampling intervals, as that number."""
     time = number(what, seconds, least=least, strict=strict)
+    if not time / dt <= MOST_SAMPLES:
+        raise SpecError(f"{what}={time:g} s at dt={dt:g} s makes {time / dt:.3g} samples, too many; raise dt")
     count = round(time / dt)
     if abs(time - count * dt) > 1e-6 * dt or (strict and count == 0):
         near = max(count, 1 if strict else 0) * dt
@@ -60,8 +58,6 @@ def samples_of(what: str, seconds: Any, dt: float, *, least: float = 0.0, strict
             f"{what}={time:g} s is {time / dt:g} sampling intervals of {dt:g} s and must be a whole number "
             f"of them: give {near:g} s, or another dt"
         )
-    if count > MOST_SAMPLES:
-        raise SpecError(f"{what}={time:g} s at dt={dt:g} s makes {count} samples, too many; raise dt")
     return count
 
 
@@ -80,10 +76,8 @@ def intervals_of(what: str, duration: Any, dt: Any, before: Any, after: Any) -> 
 
 def amplitudes_of(what: str, given: ArrayLike, count: int) -> F64:
     """One amplitude an input (or a pulse), none of them zero."""
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
+    head, _, name = what.rpartition(": ")
+    values = reals(head, name, given)
     if values.ndim > 1 or values.size not in (1, count) or not np.all(np.isfinite(values) & (values != 0)):
         raise SpecError(
             f"{what}={given!r} must be one number that is not 0"
@@ -94,10 +88,7 @@ def amplitudes_of(what: str, given: ArrayLike, count: int) -> F64:
 
 def band_of(what: str, given: Any, dt: float) -> tuple[float, float]:
     """Lower and upper edge in rad/s; one number is the upper edge, the lower one is then 0."""
-    try:
-        edges = np.asarray(given, dtype=np.float64).reshape(-1)
-    except (TypeError, ValueError):
-        edges = np.zeros(0)
+    edges = reals(what, "band", given).reshape(-1)
     if edges.size == 1:
         edges = np.array([0.0, edges[0]])
     if edges.size != 2 or not np.all(np.isfinite(edges)) or not 0 <= edges[0] < edges[1]:

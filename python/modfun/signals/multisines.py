@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import public
 from ..errors import SpecError
 from .checks import Names, amplitudes_of, band_of, intervals_of, names_of
 from .signals import Signals
@@ -23,6 +24,7 @@ FINE = 16  # points a period of the highest line at which peaks are made low
 FINER = 8  # times as many where the peak is measured
 
 
+@public
 def multisine(
     inputs: Names = "u",
     *,

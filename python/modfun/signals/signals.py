@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import public, reals
 from ..errors import DataError, SpecError
 from ..samples import INTERSAMPLE, frozen
 from ..tables import Table
@@ -27,6 +28,7 @@ F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Signals:
     """Inputs of an experiment; made by the functions of `mf.signals`, or of samples of one's own.
@@ -80,12 +82,7 @@ class Signals:
         intersample: str | Sequence[str] = "zoh",
         functions: Sequence[Function | None] | None = None,
     ) -> None:
-        try:
-            values = np.atleast_2d(np.array(u, dtype=np.float64))
-        except (TypeError, ValueError) as error:
-            raise DataError(
-                f"Signals: u holds no samples ({error}); give numbers, (time) or (input, time)"
-            ) from None
+        values = np.atleast_2d(reals("Signals", "u", u, DataError).copy())
         if values.ndim != 2 or values.shape[1] < 2 or not np.all(np.isfinite(values)):
             raise DataError(
                 f"Signals: u has shape {values.shape}; give finite samples, (time) or (input, time)"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import public
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, names_of, number, samples_of
 from .signals import Signals
@@ -27,6 +28,7 @@ TAPS = {
 }  # fmt: skip
 
 
+@public
 def doublet(
     input: str = "u",
     *,
@@ -71,6 +73,7 @@ def doublet(
     return _pulses(what, input, [1, 1], unit, dt, amplitude, rate, before, after, duration)
 
 
+@public
 def multistep(
     input: str = "u",
     pulses: Sequence[float] = (3, 2, 1, 1),
@@ -141,6 +144,7 @@ def multistep(
     return _pulses(what, input, widths, one, dt, amplitude, rate, before, after, duration)
 
 
+@public
 def prbs(
     input: str = "u",
     *,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import public, reals
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, names_of, number
 from .signals import Signals
@@ -19,6 +20,7 @@ SWEEPS = ("logarithmic", "linear")
 FADE = 0.05  # of the sweep, at each end
 
 
+@public
 def chirp(
     input: str = "u",
     *,
@@ -77,10 +79,7 @@ def chirp(
             'chirp: one input at a time; chirp("da", ...).then(chirp("dr", ...)) is one after the other'
         )
     step, lead, count, _ = intervals_of(what, duration, dt, before, after)
-    try:
-        edges = np.array(band, dtype=np.float64).ravel().tolist()
-    except (TypeError, ValueError):
-        edges = []
+    edges = reals(what, "band", band).ravel().tolist()
     if len(edges) != 2:
         raise SpecError(f"chirp: band={band!r} must be (first, last) frequency in rad/s")
     low, high = band_of(what, sorted(edges), step)

@@ -1,0 +1,204 @@
+"""Arguments that a public call cannot take: said by name, with what it takes instead.
+
+Calls check what only they know (a band that is reversed, matrices that do not fit). That an argument is of
+another kind than its annotation shows when something raises: only then are annotations looked at, so that
+calls that succeed pay nothing. What raises though all arguments are of their kind is a defect and stays raw.
+"""
+
+from __future__ import annotations
+
+import builtins
+import inspect
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import ModfunError, SpecError
+
+__all__ = ["complexes", "public", "real", "reals", "shown", "whole"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+Thing = TypeVar("Thing", bound=Callable[..., Any])
+_NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
+_WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}
+_RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
+
+
+# One argument --------------------------------------------------------------------------------------
+
+
+def reals(what: str, name: str, given: Any, kind: type[ModfunError] = SpecError) -> F64:
+    """Return an argument as an array of real numbers, of any shape; `kind` is raised where it is none."""
+    return np.asarray(_numbers(what, name, given, kind, "fiub"), dtype=np.float64)
+
+
+def complexes(what: str, name: str, given: Any, kind: type[ModfunError] = SpecError) -> C128:
+    """Return an argument as an array of numbers, real or complex; otherwise as `reals`."""
+    return np.asarray(_numbers(what, name, given, kind, "fiubc"), dtype=np.complex128)
+
+
+def _numbers(what: str, name: str, given: Any, kind: type[ModfunError], kinds: str) -> NDArray[Any]:
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind == "O":
+            array = array.astype(np.complex128 if "c" in kinds else np.float64)
+    except Exception as error:  # of whatever the conversion of an unknown object raises
+        raise kind(f"{what}: {name}={shown(given)} cannot be read as numbers ({error})") from None
+    if array.dtype.kind not in kinds:
+        words = _WORDS.get(array.dtype.kind, "no array of numbers")
+        raise kind(f"{what}: {name}={shown(given)} is {words}; give real numbers")
+    if np.ma.isMaskedArray(given) and np.ma.getmaskarray(given).any():
+        raise kind(f"{what}: {name} has masked entries; give numbers")
+    if array.dtype.itemsize > (16 if array.dtype.kind == "c" else 8):
+        with np.errstate(over="ignore"):  # a long double beyond the range is inf
+            return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
+    return array
+
+
+def real(what: str, name: str, given: Any, *, finite: bool = True) -> float:
+    """Return an argument as one real number."""
+    try:
+        if isinstance(given, _NO_NUMBERS) or np.ndim(given):
+            raise TypeError
+        number = float(given)
+    except Exception:
+        raise SpecError(f"{what}: {name}={shown(given)} must be a number") from None
+    if finite and not np.isfinite(number):
+        raise SpecError(f"{what}: {name}={shown(given)} must be finite")
+    return number
+
+
+def whole(what: str, name: str, given: Any, least: int, most: int) -> int:
+    """Return an argument as a whole number within bounds."""
+    known = isinstance(given, int | np.integer) and not isinstance(given, bool | np.timedelta64)
+    if not known or not least <= given <= most:
+        raise SpecError(f"{what}: {name}={shown(given)} must be a whole number from {least} to {most}")
+    return int(given)
+
+
+def shown(value: Any) -> str:
+    """At most 60 characters of what a value looks like."""
+    try:
+        text = repr(value)
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+# All arguments of a call ---------------------------------------------------------------------------
+
+
+def public(thing: Thing) -> Thing:
+    """Decorate a function, or a class for its constructor and methods: misfits are a SpecError."""
+    if not isinstance(thing, type):
+        return _explained(thing, thing.__name__)  # type: ignore[no-any-return]
+    for name, member in list(vars(thing).items()):
+        if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
+            own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
+            setattr(thing, name, _explained(member, own))
+    return thing
+
+
+def _explained(function: Any, name: str) -> Any:
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        try:
+            return function(*args, **given)
+        except _RAW as error:
+            if not isinstance(error, ModfunError):
+                _blame(function, name, args, given)
+            raise
+
+    return call
+
+
+def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any]) -> None:
+    """Raise SpecError for the first argument that is not of its kind."""
+    written = inspect.signature(function)
+    try:
+        bound = written.bind(*args, **given).arguments
+    except TypeError as error:
+        raise SpecError(f"{name}: {error}") from None
+    meant = inspect.signature(function, locals=_Names(function.__globals__), eval_str=True).parameters
+    for key, parameter in meant.items():
+        if key not in bound or parameter.annotation is parameter.empty:
+            continue
+        values = {key: bound[key]}
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            values = {f"{key}[{k}]": one for k, one in enumerate(bound[key])}
+        elif parameter.kind is parameter.VAR_KEYWORD:
+            values = bound[key]
+        for own, value in values.items():
+            if not _fits(value, parameter.annotation):
+                raise SpecError(
+                    f"{name}: {own}={shown(value)} is of type {type(value).__name__}; it takes "
+                    f"{written.parameters[key].annotation}"
+                ) from None
+
+
+class _Names(dict[str, Any]):
+    """What the names in an annotation mean; anything where only type checkers know."""
+
+    def __missing__(self, name: str) -> Any:
+        import modfun
+
+        return getattr(builtins, name, None) or getattr(modfun, name, Any)
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    origin, parts = get_origin(kind), get_args(kind)
+    if kind is None or kind is type(None):
+        return value is None
+    if kind == ArrayLike or origin is np.ndarray:
+        return _is_numbers(value)
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, part) for part in parts)
+    if origin is tuple:
+        if not _is_sequence(value):
+            return False
+        each = parts[:1] * len(value) if parts[-1] is ... else parts
+        return len(each) == len(value) and all(map(_fits, value, each))
+    if origin is Callable:
+        return callable(value)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(
+            _fits(k, parts[0]) and _fits(v, parts[1]) for k, v in value.items()
+        )
+    if isinstance(origin, type) and issubclass(origin, Iterable):
+        if _is_sequence(value):
+            return all(_fits(one, parts[0]) for one in value)
+        return origin is Iterable and isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    if kind is float:
+        return _is_real(value)
+    if kind is int:
+        return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    return not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _is_sequence(value: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def _is_real(value: Any) -> bool:
+    try:
+        real("", "", value, finite=False)
+    except SpecError:
+        return False
+    return True
+
+
+def _is_numbers(value: Any) -> bool:
+    try:
+        complexes("", "", value)
+    except SpecError:
+        return False
+    return True
