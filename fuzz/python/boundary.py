@@ -11,7 +11,6 @@ import argparse
 import json
 import signal
 import sys
-import time
 import traceback
 import warnings
 import zlib
@@ -115,19 +114,15 @@ def run(
     defects: dict[str, tuple[str, str]] = {}
     for call, many in zip(chosen, each, strict=True):
         counts[call.name] = Counter()
-        began = time.monotonic()
         for number in range(many):
             given = arguments(call, seed, number)
             signal.setitimer(signal.ITIMER_REAL, SECONDS)
-            print(f"\r{call.name} {number}          ", end="", file=sys.stderr)
             ended, error = outcome(call, given)
             signal.setitimer(signal.ITIMER_REAL, 0)
             counts[call.name][ended] += 1
             if error is not None:
                 text = str(error).split("\n")[0][:150]
                 defects.setdefault(place(error), (f"{seed}:{call.name}:{number}", text))
-        took = 1e3 * (time.monotonic() - began) / many
-        print(f"\r{call.name}: {dict(counts[call.name])}, {took:.2f} ms a case", file=sys.stderr)
     return counts, defects
 
 

@@ -45,7 +45,7 @@ def _record(rec: mf.Record) -> None:
 
 
 def _response(frf: mf.FrequencyResponse) -> None:
-    _finite(frf, "omega", "response")
+    _finite(frf, "omega")  # a gain may be infinite at a pole, or nan where the data give no answer
     if frf.bse is not None:
         _need(~(np.asarray(frf.bse) < 0), "a standard error below 0")
 

@@ -246,7 +246,7 @@ def _silent(f: Callable[[np.ndarray[Any, Any], Rng], Any]) -> Callable[[np.ndarr
     return quiet
 
 
-# The right shape with the wrong numbers, the right numbers in the wrong form, and forms that should not matter.
+# The right shape with wrong numbers, right numbers in the wrong form, and forms that should not matter.
 ARRAYS: tuple[Callable[[np.ndarray[Any, Any], Rng], Any], ...] = tuple(
     map(
         _silent,

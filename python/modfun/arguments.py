@@ -122,8 +122,8 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
     written = inspect.signature(function)
     try:
         bound = written.bind(*args, **given).arguments
-    except TypeError as error:
-        raise SpecError(f"{name}: {error}") from None
+    except TypeError:
+        return  # another number of arguments, or names that do not exist: Python has said it
     meant = inspect.signature(function, locals=_Names(function.__globals__), eval_str=True).parameters
     for key, parameter in meant.items():
         if key not in bound or parameter.annotation is parameter.empty:
@@ -137,8 +137,12 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
             if not _fits(value, parameter.annotation):
                 raise SpecError(
                     f"{name}: {own}={shown(value)} is of type {type(value).__name__}; it takes "
-                    f"{written.parameters[key].annotation}"
+                    f"{_written(written.parameters[key].annotation)}"
                 ) from None
+
+
+def _written(annotation: Any) -> str:
+    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
 
 
 class _Names(dict[str, Any]):
@@ -179,7 +183,7 @@ def _fits(value: Any, kind: Any) -> bool:
         return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
     if kind is bool:
         return isinstance(value, bool | np.bool_)
-    return not isinstance(kind, type) or isinstance(value, kind)
+    return kind is Any or not isinstance(kind, type) or isinstance(value, kind)
 
 
 def _is_sequence(value: Any) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import public
 from .errors import DataError, SpecError
 from .records import Record
 from .samples import (
@@ -26,6 +27,7 @@ from .samples import (
 __all__ = ["Batch"]
 
 
+@public
 class Batch:
     """Many records of one experiment, sampled alike: what `fit_many` takes.
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .arguments import real
 from .errors import DataError, ModfunWarning, SpecError
 from .samples import F64, FEWEST
 
@@ -30,11 +31,11 @@ def pieces_every(t: F64, every: float) -> Pieces:
     DataError
         If no piece would have 8 samples.
     """
-    if not (math.isfinite(every) and every > 0):
+    if not real("split", "every", every, finite=False) > 0 or not math.isfinite(every):
         raise SpecError(f"split: every={every!r} must be a positive number of seconds")
     duration = float(t[-1] - t[0])
     slack = SLACK * duration / (len(t) - 1)
-    count = int((duration + slack) // every)
+    count = int(min((duration + slack) / every, len(t)))
     edges = np.searchsorted(t, t[0] + every * np.arange(count + 1) - slack, side="left")
     if count == 0 or np.min(np.diff(edges)) + 1 < FEWEST:
         raise DataError(
@@ -78,6 +79,6 @@ def pieces_on(t: F64, values: F64, channel: str) -> Pieces:
             f"{what}: {int((~long).sum())} of {len(long)} pieces have fewer than {FEWEST} samples and are "
             f"left out, the first at t = {t[starts[~long][0]]:g} s",
             ModfunWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     return [(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)], what

@@ -47,8 +47,15 @@ def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[
         read = expression(given, [words.get(name, name) for name in names])
         return lambda values: read({words.get(own, own): value for own, value in values.items()})
     if callable(given):
-        return lambda values: float(given(values))
+        return lambda values: _called(name, given, values)
     raise SpecError(f"derived: {name}={given!r} must be an expression as text, or a function of a mapping")
+
+
+def _called(name: str, function: Callable[..., Any], values: Mapping[str, float]) -> float:
+    try:
+        return float(function(values))
+    except Exception as error:
+        raise SpecError(f"derived: {name} raised {type(error).__name__}: {error}") from error
 
 
 def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: Fit) -> tuple[float, F64]:
@@ -212,7 +219,7 @@ def frequency_response(fit: Fit, omega: F64) -> tuple[C128, C128]:
     response = np.zeros((outputs, inputs, s.size), complex)
     gradient = np.zeros((fit.params.size, outputs, inputs, s.size), complex)
     delays = {path: len(layout.free) + at for at, path in enumerate(layout.free_delays)}
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         for i in range(outputs):
             den, nums = fit.polynomials(i)
             n, first = layout.orders[i], layout.places[0][i]

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Never, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import public, whole
 from .batches import Batch
-from .arguments import public
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
 from .noise import Noise
-from .options import Choices, Options
+from .options import MOST_THREADS, Choices, Options
 from .prepared import Prepared, prepare, refuse_standing
 from .records import Record
 from .response import FrequencyResponse
@@ -254,7 +254,7 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     else:
         result = _fit(_records(data), structure, options)
     for text in result.remarks():
-        warnings.warn(text, ModfunWarning, stacklevel=3)
+        warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
 
 
@@ -379,9 +379,7 @@ def _threads(given: int | None) -> int:
         if not text.isdigit() or int(text) < 1:
             raise SpecError(f"MODFUN_NUM_THREADS={text!r} must be a whole number from 1 on")
         return int(text)
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
-        raise SpecError(f"threads={given!r} must be a whole number from 1 on, or None")
-    return int(given)
+    return whole("running", "threads", given, 1, MOST_THREADS)
 
 
 def _estimator(model: Any, options: Options) -> Estimator:

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import reals
 from .errors import DataError, SpecError
+from .samples import LARGEST
 from .signals.signals import Signals
 
 __all__ = ["Source", "evaluate", "expression"]
@@ -101,14 +103,8 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
         values = _call(source, times, what)
     else:
         what = "the signal given as an array"
-        try:
-            values = np.asarray(source, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise DataError(
-                "evaluating a signal: expected text, a function of t or numbers, "
-                f"got {type(source).__name__} ({error})"
-            ) from None
-    array = np.asarray(values, dtype=np.float64)
+        values = source
+    array = reals("evaluating a signal", "samples", values, DataError)
     if array.ndim == 0 and not is_samples(source):
         array = np.full(times.shape, float(array))
     if array.shape != times.shape:
@@ -122,6 +118,11 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
         raise DataError(
             f"evaluating {what}: it is {array[k]} at t = {times[k]:g} s; "
             "change the signal so that it is finite at all times used"
+        )
+    if array.size and np.abs(array).max() > LARGEST:
+        raise DataError(
+            f"evaluating {what}: it reaches {np.abs(array).max():.3g}, whose square is no number; give it in "
+            "another unit"
         )
     return np.ascontiguousarray(array)
 
@@ -175,12 +176,7 @@ def sources(given: Any, inputs: int) -> list[Source]:
     elif isinstance(given, list | tuple) and any(not is_samples(s) or np.ndim(s) for s in given):
         found = list(given)  # signals, not the samples of one
     else:
-        try:
-            array = np.asarray(given, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise DataError(
-                f"giving the input: it is neither text, a function of t nor numbers ({error})"
-            ) from None
+        array = reals("simulating", "the input", given, DataError)
         found = [array] if array.ndim < 2 else list(array)
     if len(found) != inputs:
         raise SpecError(

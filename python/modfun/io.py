@@ -125,7 +125,7 @@ def read(
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
     named = {new: name for role in (out, into, kept) for new, name in role.items()}
-    whole = [*([clock] if clock else []), *into.values(), *kept.values(), *good.values()]
+    whole = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
     wanted = list(dict.fromkeys([*whole, *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)

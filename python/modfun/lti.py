@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import public, real, reals, whole
 from .errors import DataError, SpecError
 from .expressions import is_samples, sources
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
-from .samples import frequencies, frozen
+from .samples import MOST_SAMPLES, frequencies, frozen
 from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
@@ -25,6 +26,7 @@ C128 = NDArray[np.complex128]
 Matrices = tuple[F64, F64, F64, F64]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class LTI:
     """A continuous-time linear system with numbers; made by `mf.tf` or `mf.ss`.
@@ -133,7 +135,7 @@ class LTI:
         if self.matrices is None:
             assert self.numerators is not None
             assert self.denominators is not None
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(all="ignore"):
                 for i, (nums, dens) in enumerate(zip(self.numerators, self.denominators, strict=True)):
                     for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                         g[i, j] = np.polyval(n, s) / np.polyval(d, s)
@@ -144,7 +146,8 @@ class LTI:
                     g[:, :, k] = c @ np.linalg.solve(point * np.eye(a.shape[0]) - a, b) + d0
                 except np.linalg.LinAlgError:
                     g[:, :, k] = np.inf
-        g *= np.exp(-s * np.array(self.delays)[:, None])[None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            g *= np.exp(-s * np.array(self.delays)[:, None])[None]
         return FrequencyResponse(omega=w, response=g)
 
     def simulate(
@@ -210,12 +213,11 @@ class LTI:
         intersample: str | Sequence[str],
     ) -> F64:
         """`simulate` with the inputs as a list and the output always (output, time)."""
-        if not (np.isfinite(dt) and dt > 0):
+        if not real("simulating", "dt", dt) > 0:
             raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
-        if intervals < 1:
-            raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
+        intervals = whole("simulating", "intervals", intervals, 1, MOST_SAMPLES)
         a, b, c, d, scale = self.scaled()
-        start = np.zeros(a.shape[0]) if x0 is None else np.asarray(x0, dtype=np.float64)
+        start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "x0", x0)
         if start.shape != scale.shape or not np.all(np.isfinite(start)):
             raise SpecError(
                 f"simulating: x0 has shape {start.shape}, the system has {scale.size} states; "
@@ -247,7 +249,8 @@ class LTI:
         t : ndarray, shape (time,)
         y : ndarray, shape (time,), or (output, input, time) with several channels
         """
-        if not (np.isfinite(duration) and duration > 0):
+        intervals = whole("step", "intervals", intervals, 1, MOST_SAMPLES)
+        if not real("step", "duration", duration) > 0:
             raise DataError(f"step: duration is {duration}; give seconds, above 0")
         outputs, inputs = self.shape
         y = np.empty((outputs, inputs, intervals + 1))
@@ -412,6 +415,7 @@ class LTI:
         return a, b, c, d, scale
 
 
+@public
 def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LTI:
     """Transfer function num(s)/den(s)·e^(−delay·s).
 
@@ -470,13 +474,21 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
                     "an improper system has no response to samples: lower the numerator's degree "
                     "or add fast poles"
                 )
-            tops.append(frozen(n / d[0]))
-            bottoms.append(frozen(d / d[0]))
+            with np.errstate(over="ignore"):
+                n, d = n / d[0], d / d[0]
+            if not (np.isfinite(n).all() and np.isfinite(d).all()):
+                raise SpecError(
+                    "mf.tf: the leading coefficient of the denominator is so small beside the others that "
+                    "their quotients overflow; leave it out, or count time in another unit"
+                )
+            tops.append(frozen(n))
+            bottoms.append(frozen(d))
         top.append(tuple(tops))
         bottom.append(tuple(bottoms))
     return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
 
 
+@public
 def ss(
     A: ArrayLike | Any,
     B: ArrayLike | None = None,
@@ -512,13 +524,13 @@ def ss(
         return interop.system_of(A, delay).to_ss()
     if B is None or C is None:
         raise SpecError("mf.ss: give A, B and C (and D), or a system of python-control or SciPy")
-    a = np.atleast_2d(np.asarray(A, dtype=np.float64))
+    a = np.atleast_2d(reals("mf.ss", "A", A))
     n = a.shape[0] if a.size else 0
     a = a.reshape(n, n) if a.size == n * n else a
-    b = np.asarray(B, dtype=np.float64)
+    b = reals("mf.ss", "B", B)
     b = b.reshape(n, -1) if b.ndim < 2 and n and b.size % n == 0 else np.atleast_2d(b)
-    c = np.atleast_2d(np.asarray(C, dtype=np.float64))
-    d = np.zeros((c.shape[0], b.shape[1])) if D is None else np.atleast_2d(np.asarray(D, dtype=np.float64))
+    c = np.atleast_2d(reals("mf.ss", "C", C))
+    d = np.zeros((c.shape[0], b.shape[1])) if D is None else np.atleast_2d(reals("mf.ss", "D", D))
     shapes = [m.shape for m in (a, b, c, d)]
     if shapes != [(n, n), (n, b.shape[1]), (c.shape[0], n), (c.shape[0], b.shape[1])]:
         raise SpecError(
@@ -532,7 +544,7 @@ def ss(
 
 
 def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
-    values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    values = np.atleast_1d(reals(what, "delay", given))
     if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
         values = values[0]
     if values.size == 1:

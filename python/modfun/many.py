@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .batches import Batch
 from .arguments import public
+from .batches import Batch
 from .errors import DataError, SpecError
 from .extras import optional
 from .intervals import probability, student_interval

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError
-from .samples import FEWEST, channels_of
+from .samples import FEWEST, channels_of, floats
 
 if TYPE_CHECKING:
     from .records import Record
@@ -54,7 +54,8 @@ def sigma_of(
 
 
 def _per_output(given: ArrayLike, what: str, shape: tuple[int, int], axis: int) -> F64:
-    values = channels_of(given, what, axis if np.ndim(given) == 2 else -1)
+    read = floats(given, what)
+    values = channels_of(read, what, axis if read.ndim == 2 else -1)
     if values.shape not in (shape, (1, shape[1])):
         raise DataError(
             f"Record: {what} has shape {np.shape(given)}; it must have one value a sample of y, "

@@ -81,7 +81,7 @@ def _given(name: str, given: Any) -> Any:
             raise SpecError(f"Noise: {name}={given!r} mixes functions and numbers; give a function a channel")
         return tuple(given)
     values = reals("Noise", name, given)
-    if values.ndim > 2 or not np.all(np.isfinite(values)):
+    if values.ndim > 2 or not values.size or not np.all(np.isfinite(values)):
         raise SpecError(
             f"Noise: {name}={given!r} must be standard deviations, a covariance matrix, or functions of omega"
         )

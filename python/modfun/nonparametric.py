@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, reals
+from .arguments import public, reals, whole
 from .errors import DataError, ModfunWarning, SpecError
-from .options import Options
+from .options import MOST_THREADS, Options
 from .progress import Progress
 from .records import Record
 from .response import FrequencyResponse
@@ -118,7 +118,7 @@ def frf(
     _word("trend", trend, ("constant", None))
     _number("degree", degree, 0)
     if threads is not None:
-        _number("threads", threads, 1)
+        whole("frf", "threads", threads, 1, MOST_THREADS)
     if method != "lrm" and weighting == "ml":
         raise SpecError(f'frf: weighting="ml" is for method="lrm", not {method!r}; leave it out')
     records = _records(data)
@@ -265,7 +265,7 @@ def _response(
             "stands still there, or moves as another does), and the gains are nan: leave an input out with "
             "rec.select(inputs=[...]), or take a record in which they move apart.",
             ModfunWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     real = len(record.inputs)
     paths = outputs * real

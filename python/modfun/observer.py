@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import complexes
 from .errors import FitError, SpecError
 
 __all__ = ["Observed", "default_eigenvalues", "observe"]
@@ -145,8 +146,10 @@ def _apart(values: C128) -> C128:
 
 
 def _given(eigenvalues: ArrayLike, n: int) -> C128:
-    values = np.asarray(eigenvalues, dtype=complex).reshape(-1)
-    paired = np.allclose(np.sort_complex(values), np.sort_complex(values.conj()))
+    values = complexes("initial_state", "eigenvalues", eigenvalues).reshape(-1)
+    paired = bool(np.isfinite(values).all()) and np.allclose(
+        np.sort_complex(values), np.sort_complex(values.conj())
+    )
     if values.shape != (n,) or not paired or not np.all(values.real < 0):
         raise SpecError(
             f"initial_state: eigenvalues={eigenvalues!r} must be {n} values in rad/s, complex ones in "

@@ -23,6 +23,7 @@ WORDS: dict[str, tuple[str, ...]] = {
 }
 _REPORTED = ("cov_type", "output_weights", "correct")
 MOST = 10**9
+MOST_THREADS = 10_000
 TRENDS = ("auto", "constant", "linear")
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import reals
 from .errors import SpecError
 
 __all__ = ["Table", "all_equal", "by_modulus", "polynomials_of", "roots", "roots_of", "strip", "text_of"]
@@ -29,13 +30,12 @@ def polynomials_of(given: Any, name: str) -> list[list[F64]]:
         raise SpecError(f"mf.tf: {name} is empty or nested too deep; give [[polynomial an input] an output]")
     nested: Any = given if deep == 3 else [given] if deep == 2 else [[given]]
     table = []
+    if not all(isinstance(row, list | tuple | np.ndarray) for row in nested):
+        raise SpecError(f"mf.tf: {name} mixes nestings; give [[polynomial an input] an output]")
     for row in nested:
         polynomials = []
         for p in row:
-            try:
-                array = np.atleast_1d(np.asarray([0.0] if p is None else p, dtype=np.float64))
-            except (TypeError, ValueError) as error:
-                raise SpecError(f"mf.tf: {name} holds something that is no number ({error})") from None
+            array = np.atleast_1d(reals("mf.tf", name, [0.0] if p is None else p))
             if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
                 raise SpecError(f"mf.tf: {name} must hold polynomials with finite coefficients, got {p!r}")
             polynomials.append(array)

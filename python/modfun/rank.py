@@ -90,7 +90,7 @@ def _lines(rec: Record, edges: tuple[float, float] | None) -> tuple[F64, C128, C
         raise DataError("rank_test: the record's steps are uneven; resample it first")
     n, omega0 = rec.intervals, 2 * np.pi / rec.duration
     low, high = (0.0, max(n // 8, min(n // 4, 16)) * omega0) if edges is None else edges
-    first, last = max(1, int(np.ceil(low / omega0 - 1e-9))), int(high / omega0 + 1e-9)
+    first, last = max(1, int(np.ceil(min(low / omega0, n) - 1e-9))), int(min(high / omega0, n) + 1e-9)
     if last > n // 2 or last <= first:
         raise SpecError(
             f"rank_test: the band ({low:.4g}, {high:.4g}) rad/s must hold several lines of "

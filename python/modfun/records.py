@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import html, spectra
+from .arguments import public
 from .checking import check_record
 from .cutting import SLACK, pieces_every, pieces_on
 from .errors import DataError, ModfunWarning, SpecError
@@ -38,6 +39,7 @@ from .whole import write_text
 __all__ = ["Record"]
 
 
+@public
 class Record:
     """Sampled outputs and inputs of one manoeuvre, test or simulation.
 
@@ -386,7 +388,7 @@ class Record:
                 f"{what}: of {len(pieces) - len(left)} of {len(pieces)} pieces the mask leaves fewer than "
                 f"{FEWEST} samples of an output; they are left out",
                 ModfunWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
         return left
 
@@ -469,7 +471,7 @@ class Record:
         """
         y, u, keep = self.y.copy(), self.u.copy(), dict(self._keep)
         for name, given in channels.items():
-            values = channels_of(given(self) if callable(given) else given, f"channel {name!r}", -1)
+            values = channels_of(self._computed(name, given), f"channel {name!r}", -1)
             if values.shape != (1, len(self.t)):
                 raise DataError(
                     f"assign({name}=...): shape {values.shape[1:] if len(values) == 1 else values.shape} "
@@ -493,6 +495,16 @@ class Record:
                 )
             labels[str(name)] = str(unit)
         return self._like(y=y, u=u, _keep=keep, _units=labels)
+
+    def _computed(self, name: str, given: ArrayLike | Callable[[Record], ArrayLike]) -> ArrayLike:
+        if not callable(given):
+            return given
+        try:
+            return given(self)
+        except Exception as error:
+            raise DataError(
+                f"assign({name}=...): the function raised {type(error).__name__}: {error}"
+            ) from error
 
     def weigh(self, mask: ArrayLike | None = None, sigma: ArrayLike | None = None) -> Record:
         """Return a record with samples of its outputs left out, or trusted less.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .batches import Batch
 from .arguments import public, whole
+from .batches import Batch
 from .errors import FitError, SpecError
 from .estimation import _fit, _threads, fit_many
 from .intervals import probability

@@ -117,7 +117,8 @@ class FrequencyResponse:
         if bse is not None:
             errors = _shaped("bse", bse, several, float)
             spread = np.zeros((where.size, paths, paths), complex)
-            spread[:, range(paths), range(paths)] = errors.reshape(paths, -1).T ** 2
+            with np.errstate(over="ignore", under="ignore"):
+                spread[:, range(paths), range(paths)] = errors.reshape(paths, -1).T ** 2
         put = {
             "omega": where,
             "response": gains,
@@ -318,13 +319,19 @@ def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg
                 f"FrequencyResponse: magnitude_db has shape {decibels.shape}, phase_deg {degrees.shape}; "
                 "give one of each a frequency"
             )
-        gains = np.asarray(10 ** (decibels / 20) * np.exp(1j * np.radians(degrees)), dtype=np.complex128)
+        with np.errstate(all="ignore"):  # of decibels without bound, refused below
+            gains = np.asarray(10 ** (decibels / 20) * np.exp(1j * np.radians(degrees)), dtype=np.complex128)
+        if not np.all(np.isfinite(gains)):
+            raise DataError("FrequencyResponse: magnitude_db and phase_deg must make finite gains")
     return gains[None, None, :] if gains.ndim == 1 else gains
 
 
 def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...], kind: type) -> Any:
     read = complexes if kind is complex else reals
-    array: NDArray[Any] = read("FrequencyResponse", name, given, DataError).astype(kind)
+    array: NDArray[Any] = read("FrequencyResponse", name, given, DataError)
+    if kind is int and not np.all(np.abs(array) < 1e9):
+        raise DataError(f"FrequencyResponse: {name} must hold whole numbers")
+    array = array.astype(kind)
     if array.ndim == 0 and len(shape) == 1:  # one for all frequencies
         array = np.full(shape, array)
     if array.ndim == 1 and shape == (1, 1, array.size):

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, explain, prediction, validation
 from . import derived as derivations
+from .arguments import public, whole
 from .errors import DataError, FitError, SpecError
 from .intervals import probability, student_interval
 from .layout import Layout
@@ -35,6 +36,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """A fitted transfer function, of one output or several.
@@ -406,6 +408,7 @@ class Fit:
             if output not in self.outputs:
                 raise SpecError(f"path_model: no output {output!r}; {nearest(output, self.outputs)}")
             output = self.outputs.index(output)
+        output = whole("path_model", "output", output, 0, len(self.outputs) - 1)
         den, nums = self.polynomials(output)
         return tf([nums], den, delay=self.layout.delays(self.params, output))
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import real, reals
 from .errors import DataError, SpecError
 from .tables import nearest
 
@@ -19,6 +20,8 @@ Names = str | Sequence[str] | None
 
 INTERSAMPLE = ("smooth", "zoh", "foh")
 FEWEST = 8  # samples a record must have
+LARGEST = 1e151  # of a sample: squares of a million of them are still numbers
+MOST_SAMPLES = 10**7  # a simulation may make
 EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
 
 
@@ -45,7 +48,7 @@ def floats(values: ArrayLike, what: str) -> F64:
         )
     try:
         array = np.asarray(values)
-    except ValueError:
+    except Exception:  # of whatever the conversion of an unknown object raises
         raise DataError(
             f"Record: {what} is ragged; all its channels must have the same number of samples"
         ) from None
@@ -59,7 +62,7 @@ def floats(values: ArrayLike, what: str) -> F64:
         raise DataError(
             f"Record: {what} holds {array.dtype.name} values where real numbers are needed; {cure}"
         )
-    return np.asarray(array, dtype=np.float64)
+    return reals("Record", what, array, DataError)
 
 
 def channels_of(values: ArrayLike, what: str, axis: int) -> F64:
@@ -86,8 +89,18 @@ def channels_of(values: ArrayLike, what: str, axis: int) -> F64:
 
 
 def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
-    if np.isfinite(values).all():
-        return
+    if not np.isfinite(values).all():
+        _refuse_gaps(names, values)
+    largest = np.abs(values).max(axis=1, initial=0.0)
+    if largest.size and largest.max() > LARGEST:
+        worst = int(np.argmax(largest))
+        raise DataError(
+            f"Record: channel {names[worst]!r} reaches {largest[worst]:.3g}, whose square is no number; give "
+            "it in another unit"
+        )
+
+
+def _refuse_gaps(names: Sequence[str], values: F64) -> None:
     for name, channel in zip(names, values, strict=True):
         bad = np.flatnonzero(~np.isfinite(channel))
         if bad.size:
@@ -101,17 +114,14 @@ def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
 
 def frequencies(omega: ArrayLike, what: str) -> F64:
     """Angular frequencies in rad/s: one list, finite."""
-    try:
-        found = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-    except (TypeError, ValueError):
-        found = np.array([np.nan])
+    found = np.atleast_1d(reals(what, "omega", omega, DataError))
     if found.ndim != 1 or not np.all(np.isfinite(found)):
         raise DataError(f"{what}: omega must be one list of finite angular frequencies in rad/s")
     return found
 
 
 def listed(names: Names) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else tuple(names or ())
+    return (names,) if isinstance(names, str) else () if names is None else tuple(names)
 
 
 def names_of(given: Names, count: int, letter: str, option: str) -> tuple[str, ...]:
@@ -166,10 +176,7 @@ def intersample_of(
 
 
 def positive(value: float, option: str, unit: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise SpecError(f"Record: {option}={value!r} must be a number of {unit}") from None
+    number = real("Record", option, value, finite=False)
     if not (math.isfinite(number) and number > 0):
         raise SpecError(f"Record: {option}={value!r} must be a positive number of {unit}")
     return number
@@ -187,15 +194,19 @@ def times_of(
         step = positive(dt, "dt", "seconds") if dt is not None else 1.0 / positive(fs or 0.0, "fs", "hertz")
         if not 1e-150 < step < 1e150:
             raise SpecError(f"Record: a step of {step!r} s is out of range; give time in another unit")
-        if not math.isfinite(t0):
-            raise SpecError(f"Record: t0={t0!r} must be finite")
-        return np.asarray(t0 + step * np.arange(count), dtype=np.float64), step
-    if t0:
+        times = np.asarray(real("Record", "t0", t0) + step * np.arange(count), dtype=np.float64)
+        if not (np.diff(times) > 0).all():
+            raise SpecError(f"Record: t0={t0!r} is too large for steps of {step:g} s; count time from later")
+        return times, step
+    if not (isinstance(t0, float | int) and t0 == 0):
         raise SpecError("Record: t0= goes with dt= or fs=; t= has its own start")
-    times = np.asarray(t)
-    if times.dtype.kind in "mM":  # dates or time differences: seconds from the first sample
-        times = (times - times[:1]) / np.timedelta64(1, "s")
-    times = floats(times, "t")
+    try:
+        read: Any = t if isinstance(t, np.ndarray) else np.asarray(t)
+    except Exception:  # of whatever an unknown object raises
+        read = floats(t, "t")
+    if read.dtype.kind in "mM":  # dates or time differences: seconds from the first sample
+        read = (read - read[:1]) / np.timedelta64(1, "s")
+    times = floats(read, "t")
     if times.shape != (count,):
         raise DataError(
             f"Record: t has shape {times.shape}, it must have one value for each of the {count} samples"
@@ -205,7 +216,10 @@ def times_of(
         raise DataError(
             f"Record: t is {times[bad]} at index {bad}; every sample needs its time: cut the record there"
         )
-    steps = np.diff(times)
+    with np.errstate(over="ignore"):
+        steps = np.diff(times)
+    if not 1e-150 < float(np.max(np.abs(steps), initial=1.0)) < 1e150:
+        raise SpecError("Record: the steps of t are out of range; give time in another unit")
     if not (steps > 0).all():
         bad = int(np.flatnonzero(steps <= 0)[0])
         raise DataError(

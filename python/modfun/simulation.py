@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import public, real, reals, whole
 from .errors import DataError, SpecError
 from .expressions import evaluate, sources
 from .lti import LTI
 from .masking import refuse_own_noise
 from .nonlinear import NonlinearModel
+from .options import MOST
 from .propagate import intersample_kinds, respond
 from .records import Record
+from .samples import MOST_SAMPLES
 from .signals import Signals
 from .structures import TransferFunction
 from .timelag import DelaySystem
@@ -110,17 +113,16 @@ def experiment(
         raise SpecError(
             "simulate: give duration= in s and intervals=, or input= of mf.signals, which have both"
         )
-    if not (_is_number(duration) and duration > 0):
+    if not real("simulate", "duration", duration) > 0:
         raise SpecError(f"simulate: duration={duration!r} must be a time in seconds above 0")
-    if not isinstance(intervals, int | np.integer) or intervals < 1:
-        raise SpecError(f"simulate: intervals={intervals!r} must be a whole number of at least 1 (N)")
-    dt, count = float(duration) / int(intervals), int(intervals)
+    count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
+    dt = float(duration) / count
     given = sources(input, sys.shape[1])
     kinds = intersample_kinds("smooth" if intersample is None else intersample, len(given))
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
     if not isinstance(sys, LTI):
-        state = np.zeros(len(sys.states)) if start is None else np.asarray(start, dtype=np.float64)
+        state = np.zeros(len(sys.states)) if start is None else reals("simulate", "start", start)
         y, x = sys.trajectory(given, t, state, kinds)
         size = np.sqrt(np.mean(x**2, axis=1))
         none = np.zeros((0, *y.shape))
@@ -151,6 +153,7 @@ def experiment(
     )
 
 
+@public
 def simulate(
     sys: LTI | NonlinearModel | DelaySystem,
     *,
@@ -212,7 +215,7 @@ def simulate(
     >>> rec.intervals
     256
     """
-    if not (_is_number(nsr) and nsr >= 0):
+    if not real("simulate", "nsr", nsr) >= 0:
         raise SpecError(
             f"simulate: nsr={nsr!r} must be a number of at least 0 (noise sd over rms of the output)"
         )
@@ -254,7 +257,7 @@ def _initial_state(given: str | ArrayLike, found: Experiment, seed: int, replica
         if given == "random":
             return found.state_rms * _core.normals(seed, "initial_state", 0, replicate, 0, n)
         raise SpecError(f"simulate: initial_state={given!r} is unknown; give 'zero', 'random' or {n} numbers")
-    state = np.asarray(given, dtype=np.float64)
+    state = reals("simulate", "initial_state", given)
     if state.shape != (n,) or not np.all(np.isfinite(state)):
         raise SpecError(
             f"simulate: initial_state has shape {state.shape}, the system {n} states; give that many "
@@ -283,6 +286,7 @@ class Coefficients:
     u: C128
 
 
+@public
 def coefficients(rec: Record, harmonics: int, rule: str = "gregory") -> Coefficients:
     """Fourier coefficients V(m) = (1/T) ∫ v(t) exp(−i m 2π t/T) dt of a record, m = 0 … harmonics.
 
@@ -300,7 +304,7 @@ def coefficients(rec: Record, harmonics: int, rule: str = "gregory") -> Coeffici
     Coefficients
     """
     _check_rule(rule)
-    top = _count(harmonics, "coefficients: harmonics", 0)
+    top = whole("coefficients", "harmonics", harmonics, 0, MOST)
     y, u = spectrum(rec, top, rule)
     return Coefficients(omega=np.arange(top + 1.0) * (2 * np.pi / rec.duration), y=y, u=u)
 
@@ -393,6 +397,7 @@ class Regressors:
         return full
 
 
+@public
 def regressors(
     rec: Record,
     model: TransferFunction,
@@ -448,7 +453,7 @@ def regressors(
     _check_rule(rule)
     layout = model.plain_layout(rec.inputs, "regressors")
     n, degrees, delays = layout.orders[0], layout.numerators[0], layout.delays(np.zeros(0))
-    top = _count(harmonics, "regressors: harmonics", 0) + n
+    top = whole("regressors", "harmonics", harmonics, 0, MOST) + n
     lead = 0
     if any(delays):
         if rec.dt is None:
@@ -500,16 +505,6 @@ def _differences(n: int, index: NDArray[np.int64], top: int) -> tuple[F64, F64]:
     return re, im
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
-
-
 def _check_rule(rule: str) -> None:
     if rule not in RULES:
         raise SpecError(f"rule={rule!r} is unknown; choose among {', '.join(map(repr, RULES))}")
-
-
-def _count(value: Any, what: str, least: int) -> int:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
-        raise SpecError(f"{what}={value!r} must be a whole number of at least {least}")
-    return int(value)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import whole
 from .errors import DataError, SpecError
 from .samples import F64, frozen
 from .tables import Table, nearest
@@ -81,7 +82,7 @@ def noise_table(record: Record, order: int) -> Table:
     from . import _core
 
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
-    level = np.asarray(_core.noise_level(both, order))
+    level = np.asarray(_core.noise_level(both, whole("noise_level", "order", order, 1, 100)))
     rms = both.std(axis=1)
     names = (*record.outputs, *record.inputs)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public
+from .arguments import public, shown
 from .errors import SpecError
 from .free import Free
 from .lti import LTI, ss
@@ -89,7 +89,7 @@ class StateSpace(Written):
         outputs: Sequence[str] | None = None,
         params: Mapping[str, float | Free] | None = None,
     ) -> None:
-        n = len(A)  # type: ignore[arg-type]
+        n = _rows(A)
         if not 0 < n <= MOST_STATES:
             raise SpecError(f"StateSpace: A has {n} rows; 1 to {MOST_STATES} states are taken")
         a = _matrix("A", A, n, n)
@@ -243,6 +243,15 @@ def _compiled(model: StateSpace) -> Compiled:
     return compile_system(system_of(model), "StateSpace")
 
 
+def _rows(matrix: Any) -> int:
+    try:
+        return len(matrix)
+    except Exception:  # of whatever an unknown object raises
+        raise SpecError(
+            f"StateSpace: A={shown(matrix)} is no matrix; give rows of numbers and names"
+        ) from None
+
+
 def _matrix(name: str, given: Any, rows: int | None, columns: int | None) -> Matrix:
     try:
         table = [list(row) for row in given]
@@ -281,13 +290,20 @@ def _entry(where: str, given: Any) -> Entry:
 
 def _column(given: Any, n: int) -> Any:
     """B of one input may be given as n entries."""
-    flat = all(isinstance(one, str) or np.ndim(one) == 0 for one in given)
+    flat = _is_flat("B", given)
     return [[one] for one in given] if flat and len(given) == n else given
 
 
 def _row(given: Any) -> Any:
     """C or D of one output may be given as a row."""
-    return [given] if all(isinstance(one, str) or np.ndim(one) == 0 for one in given) else given
+    return [given] if _is_flat("C or D", given) else given
+
+
+def _is_flat(name: str, given: Any) -> bool:
+    try:
+        return all(isinstance(one, str) or np.ndim(one) == 0 for one in given)
+    except Exception:  # of whatever an unknown object raises
+        raise SpecError(f"StateSpace: {name}={shown(given)} is no matrix; give rows") from None
 
 
 def _picked(c: Sequence[Entry], d: Sequence[Entry]) -> int | None:

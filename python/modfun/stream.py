@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import public, real
 from .errors import DataError, SpecError
 from .estimation import Estimator, _answered, _fit
 from .forgetting import loss, unweighted, weights_of
@@ -35,6 +36,7 @@ LONGEST = 1 << 20  # samples remembered
 AT_ONCE = 4096  # samples of a record between two looks at Ctrl-C
 
 
+@public
 class Stream:
     """Estimates from the last samples of a measurement that goes on.
 
@@ -129,7 +131,7 @@ class Stream:
             raise SpecError("Stream: say how much of the past counts, window= or forgetting= in seconds")
         self.estimator = estimator
         self.dt = _seconds("dt", dt)
-        self._begin = self._t0 = float(t0)
+        self._begin = self._t0 = real("Stream", "t0", t0)
         length = _seconds("window", window if window is not None else forgetting)
         self._intervals = _intervals(length, self.dt)
         self.window = self._intervals * self.dt

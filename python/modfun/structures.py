@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import public, real, reals, whole
 from .errors import SpecError
 from .free import Free
 from .layout import Layout, routes
@@ -27,6 +28,7 @@ Degrees = int | None
 Delay = float | Free
 
 
+@public
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
     """Transfer functions with a number of poles, zeros a path and delays; keywords only.
@@ -91,6 +93,8 @@ class TransferFunction:
         orders: int | tuple[int, ...]
         if _is_row(poles):
             orders = tuple(_order(n) for n in poles)  # type: ignore[union-attr]
+            if not orders:
+                raise SpecError("TransferFunction: poles=[] names no output; give a number, or one an output")
             if denominator != "separate":
                 raise SpecError(
                     f"TransferFunction: poles={list(orders)} gives each output its own; that takes "
@@ -211,10 +215,10 @@ class TransferFunction:
         LTI
         """
         layout = self.layout(
-            _numbered("y", outputs or self.n_outputs or 1),
+            _numbered("y", (self.n_outputs or 1) if outputs is None else outputs),
             _numbered("u", (self.n_inputs or 1) if inputs is None else inputs),
         )
-        values = np.asarray(theta, dtype=np.float64)
+        values = reals("TransferFunction.model", "theta", theta)
         if values.shape != (len(layout.param_names),):
             raise SpecError(
                 f"TransferFunction.model: {values.size} numbers for {len(layout.param_names)} parameters; "
@@ -431,11 +435,14 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
 
 
 def _numbered(letter: str, count: int) -> tuple[str, ...]:
+    count = whole("TransferFunction.model", {"u": "inputs", "y": "outputs"}[letter], count, 0, 100)
     return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
 
 
 def _is_row(value: Any) -> bool:
-    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
 def _depth(value: Any) -> int:
@@ -516,8 +523,8 @@ def _delay(value: Any) -> float | Free:
             raise SpecError(f"TransferFunction: delay={value!r} must not be below 0 s: raise its min")
         return value
     try:
-        late = float(value)
-    except (TypeError, ValueError):
+        late = real("TransferFunction", "delay", value, finite=False)
+    except SpecError:
         raise SpecError(
             f"TransferFunction: delay={value!r} is no number; give known delays in seconds, or mf.Free(...)"
         ) from None

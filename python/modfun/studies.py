@@ -309,7 +309,7 @@ def _simulated(
             f"MonteCarlo: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; give it, or "
             "generate=, a function that makes the records"
         )
-    if not (noise is None or noise == "white" or callable(noise)):
+    if not (noise is None or (isinstance(noise, str) and noise == "white") or callable(noise)):
         raise SpecError(
             f"MonteCarlo: noise={noise!r} is not available; use 'white', or a function of (rng, y, dt) that "
             "returns noise of unit standard deviation for each sample of y"

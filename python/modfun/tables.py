@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import html
-from .arguments import public
+from .arguments import public, shown
 from .errors import SpecError
 from .extras import optional
 
@@ -204,7 +204,10 @@ def listed(names: Sequence[str]) -> str:
 
 
 def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
-    plain = list(values)
+    try:
+        plain = list(values)
+    except Exception:  # of whatever an unknown object raises
+        raise SpecError(f"Table: {shown(values)} is no column; give a list of values") from None
     try:
         array = np.array(plain)
     except ValueError:  # ragged sequences

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import public, real, reals
 from .errors import SpecError
 from .samples import frequencies
 
@@ -32,6 +33,7 @@ F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
+@public
 class DelaySystem:
     """x'(t) = Σ A_k x(t − h_k) + Σ B_r u(t − r), y = Cx, with numbers.
 
@@ -82,7 +84,7 @@ class DelaySystem:
         n = len(a[0][1])
         b = _lagged("B", np.zeros((n, 0)) if B is None else B, n)
         own = channel_names("DelaySystem", "states", states, n, "x", always=True)
-        c = np.eye(n) if C is None else np.atleast_2d(np.asarray(C, dtype=np.float64))
+        c = np.eye(n) if C is None else np.atleast_2d(reals("DelaySystem", "C", C))
         if c.ndim != 2 or c.shape[1] != n or not np.all(np.isfinite(c)):
             raise SpecError(
                 f"DelaySystem: C has shape {c.shape}; with {n} states it is (outputs, {n}), finite"
@@ -347,7 +349,6 @@ class DelaySystem:
         SpecError
             Errors that do not fit the plant, a loop that is not stable without them.
         """
-        from .arguments import reals
         from .delay.design import as_design
         from .delay.mu import margin
 
@@ -391,7 +392,7 @@ class DelaySystem:
             raise SpecError(f"{what}: the system has no inputs; give B")
         if given is None:
             return self.transformation()
-        if given.plant is not self:
+        if getattr(given, "plant", None) is not self:
             raise SpecError(f"{what}: the transformation belongs to another system")
         return given
 
@@ -407,6 +408,7 @@ class DelaySystem:
         return f"<pre>{escape(repr(self))}</pre>"
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
     """One error of a plant's matrices, for `DelaySystem.mu`.
@@ -440,6 +442,7 @@ class Uncertainty:
             raise SpecError("Uncertainty: give A= or B=, matrices by lag")
 
 
+@public
 def equation(
     A: Mapping[float | str, Any],
     B: Mapping[float | str, Any] | None = None,
@@ -486,6 +489,7 @@ def equation(
     return equations(A, B, states, inputs, params)
 
 
+@public
 def from_fit(fit: Any) -> DelaySystem:
     """The delay system that a fit found.
 
@@ -510,6 +514,7 @@ def from_fit(fit: Any) -> DelaySystem:
     return system_of(fit)
 
 
+@public
 def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
     """What a fit leaves uncertain of the matrices, for `DelaySystem.mu`.
 
@@ -564,12 +569,9 @@ def _matrices(what: str, given: Any) -> dict[float, F64]:
         raise SpecError(f"{what} must map lags in seconds to matrices, as {{0: ..., 1.0: ...}}")
     found: dict[float, F64] = {}
     for lag, matrix in given.items():
-        if isinstance(lag, bool) or not isinstance(lag, int | float | np.number) or not 0 <= lag < np.inf:
+        if not 0 <= real(what, "a lag", lag) < np.inf:
             raise SpecError(f"{what} has the lag {lag!r}; a lag is a time in seconds, at least 0")
-        try:
-            m = np.array(matrix, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise SpecError(f"{what}[{lag:g}] is no matrix of numbers") from None
+        m = reals(what, f"[{lag:g}]", matrix).copy()
         m = m.reshape(1, 1) if m.ndim == 0 else m[:, None] if m.ndim == 1 else m
         if m.ndim != 2 or not np.all(np.isfinite(m)):
             raise SpecError(f"{what}[{lag:g}] must be a matrix of finite numbers, its shape is {m.shape}")

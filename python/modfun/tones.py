@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import public, real, reals, whole
 from .batches import Batch
-from .arguments import public, real, reals
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS, shown
+from .options import MOST_THREADS
 from .records import Record
 from .samples import FEWEST
 from .tables import nearest
@@ -157,7 +158,7 @@ def sinusoids(
         band=_edges(band, step, is_complex),
         lines=reach,
         awls=method == "awls",
-        threads=threads,
+        threads=None if threads is None else whole("sinusoids", "threads", threads, 1, MOST_THREADS),
         progress=show,
     )
     if show is not None:

@@ -83,8 +83,8 @@ def test_huge_powers_are_cheap_and_refused_as_not_finite():
         (np.ones(5), "N\\+1 samples"),
         (lambda t: t[:-1], "shape"),
         (lambda t: {}[t], "raised"),
-        (["a", "b"], "expected text"),
-        (object(), "expected text"),
+        (["a", "b"], "text; give real numbers"),
+        (object(), "cannot be read as numbers"),
         (np.where(T == 0, np.nan, T), "nan at t = 0 s"),
     ],
 )

@@ -240,7 +240,7 @@ def test_step():
         (lambda: mf.tf([1], [1, 1], delay=-0.1), "not causal"),
         (lambda: mf.tf([1], [1, 1], delay=[0.1, 0.2]), "2 delays for 1 input"),
         (lambda: mf.tf([1], [1, np.nan]), "finite"),
-        (lambda: mf.tf([1], [1, "x"]), "no number"),
+        (lambda: mf.tf([1], [1, "x"]), "text; give real numbers"),
         (lambda: mf.tf([], [1]), "empty"),
         (lambda: mf.tf([[1], [2]], [[1, 1], [1, 2], [1, 3]]), "one a path"),
         (lambda: mf.tf("5/(s+1)"), "give num and den"),
@@ -262,7 +262,7 @@ def test_mistakes_in_systems(make, said):
     ("make", "said"),
     [
         (lambda: EQ24.simulate(u=np.ones(10), dt=0.0), "sampling interval"),
-        (lambda: EQ24.simulate(u=np.ones(1), dt=0.1), "two samples"),
+        (lambda: EQ24.simulate(u=np.ones(1), dt=0.1), "whole number from 1"),
         (lambda: EQ24.simulate(u=np.array([1.0, np.nan, 0.0]), dt=0.1), "not finite|is nan"),
         (lambda: mf.tf([1], [1, -800]).simulate(u=np.ones(1001), dt=0.01), "shorter time"),
         (lambda: EQ24.step(-1.0), "duration"),

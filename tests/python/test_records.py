@@ -528,7 +528,7 @@ REFUSED = {
     "negative fs": (lambda: Record(y=Y, fs=-50), SpecError, "fs=-50 must be a positive number of hertz"),
     "zero fs": (lambda: Record(y=Y, fs=0), SpecError, "fs=0.0 must be a positive number of hertz"),
     "nan dt": (lambda: Record(y=Y, dt=np.nan), SpecError, "dt=nan must be a positive"),
-    "text dt": (lambda: Record(y=Y, dt="fast"), SpecError, "dt='fast' must be a number of seconds"),
+    "text dt": (lambda: Record(y=Y, dt="fast"), SpecError, "dt='fast' must be a number"),
     "t0 with t": (lambda: Record(y=Y, t=T, t0=1.0), SpecError, "t0= goes with dt= or fs="),
     "infinite t0": (lambda: Record(y=Y, dt=1, t0=np.inf), SpecError, "t0=inf must be finite"),
     "empty": (lambda: Record(y=[], dt=1), DataError, "y is empty"),

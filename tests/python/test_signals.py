@@ -408,7 +408,7 @@ def test_what_disagrees_with_signals_is_refused():
         s.then(mf.signals.multisine("de", band=(2, 8), duration=4, dt=0.1))
     with pytest.raises(mf.SpecError, match=r"a list with mf.signals in it; give Signals alone"):
         mf.simulate(EQ24, input=[s], duration=3.0, intervals=30)
-    with pytest.raises(mf.DataError, match="holds no samples"):
+    with pytest.raises(mf.DataError, match="is text; give real numbers"):
         mf.signals.Signals("sin(t)", 0.1)
     with pytest.raises(mf.DataError, match=r"give u\.T"):
         mf.signals.Signals(np.zeros((30, 2)), 0.1)

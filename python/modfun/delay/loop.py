@@ -13,6 +13,7 @@ from ..arguments import real, reals
 from ..errors import DataError, ModfunWarning, SpecError
 from ..expressions import is_samples, sources
 from ..propagate import intersample_kinds
+from ..samples import MOST_SAMPLES
 from ..signals import Signals
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["simulated"]
 
 F64 = NDArray[np.float64]
-MOST_STEPS = 10**8
 
 
 def simulated(
@@ -40,7 +40,7 @@ def simulated(
     """`DelaySystem.simulate`."""
     dt = seconds(dt)
     ratio = real("simulating", "duration", duration) / dt
-    if not ratio <= MOST_STEPS:
+    if not ratio <= MOST_SAMPLES:
         raise SpecError(f"simulating: duration={duration!r} is {ratio:.3g} intervals dt = {dt:g} s; raise dt")
     intervals = int(np.floor(ratio * (1 + 1e-12) + 1e-9))
     if intervals < 1:
@@ -144,7 +144,7 @@ def _law(
     k, transformation = as_design(plant, feedback)
     controller = Controller(transformation, k, dt)
     if (poles := controller.poles())[0].real >= 0:
-        warnings.warn(sampled_words(poles, dt), ModfunWarning, stacklevel=4)
+        warnings.warn(sampled_words(poles, dt), ModfunWarning, stacklevel=5)
     reach = np.arange(1.0, len(controller.states) + 1)
     controller.reset(before(-dt * reach), memory[::-1].T)
 

@@ -146,7 +146,7 @@ def rightmost(a: Lagged, count: int) -> Roots:
         f"poles: {len(found)} roots were found right of {found.line:.4g}, the argument principle counts "
         f"{counts} there; ask for fewer than {count}, or scale the states so that entries are alike",
         ModfunWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
     return found
 

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import real, reals
 from ..errors import SpecError
+from ..samples import MOST_SAMPLES
 
 __all__ = ["Names", "amplitudes_of", "band_of", "intervals_of", "names_of", "number", "samples_of"]
 
 F64 = NDArray[np.float64]
 Names = str | int | Sequence[str]
-MOST_SAMPLES = 10**7
 
 
 def number(what: str, value: Any, *, least: float = 0.0, strict: bool = True) -> float:

@@ -307,7 +307,7 @@ class Directory:
                 f"run: {str(self.path)!r} was begun with modfun {self.manifest['modfun']}, this is "
                 f"{own['modfun']}; parts made now may differ in the last bits",
                 ModfunWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
     def _save(self) -> None:

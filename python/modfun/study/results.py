@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import plot
+from ..arguments import public
 from ..bounds import crlb
 from ..errors import DataError, SpecError
 from ..extras import optional
@@ -34,6 +35,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
+@public
 @dataclass(frozen=True, eq=False, repr=False)
 class Results:
     """Figures of a study; arrays are (cell…, estimator, parameter), `*_mcse` the Monte Carlo error.

@@ -96,7 +96,7 @@ def run(
         warnings.warn(
             f"run: until={dict(until)} is not reached after {done} replicates; allow more with replicates=",
             ModfunWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     if store is not None:
         samples = store.sampled(work.plan, check=False) if work.samples else None
@@ -127,7 +127,7 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
             warnings.warn(
                 f"run: {c.name} failed in every replicate; the first said: {texts[0]}",
                 ModfunWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
     return found
 

@@ -1,0 +1,92 @@
+"""Public calls with spoilt arguments end in finite numbers or in a ModfunError: fuzz/python/boundary.py."""
+
+from pathlib import Path
+
+import modfun as mf
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[3]
+REC = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t)", duration=10.0, intervals=64, nsr=0.1, seed=0)
+TF2 = mf.TransferFunction(poles=2, zeros=0)
+
+
+pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
+
+
+@pytest.fixture
+def boundary(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "fuzz" / "python"))
+    import boundary
+
+    return boundary
+
+
+def test_a_few_thousand_spoilt_calls(boundary):
+    counts, defects = boundary.run(list(boundary.calls()), 2000, seed=1)
+    assert not defects, "\n".join(f"{where}: {case}: {text}" for where, (case, text) in defects.items())
+    assert sum(count["result"] for count in counts.values()) > 100
+    assert sum(count["SpecError"] for count in counts.values()) > 500
+
+
+# What the driver found, in the words of who would meet it.
+FOUND = {
+    "parameters as a list": (lambda: mf.crlb(mf.tf([5], [1, 3, 8]), REC, nsr=0.1, params=[1, 2]), "params"),
+    "a band of one array": (lambda: mf.fit(REC, TF2, band=np.array(8)), None),
+    "complex frequencies": (lambda: mf.tf([1], [1, 1]).frequency_response(1j), "complex"),
+    "complex coefficients": (lambda: mf.tf([1], [1, 1j]), "complex"),
+    "a path number": (lambda: mf.fit(REC, TF2).path_model(7), "whole number from 0 to 0"),
+    "outputs beyond memory": (lambda: TF2.model([1, 2, 3], outputs=10**9), "from 0 to 100"),
+    "intervals beyond memory": (
+        lambda: mf.simulate(mf.tf([1], [1, 1]), input="1", duration=1.0, intervals=10**9),
+        "from 1 to 10000000",
+    ),
+    "threads beyond 64 bits": (lambda: mf.sinusoids(REC, 1, threads=10**30), "threads"),
+    "no threads": (lambda: mf.sinusoids(REC, 1, threads=-1), "threads"),
+    "an order beyond 64 bits": (lambda: REC.noise_level(10**30), "order"),
+    "samples whose squares overflow": (lambda: mf.Record(y=REC.y * 1e300, dt=0.1), "another unit"),
+    "pieces of no length": (lambda: REC.split(every=1e-300), "pieces need"),
+    "a start that swallows the steps": (lambda: mf.Record(y=REC.y, dt=0.1, t0=1e30), "t0=1e\\+30"),
+    "a function that fails": (lambda: REC.assign(y=lambda r: 1 / 0), "division"),
+    "an integer beyond floats": (lambda: mf.tf([10**400], [1, 1]), "num"),
+    "a leading coefficient next to nothing": (lambda: mf.tf([1], [1e-320, 1]), "overflow"),
+    "gains without bound": (
+        lambda: mf.FrequencyResponse(omega=[1.0], magnitude_db=[1e5], phase_deg=[0.0]),
+        "finite gains",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FOUND)
+def test_what_was_found_stays_mended(case):
+    call, words = FOUND[case]
+    if words is None:
+        assert call().success
+        return
+    with pytest.raises((mf.SpecError, mf.DataError), match=words):
+        call()
+
+
+def test_a_misfit_is_said_with_what_is_taken():
+    with pytest.raises(mf.SpecError, match=r"common_poles: level='high' is of type str; it takes float"):
+        mf.common_poles(
+            mf.fit(
+                mf.Record(y=np.vstack([REC.y, REC.y[:, ::-1]]), u=REC.u, dt=REC.dt),
+                mf.TransferFunction(poles=1, zeros=0, denominator="separate"),
+                band=6.0,
+            ),
+            level="high",
+        )
+
+
+def test_what_raises_although_arguments_fit_stays_raw():
+    from modfun.arguments import public
+
+    @public
+    def broken(size: int) -> int:
+        return [1, 2][size]
+
+    with pytest.raises(IndexError):
+        broken(7)
+    with pytest.raises(mf.SpecError, match="broken: size='7' is of type str; it takes int"):
+        broken("7")
