@@ -215,7 +215,9 @@ class LTI:
         """`simulate` with the inputs as a list and the output always (output, time)."""
         if not real("simulating", "dt", dt) > 0:
             raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
-        intervals = whole("simulating", "intervals", intervals, 1, MOST_SAMPLES)
+        intervals = whole("simulating", "intervals", intervals, 0, MOST_SAMPLES)
+        if intervals < 1:
+            raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
         a, b, c, d, scale = self.scaled()
         start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "x0", x0)
         if start.shape != scale.shape or not np.all(np.isfinite(start)):

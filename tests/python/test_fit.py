@@ -435,7 +435,7 @@ BAD = {
     "initial state method": (lambda: FIT.initial_state(method="observr"), mf.SpecError, "lstsq"),
     "cov_params word": (lambda: FIT.cov_params("hc3"), mf.SpecError, "'HC3'"),
     "load nothing": (lambda: mf.load("/nowhere/fit.json"), mf.SpecError, "no file"),
-    "threads": (lambda: mf.fit_many([REC], TF20, threads=0), mf.SpecError, "from 1 on"),
+    "threads": (lambda: mf.fit_many([REC], TF20, threads=0), mf.SpecError, "whole number from 1"),
     "progress": (lambda: mf.fit_many([REC], TF20, progress="yes"), mf.SpecError, "auto"),
 }
 FIT = mf.fit(REC, TF20)

@@ -262,7 +262,7 @@ def test_mistakes_in_systems(make, said):
     ("make", "said"),
     [
         (lambda: EQ24.simulate(u=np.ones(10), dt=0.0), "sampling interval"),
-        (lambda: EQ24.simulate(u=np.ones(1), dt=0.1), "whole number from 1"),
+        (lambda: EQ24.simulate(u=np.ones(1), dt=0.1), "two samples"),
         (lambda: EQ24.simulate(u=np.array([1.0, np.nan, 0.0]), dt=0.1), "not finite|is nan"),
         (lambda: mf.tf([1], [1, -800]).simulate(u=np.ones(1001), dt=0.01), "shorter time"),
         (lambda: EQ24.step(-1.0), "duration"),

@@ -67,18 +67,6 @@ def test_what_was_found_stays_mended(case):
         call()
 
 
-def test_a_misfit_is_said_with_what_is_taken():
-    with pytest.raises(mf.SpecError, match=r"common_poles: level='high' is of type str; it takes float"):
-        mf.common_poles(
-            mf.fit(
-                mf.Record(y=np.vstack([REC.y, REC.y[:, ::-1]]), u=REC.u, dt=REC.dt),
-                mf.TransferFunction(poles=1, zeros=0, denominator="separate"),
-                band=6.0,
-            ),
-            level="high",
-        )
-
-
 def test_what_raises_although_arguments_fit_stays_raw():
     from modfun.arguments import public
 
