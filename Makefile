@@ -9,7 +9,7 @@ CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
 MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak counts wheel sdist try-sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -65,6 +65,10 @@ validate: .venv/dev
 ## Memory of a study of 10^8 replicates into docs/faults.md: minutes; REPLICATES= for another number.
 soak: .venv/dev
 	$(BIN)/python benches/soak.py $(REPLICATES)
+
+## Spoilt arguments to every public call; N= cases, SEED=. See docs/robustness.md.
+fuzz: .venv/dev
+	$(BIN)/python -W ignore fuzz/python/boundary.py --cases $(or $(N),100000) --seed $(or $(SEED),0)
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created
