@@ -355,7 +355,7 @@ def _noise(fit: Fit) -> str:
 
 
 def _chi2(fit: Fit) -> str:
-    if np.isnan(fit.chi2):
+    if np.isnan(fit.chi2) or not np.all(np.isfinite(fit.params)):
         return "not available (needs even samples, white output noise or a given one, and awls or ml)"
     d = diagnose(fit)
     verdict = (
