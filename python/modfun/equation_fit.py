@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from math import ceil
+from math import ceil, nan
 from typing import TYPE_CHECKING, Any, Never
 
 import numpy as np
@@ -212,8 +212,8 @@ class EquationFit(Fit):
     def _need_linear(self, what: str) -> None:
         if not self.has_poles:
             raise SpecError(
-                f"the fitted equations are not linear, so they have no {what}; fit.model.simulate(...) and "
-                "fit.predict() show what they do"
+                f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction or "
+                "a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"
             )
 
     def _response(self, omega: F64) -> Any:
@@ -395,7 +395,8 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
         band_rule=found["band_rule"],
         pieces=tuple(np.array(piece) for piece in found["residuals"]),
         at_bound=tuple(n for n, on in zip(layout.param_names, found["at_bound"], strict=True) if on),
-        noise_scale=found["scale"],
+        # Levels read between gaps are too rough to judge residuals by.
+        noise_scale=found["scale"] if seen is None else nan,
         records=records,
         levels=levels,
         df_hc3=found["df_hc3"],

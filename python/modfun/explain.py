@@ -354,9 +354,28 @@ def _noise(fit: Fit) -> str:
     return f"{text}; in the unused high band {_numbers(fit.high_band_sigma)}"
 
 
+def _no_level(fit: Fit) -> str:
+    """Why no level of noise is known that the residuals could be judged by."""
+    if not np.all(np.isfinite(fit.params)):
+        return "there is no estimate"
+    if fit.options.method not in ("awls", "ml"):
+        return f'method="{fit.options.method}" does not weigh by the noise'
+    if fit.options.noise in ("equation", "coloured"):
+        return f'noise="{fit.options.noise}" comes without a level'
+    if fit.records is None:
+        return "a loaded fit has no samples"
+    if any(rec.mask is not None or rec.sigma is not None for rec in fit.records):
+        return "records with a mask or a sigma show no level in an unused band"
+    if any(rec.dt is None for rec in fit.records):
+        return "uneven samples show no level in an unused band"
+    if not hasattr(fit.layout, "places"):
+        return "these equations need no level of noise; give one, noise=mf.Noise(y=...)"
+    return "the lines used leave no band that shows the noise"
+
+
 def _chi2(fit: Fit) -> str:
     if np.isnan(fit.chi2) or not np.all(np.isfinite(fit.params)):
-        return "not available (needs even samples, white output noise or a given one, and awls or ml)"
+        return f"not available ({_no_level(fit)})"
     d = diagnose(fit)
     verdict = (
         "residuals above the high band's level: model too simple, or filtered record"

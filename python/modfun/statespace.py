@@ -259,7 +259,11 @@ def _matrix(name: str, given: Any, rows: int | None, columns: int | None) -> Mat
         raise SpecError(f"StateSpace: {name} must be a matrix, a list of rows") from None
     shape = (len(table), len(table[0]) if table else 0)
     wanted = (shape[0] if rows is None else rows, shape[1] if columns is None else columns)
-    if shape != wanted or not table or any(len(row) != wanted[1] for row in table):
+    if uneven := [k for k, row in enumerate(table) if len(row) != shape[1]]:
+        raise SpecError(
+            f"StateSpace: row {uneven[0] + 1} of {name} has {len(table[uneven[0]])} entries, its first {shape[1]}"
+        )
+    if shape != wanted or not table:
         raise SpecError(f"StateSpace: {name} has shape {shape}, with this A it is {wanted}")
     return tuple(
         tuple(_entry(f"{name}[{i}][{j}]", one) for j, one in enumerate(row)) for i, row in enumerate(table)

@@ -267,7 +267,7 @@ def test_a_fit_says_what_it_is():
     for part in ("Equation(", "chosen as the narrowest", "HC3; Student's t with", "Checks: nothing wrong"):
         assert part in text
     assert fit.chi2 / fit.df_resid == pytest.approx(1.0, abs=0.6)
-    with pytest.raises(mf.SpecError, match="not linear, so they have no poles"):
+    with pytest.raises(mf.SpecError, match="an Equation, linear or not, is not asked for its poles"):
         fit.damp()
     with pytest.raises(mf.SpecError, match="no frequency response"):
         fit.plot_bode()

@@ -119,7 +119,9 @@ def _paths(fit: Fit) -> str:
 
 def _poles(fit: Fit) -> Iterable[Block]:
     if not fit.has_poles:
-        raise SpecError("the equations are not linear, so they have no poles")
+        raise SpecError(
+            "an Equation, linear or not, is not asked for poles; fit a TransferFunction or a StateSpace"
+        )
     svg = drawn(lambda axes: plot.poles(fit, ax=axes[0]), 1, height=4.0, width=6.5)
     yield Figure(
         svg, "Poles in the complex plane.", "Poles with 95 % confidence ellipses (real poles: intervals)."

@@ -24,6 +24,14 @@ def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
         return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
     findings = tuple(fit.check())
     told = explained(fit)
+    if not fit.success:
+        return f"Not to be used as it is: the fit did not settle. {told}", "bad", findings
+    if _worse_than_nothing(fit):
+        return (
+            f"Not to be used: a constant describes an output better than the model. {told}",
+            "bad",
+            findings,
+        )
     if findings:
         count = f"{len(findings)} thing{'s' if len(findings) > 1 else ''}"
         return (
@@ -39,16 +47,25 @@ def usable(fit: Fit) -> bool:
     return fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
 
 
+def _worse_than_nothing(fit: Fit) -> bool:
+    share = _shares(fit)
+    return share is not None and bool(np.any(share <= 0))
+
+
+def _shares(fit: Fit) -> Any:
+    """R² of each output and record; None where the model cannot be simulated."""
+    try:
+        return np.asarray(fit.score()["r2"], dtype=float)
+    except (ModfunError, FloatingPointError, OverflowError, np.linalg.LinAlgError):
+        return None
+
+
 def explained(fit: Fit) -> str:
     """How much of the outputs the model explains, and which parameters it hardly knows."""
     said = []
-    try:
-        scores = fit.score()
-    except (ModfunError, FloatingPointError, OverflowError, np.linalg.LinAlgError):
-        scores = None
-    if scores is not None:
+    share = _shares(fit)
+    if share is not None and np.all(share > 0):
         several = len(fit.outputs) > 1 or len(fit.records or ()) > 1
-        share = scores["r2"]
         low, high = (float(f(share)) for f in (np.min, np.max))
         if math.isfinite(low):
             of = (
@@ -148,6 +165,5 @@ def python_call(fit: Fit) -> list[str]:
     for k, rec in enumerate((fit.records or ())[:4]):
         if rec.source is not None:
             name = "rec" if count < 2 else f"rec{k}"
-            channels = f"outputs={list(rec.outputs)}, inputs={list(rec.inputs)}"
-            lines.insert(k, f"{name} = mf.read({rec.source.name!r}, {channels})")
+            lines.insert(k, f"# {name}: of {rec.source.name}, with the samples and words under Data")
     return ["import modfun as mf", *lines]
