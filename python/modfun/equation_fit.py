@@ -212,8 +212,8 @@ class EquationFit(Fit):
     def _need_linear(self, what: str) -> None:
         if not self.has_poles:
             raise SpecError(
-                f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction or "
-                "a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"
+                f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction "
+                "or a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"
             )
 
     def _response(self, omega: F64) -> Any:

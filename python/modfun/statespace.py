@@ -261,7 +261,8 @@ def _matrix(name: str, given: Any, rows: int | None, columns: int | None) -> Mat
     wanted = (shape[0] if rows is None else rows, shape[1] if columns is None else columns)
     if uneven := [k for k, row in enumerate(table) if len(row) != shape[1]]:
         raise SpecError(
-            f"StateSpace: row {uneven[0] + 1} of {name} has {len(table[uneven[0]])} entries, its first {shape[1]}"
+            f"StateSpace: row {uneven[0] + 1} of {name} has {len(table[uneven[0]])} entries, its first "
+            f"row {shape[1]}"
         )
     if shape != wanted or not table:
         raise SpecError(f"StateSpace: {name} has shape {shape}, with this A it is {wanted}")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from .errors import ModfunError, SpecError
 
-__all__ = ["SCRATCH", "unwritten", "write", "write_text"]
+__all__ = ["SCRATCH", "named", "unwritten", "write", "write_text"]
 
 SCRATCH = ".writing"  # end of the name of a file that is not all there
 
@@ -40,6 +41,14 @@ def write(path: Path, data: bytes) -> None:
             os.close(folder)
 
 
+def named(what: str, path: Any) -> Path:
+    """The place that a user named."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise SpecError(f"{what}: the file is {path!r}; give its name as a text or a Path") from None
+
+
 def write_text(what: str, path: str | Path, text: str) -> None:
     """Write a file that a user named; `what` begins the message.
 
@@ -50,7 +59,7 @@ def write_text(what: str, path: str | Path, text: str) -> None:
     ModfunError
         It cannot be written; what was there before is still there.
     """
-    place = Path(os.path.realpath(path))  # of a link the file it leads to
+    place = Path(os.path.realpath(named(what, path)))  # of a link the file it leads to
     try:
         if place.exists() and not place.is_file():  # /dev/stdout, a pipe
             place.write_text(text, encoding="utf-8")

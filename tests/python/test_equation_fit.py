@@ -269,7 +269,7 @@ def test_a_fit_says_what_it_is():
     assert fit.chi2 / fit.df_resid == pytest.approx(1.0, abs=0.6)
     with pytest.raises(mf.SpecError, match="an Equation, linear or not, is not asked for its poles"):
         fit.damp()
-    with pytest.raises(mf.SpecError, match="no frequency response"):
+    with pytest.raises(mf.SpecError, match="not asked for its frequency response"):
         fit.plot_bode()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import SpecError
 from ..extras import optional
-from ..whole import write_text
+from ..whole import named, write_text
 from .parts import Page
 
 __all__ = ["check_place", "render", "save"]
@@ -69,7 +69,7 @@ def save(page: Page, path: str | os.PathLike[str], what: str) -> Path:
 
 def check_place(path: str | os.PathLike[str], what: str) -> Path:
     """The place of a page, before the work of making it."""
-    place = Path(path)
+    place = named(what, path)
     if place.suffix.lower() not in (".html", ".htm"):
         raise SpecError(f"{what}: {str(place)!r} is not the name of a page; end it in .html")
     if place.is_dir():

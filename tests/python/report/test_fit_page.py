@@ -129,3 +129,25 @@ def test_an_absent_package_is_named_with_its_cure(absent, tmp_path):
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert f"a report needs {absent}: pip install 'modfun[report]'" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_fit_that_did_not_settle_is_not_to_be_used(rec, tmp_path):
+    swapped = mf.Record(y=rec.u, u=rec.y, dt=rec.dt)
+    with pytest.warns(mf.ModfunWarning, match="Not settled"):
+        found = mf.fit(swapped, mf.TransferFunction(poles=2, zeros=2))
+    text = found.report(tmp_path / "fit.html").read_text(encoding="utf-8")
+    assert "Not to be used as it is: the fit did not settle." in text
+    assert "Usable" not in text
+
+
+def test_the_call_does_not_invent_how_a_file_was_read(rec, tmp_path):
+    rec.to_csv(tmp_path / "run.csv")
+    read = mf.read(tmp_path / "run.csv", outputs="y", inputs="u", intersample="foh")
+    text = mf.fit(read, SECOND).report(tmp_path / "fit.html").read_text(encoding="utf-8")
+    assert "mf.read(" not in text
+    assert "of run.csv, with the samples and words under Data" in text
+
+
+def test_a_page_needs_a_name(fit):
+    with pytest.raises(mf.SpecError, match="the file is 3; give its name as a text or a Path"):
+        fit.report(3)

@@ -58,7 +58,7 @@ def without_samples():
 
 KINDS = {
     of_equation: (
-        "Equation of y from u", ["<msup><mrow><mi>y</mi></mrow>", "samples masked", "have no poles"], 2,
+        "Equation of y from u", ["<msup><mrow><mi>y</mi></mrow>", "samples masked", "not asked for poles"], 2,
     ),
     of_state_space: ("State space of alpha, q from de", ["<mtable>", "Md", "record 1", "equation 2"], 0),
     of_gains: ("Transfer function of y from u", ["frequency response, 40 frequencies", "mf.fit(frf, "], 0),
