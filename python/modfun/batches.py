@@ -87,8 +87,7 @@ class Batch:
         if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
             raise DataError(
                 f"Batch: u of shape {us.shape} may be one input a replicate or {us.shape[0]} inputs shared "
-                "by all; "
-                "give u[:, None, :] for the first, u[None] for the second"
+                "by all; give u[:, None, :] for the first, u[None] for the second"
             )
         if us.ndim < 3:
             us = us.reshape((1, *us.shape)) if us.ndim == 2 else us.reshape(1, 1, -1)

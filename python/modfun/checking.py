@@ -51,9 +51,8 @@ def _clock(record: Record) -> Iterator[str]:
         worst = int(np.argmax(steps))
         yield (
             f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
-            f"{record.t[worst]:g} s "
-            "where "
-            f"{usual:.4g} s is usual; split the record there if the signals move in the gaps."
+            f"{record.t[worst]:g} s where {usual:.4g} s is usual; split the record there if the signals move "
+            "in the gaps."
         )
         return
     grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))
@@ -61,8 +60,7 @@ def _clock(record: Record) -> Iterator[str]:
     rounded = " If the clock was only rounded, give dt= instead of the times." if stray < 0.6 else ""
     yield (
         f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g} s, and times stray from an even grid by "
-        "up to "
-        f"{100 * stray:.2g} % of a step.{rounded}"
+        f"up to {100 * stray:.2g} % of a step.{rounded}"
     )
 
 
@@ -98,8 +96,7 @@ def _length(record: Record) -> Iterator[str]:
         if power[:2].sum() > 0.9 * power.sum() and power[0] > power[1]:
             yield (
                 f"Output {name!r}: {100 * power[:2].sum() / power.sum():.0f} % of its power lies in the "
-                "lowest two "
-                f"harmonics; {record.duration:.4g} s are short for its slow motion."
+                f"lowest two harmonics; {record.duration:.4g} s are short for its slow motion."
             )
 
 
@@ -131,8 +128,7 @@ def _between_samples(record: Record, name: str) -> Iterator[str]:
         if word != "zoh":
             yield (
                 f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} "
-                "steps and "
-                "jumps between; if it was held, give intersample='zoh'."
+                "steps and jumps between; if it was held, give intersample='zoh'."
             )
         return
     bends = np.abs(np.diff(values, 2)) > 1e-9 * float(np.ptp(values))
@@ -184,8 +180,7 @@ def _clipped(record: Record, name: str) -> Iterator[str]:
             where = record.t[starts[int(np.argmax(lengths))]]
             yield (
                 f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
-                "its "
-                f"{end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
+                f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
             )
 
 
@@ -199,10 +194,8 @@ def _stale(record: Record, name: str) -> Iterator[str]:
         worst = int(np.argmax(lengths))
         yield (
             f"{_kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
-            "before, "
-            f"{int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, held or "
-            "coarsely "
-            "rounded samples?"
+            f"before, {int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, "
+            "held or coarsely rounded samples?"
         )
 
 
@@ -218,8 +211,8 @@ def _outliers(record: Record, name: str) -> Iterator[str]:
         first = found[0]
         yield (
             f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
-            f"{record.t[first]:g} s "
-            f"({values[first]:.4g} between {values[first - 1]:.4g} and {values[first + 1]:.4g})."
+            f"{record.t[first]:g} s ({values[first]:.4g} between {values[first - 1]:.4g} and "
+            f"{values[first + 1]:.4g})."
         )
 
 
@@ -232,8 +225,7 @@ def _trend(record: Record, name: str) -> Iterator[str]:
     if explained > 0.5:
         yield (
             f"Output {name!r} drifts by {slope:.4g} over the record, {100 * explained:.0f} % of its "
-            "variance; if the "
-            "sensor drifts, fit with trend='linear'; if the system integrates, leave it."
+            "variance; if the sensor drifts, fit with trend='linear'; if the system integrates, leave it."
         )
     if abs(mean) > 3 * spread:
         large = "; so large an offset costs digits, subtract it first" if abs(mean) > 1000 * spread else ""
@@ -262,8 +254,7 @@ def _alike(record: Record) -> Iterator[str]:
             if abs(r) > 0.98:
                 yield (
                     f"Inputs {one!r} and {other!r} move together (correlation {r:.3f}): their effects can "
-                    "hardly be "
-                    "told apart."
+                    "hardly be told apart."
                 )
 
 

@@ -86,8 +86,7 @@ class Delimited:
                     cure = "decimal commas are not read, write decimal points"
                 raise DataError(
                     f"{self.file}, line {line}: column {self.names[place]!r} holds {text!r} where a number "
-                    "is "
-                    f"needed; {cure}"
+                    f"is needed; {cure}"
                 )
             values.append(value)
         return values

@@ -45,14 +45,12 @@ def message(fit: Fit) -> str:
         )
     if fit.status == "rank":
         return (
-            "The samples cannot tell the parameters apart: take fewer poles or zeros, or a record "
-            "in which the "
-            "input moves more or longer."
+            "The samples cannot tell the parameters apart: take fewer poles or zeros, or a record in which "
+            "the input moves more or longer."
         )
     return (
-        "The numbers left the range of floating point: look for samples that are absurdly large, "
-        "a structure of "
-        "too high an order, or a record without any signal."
+        "The numbers left the range of floating point: look for samples that are absurdly large, a "
+        "structure of too high an order, or a record without any signal."
     )
 
 
@@ -87,9 +85,8 @@ def _unstable(fit: Fit) -> str | None:
         return None
     return (
         f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
-        f"{np.log(2) / growing:.3g} s). Right for an unstable system, else a sign of too many "
-        "poles or a band "
-        "without signal."
+        f"{np.log(2) / growing:.3g} s). Right for an unstable system, else a sign of too many poles or a "
+        "band without signal."
     )
 
 
@@ -104,8 +101,8 @@ def _minima(fit: Fit) -> str | None:
         return None
     return (
         f"Two minima were found over the wide band, with costs {min(wide, narrow):.6g} and "
-        f"{max(wide, narrow):.6g}; "
-        "the lower one was taken. Often a delay is missing from the structure, or it has too many poles."
+        f"{max(wide, narrow):.6g}; the lower one was taken. Often a delay is missing from the structure, or "
+        "it has too many poles."
     )
 
 
@@ -113,9 +110,8 @@ def _condition(fit: Fit) -> str | None:
     if fit.condition_bound <= CONDITION or fit.cond <= CONDITION:
         return None
     return (
-        f"The regressors are nearly dependent (condition number {fit.cond:.2g}): take fewer poles "
-        "or zeros, or a "
-        "record with more excitation."
+        f"The regressors are nearly dependent (condition number {fit.cond:.2g}): take fewer poles or zeros, "
+        "or a record with more excitation."
     )
 
 
@@ -145,23 +141,20 @@ def check(fit: Fit) -> Findings:
     if _too_large(d):
         found.append(
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
-            f"{fit.df_resid} degrees of freedom. "
-            "Either the model misses something, or the record was low-pass filtered and the high "
-            "band is empty of "
-            f"noise, as flight records often are.{_weights(fit)}"
+            f"{fit.df_resid} degrees of freedom. Either the model misses something, or the record was "
+            "low-pass filtered and the high band is empty of noise, as flight records often "
+            f"are.{_weights(fit)}"
         )
     elif d.level_ratio < 1 / LEVEL:
         found.append(
             f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at high "
-            "frequency, or there "
-            f"is signal there."
+            "frequency, or there is signal there."
         )
     if d.colour.p_value < UNLIKELY:
         found.append(
             f"The residual lines{_of(fit, d.coloured)} are not of one level over the band (lower half "
-            f"{d.colour_ratio:.3g} times the upper "
-            f"half, p = {d.colour.p_value:.2g}): the noise is coloured or the model misses part of the band; "
-            "classical standard errors do not hold, HC3 does."
+            f"{d.colour_ratio:.3g} times the upper half, p = {d.colour.p_value:.2g}): the noise is coloured "
+            "or the model misses part of the band; classical standard errors do not hold, HC3 does."
         )
     if d.correlation.p_value < UNLIKELY:
         found.append(
@@ -175,17 +168,14 @@ def check(fit: Fit) -> Findings:
             continue
         if lag.path:
             found.append(
-                f"The residuals correlate with {lag.channel}: "
-                f"{'more' if lag.amount > 0 else 'less'} delay by about "
-                f"{abs(lag.amount):.3g} s (standard error {lag.bse:.2g}, p = {lag.p_value:.2g}) "
-                "or one more zero "
-                "would reduce them."
+                f"The residuals correlate with {lag.channel}: {'more' if lag.amount > 0 else 'less'} delay "
+                f"by about {abs(lag.amount):.3g} s (standard error {lag.bse:.2g}, p = {lag.p_value:.2g}) or "
+                "one more zero would reduce them."
             )
         else:
             found.append(
-                f"The residuals correlate with {lag.channel} (p = {lag.p_value:.2g}), which has "
-                "no path in the "
-                "structure: give it zeros."
+                f"The residuals correlate with {lag.channel} (p = {lag.p_value:.2g}), which has no path in "
+                "the structure: give it zeros."
             )
     if fit.at_bound:
         found.append(

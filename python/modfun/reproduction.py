@@ -296,20 +296,18 @@ def _sentences(table: Table, sampling: Table, timing: Table) -> tuple[str, ...]:
     found = [_growth(of, LEVELS)]
     found.append(
         "The bias is that of unweighted least squares, not of modulating functions: bias / standard "
-        "deviation "
-        f"at NSR 60 % are ls {pair('ls', 'zero')}, awls {pair('awls', 'zero')}, and ml, which takes the "
-        f"gradient through the weights, {pair('ml', 'zero')}; the Cramér–Rao bound is "
+        f"deviation at NSR 60 % are ls {pair('ls', 'zero')}, awls {pair('awls', 'zero')}, and ml, which "
+        f"takes the gradient through the weights, {pair('ml', 'zero')}; the Cramér–Rao bound is "
         f"{of('ls', 'crlb'):.1f} %."
     )
     gap, spread = (of("ls", c, "random") - of("ls", c) for c in ("bias", "sd"))
     noise = [2 * np.hypot(of("ls", f"{c}_mcse", "random"), of("ls", f"{c}_mcse")) for c in ("bias", "sd")]
     verdict = "So it is here" if gap < -noise[0] else "Here they hardly change"
     found.append(
-        "Random initial states: the report finds bias and standard deviation of its method smaller at "
-        "each NSR. "
-        f"{verdict}: from zero to random states they change by {gap:+.2f} ± {noise[0]:.2f} and "
-        f"{spread:+.2f} ± {noise[1]:.2f} percentage points at NSR 60 %. States of this size die away "
-        "with a time constant of 0.67 s and add little to 10 s of signal."
+        "Random initial states: the report finds bias and standard deviation of its method smaller at each "
+        f"NSR. {verdict}: from zero to random states they change by {gap:+.2f} ± {noise[0]:.2f} and "
+        f"{spread:+.2f} ± {noise[1]:.2f} percentage points at NSR 60 %. States of this size die away with a "
+        "time constant of 0.67 s and add little to 10 s of signal."
     )
     found.append(
         f"PEM, initial state zero: bias {of(rest, nsr=0.0):.2f} % without noise, {of(rest):.1f} ± "
@@ -333,13 +331,11 @@ def _sentences(table: Table, sampling: Table, timing: Table) -> tuple[str, ...]:
     spent = dict(zip(timing["estimator"].tolist(), timing["microseconds_a_run"].tolist(), strict=True))
     found.append(
         "Time: the report found its method five to ten times faster than its PEM. Here a run of ls takes "
-        f"{spent['ls']:.2f} µs and of ml {spent['ml']:.2f} µs with its noise, in compiled code; in "
-        "SciPy the PEM "
-        f"takes {spent[rest] / 1000:.1f} ms from rest and {spent[own] / 1000:.1f} ms with its state, "
-        "the output "
-        f"error {spent['output error'] / 1000:.1f} ms. Faster, but the factor of "
-        f"{spent[rest] / spent['ls']:,.0f} "
-        f"to {spent[own] / spent['ls']:,.0f} is that of two languages as well as of two methods."
+        f"{spent['ls']:.2f} µs and of ml {spent['ml']:.2f} µs with its noise, in compiled code; in SciPy the "
+        f"PEM takes {spent[rest] / 1000:.1f} ms from rest and {spent[own] / 1000:.1f} ms with its state, the "
+        f"output error {spent['output error'] / 1000:.1f} ms. Faster, but the factor of "
+        f"{spent[rest] / spent['ls']:,.0f} to {spent[own] / spent['ls']:,.0f} is that of two languages as "
+        "well as of two methods."
     )
     return tuple(found)
 
@@ -350,11 +346,9 @@ def _growth(of: Callable[..., float], levels: tuple[float, ...]) -> str:
     few, error = of("ls", large=False), 2 * of("ls", "bias_mcse", large=False)
     agrees = abs(curve[-1] - 12) <= 1
     text = (
-        f"ls, the report's estimator, initial state zero: the bias grows from {curve[0]:.2f} % without "
-        "noise to "
-        f"{curve[-1]:.1f} % at NSR 60 % ({few:.1f} ± {error:.1f} % in the smaller study); the report "
-        "reads 0 to "
-        f"~12 %{': they agree.' if agrees else '.'}"
+        f"ls, the report's estimator, initial state zero: the bias grows from {curve[0]:.2f} % without noise "
+        f"to {curve[-1]:.1f} % at NSR 60 % ({few:.1f} ± {error:.1f} % in the smaller study); the report "
+        f"reads 0 to ~12 %{': they agree.' if agrees else '.'}"
     )
     if agrees or curve[-1] < 12:
         return text

@@ -106,9 +106,8 @@ def _refuse_gaps(names: Sequence[str], values: F64) -> None:
         if bad.size:
             raise DataError(
                 f"Record: channel {name!r} has {bad.size} values that are not finite, the first at index "
-                f"{bad[0]} "
-                f"({channel[bad[0]]}); cut the record there, fill the gap before, or leave samples of "
-                "outputs out with mask=, False where they are to be ignored"
+                f"{bad[0]} ({channel[bad[0]]}); cut the record there, fill the gap before, or leave samples "
+                "of outputs out with mask=, False where they are to be ignored"
             )
 
 
@@ -224,8 +223,8 @@ def times_of(
         bad = int(np.flatnonzero(steps <= 0)[0])
         raise DataError(
             f"Record: time does not increase at index {bad + 1}: t = {times[bad]:.10g}, then "
-            f"{times[bad + 1]:.10g}; "
-            "sort the samples, drop repeated ones, or give dt= if the clock is at fault"
+            f"{times[bad + 1]:.10g}; sort the samples, drop repeated ones, or give dt= if the clock is at "
+            "fault"
         )
     mean = even_step(times)
     return (times, None) if mean is None else (times[0] + mean * np.arange(count), mean)
