@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
+import tempfile
 import traceback
 import warnings
 import zlib
@@ -79,6 +81,9 @@ def main() -> int:
     asked.add_argument("--out", help="counts as JSON")
     args = asked.parse_args()
     signal.signal(signal.SIGALRM, _alarm)
+    if args.out:
+        args.out = os.path.abspath(args.out)
+    os.chdir(tempfile.mkdtemp())  # some texts are taken for the names of folders
     if args.case:
         seed, name, number = args.case.split(":")
         call = next(c for c in calls() if c.name == name)

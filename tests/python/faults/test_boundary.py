@@ -15,7 +15,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
 
 
 @pytest.fixture
-def boundary(monkeypatch):
+def boundary(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some texts are taken for the names of folders
     monkeypatch.syspath_prepend(str(ROOT / "fuzz" / "python"))
     import boundary
 
