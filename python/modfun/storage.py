@@ -122,6 +122,8 @@ def _sound(fit: Fit) -> Fit:
             raise ValueError(f"{name} has shape {getattr(fit, name).shape}, not {shape}")
     if fit.status not in STATUS:
         raise ValueError(f"status is {fit.status!r}")
+    if fit.success and not np.all(np.isfinite(fit.params)):
+        raise ValueError(f"status is {fit.status!r} and params are {fit.params}")
     Options.checked("load", method=fit.options.method)
     return fit
 
