@@ -9,7 +9,7 @@ CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
 MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz fuzz-texts counts wheel sdist try-sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz fuzz-texts deny counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -69,6 +69,11 @@ soak: .venv/dev
 ## Spoilt arguments to every public call; N= cases, SEED=. See docs/robustness.md.
 fuzz: .venv/dev
 	$(BIN)/python -W ignore fuzz/python/boundary.py --cases $(or $(N),100000) --seed $(or $(SEED),0)
+	$(BIN)/python fuzz/python/many.py --cases $(or $(N),1000000) --seed $(or $(SEED),0)
+
+## Licences and sources of all crates, held to deny.toml by cargo-deny (cargo install cargo-deny).
+deny:
+	cargo deny check licenses bans sources
 
 ## Texts of equations and files with bytes changed: N= how many, SEED= which; what ends in neither is printed.
 fuzz-texts: .venv/dev

@@ -1,4 +1,5 @@
 //! Real Fourier transforms of any length: a crate of its own, so that a change of a kernel does not compile them again.
+#![forbid(unsafe_code)]
 
 use std::sync::Arc;
 

@@ -1,5 +1,7 @@
 //! The two x86 register types. They are private and reached only through [`super::Isa::run`],
-//! which has checked the processor: that is what makes every `unsafe` below sound.
+//! which has checked the processor: that is what makes every `unsafe` below sound. Operations on registers
+//! need no more; those that touch memory say why they may.
+#![allow(clippy::undocumented_unsafe_blocks)] // the reason above is that of all others
 
 use super::{Add, Div, Kernel, LANES, LaneBits, Lanes, Mul, Neg, Sub, Wide};
 use std::arch::x86_64::*;
@@ -76,6 +78,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn load(from: &Wide) -> Self {
+        // SAFETY: a `Wide` holds eight numbers and is aligned to 64 bytes.
         unsafe {
             let p = from.0.as_ptr();
             Avx2(_mm256_load_pd(p), _mm256_load_pd(p.add(4)))
@@ -83,6 +86,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn load_any(from: &[f64; LANES]) -> Self {
+        // SAFETY: eight numbers are there, aligned as it happens.
         unsafe {
             let p = from.as_ptr();
             Avx2(_mm256_loadu_pd(p), _mm256_loadu_pd(p.add(4)))
@@ -90,6 +94,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn store(self, to: &mut Wide) {
+        // SAFETY: a `Wide` holds eight numbers and is aligned to 64 bytes.
         unsafe {
             let p = to.0.as_mut_ptr();
             _mm256_store_pd(p, self.0);
@@ -154,14 +159,17 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn load(from: &Wide) -> Self {
+        // SAFETY: a `Wide` holds eight numbers and is aligned to 64 bytes.
         unsafe { Avx512(_mm512_load_pd(from.0.as_ptr())) }
     }
     #[inline(always)]
     fn load_any(from: &[f64; LANES]) -> Self {
+        // SAFETY: eight numbers are there, aligned as it happens.
         unsafe { Avx512(_mm512_loadu_pd(from.as_ptr())) }
     }
     #[inline(always)]
     fn store(self, to: &mut Wide) {
+        // SAFETY: a `Wide` holds eight numbers and is aligned to 64 bytes.
         unsafe { _mm512_store_pd(to.0.as_mut_ptr(), self.0) }
     }
     #[inline(always)]
@@ -210,6 +218,7 @@ macro_rules! bit_operation {
             }
             #[inline(always)]
             fn from_array(x: [u64; LANES]) -> Self {
+                // SAFETY: eight numbers are there, aligned as it happens.
                 unsafe {
                     let p = x.as_ptr().cast::<__m256i>();
                     Avx2Bits(_mm256_loadu_si256(p), _mm256_loadu_si256(p.add(1)))
@@ -218,6 +227,7 @@ macro_rules! bit_operation {
             #[inline(always)]
             fn to_array(self) -> [u64; LANES] {
                 let mut x = [0; LANES];
+                // SAFETY: eight numbers are there, aligned as it happens.
                 unsafe {
                     let p = x.as_mut_ptr().cast::<__m256i>();
                     _mm256_storeu_si256(p, self.0);
@@ -245,11 +255,13 @@ macro_rules! bit_operation {
             }
             #[inline(always)]
             fn from_array(x: [u64; LANES]) -> Self {
+                // SAFETY: eight numbers are there, aligned as it happens.
                 unsafe { Avx512Bits(_mm512_loadu_si512(x.as_ptr().cast())) }
             }
             #[inline(always)]
             fn to_array(self) -> [u64; LANES] {
                 let mut x = [0; LANES];
+                // SAFETY: eight numbers are there, aligned as it happens.
                 unsafe { _mm512_storeu_si512(x.as_mut_ptr().cast(), self.0) };
                 x
             }

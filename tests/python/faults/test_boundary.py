@@ -30,6 +30,16 @@ def test_a_few_thousand_spoilt_calls(boundary):
     assert sum(count["SpecError"] for count in counts.values()) > 500
 
 
+def test_records_of_hostile_numbers_end_in_a_status(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "fuzz" / "python"))
+    import many
+
+    ended, faults = many.run(8 * many.BATCH, seed=1)
+    assert not faults, "\n".join(faults)
+    assert ended["ok"] > 1000
+    assert ended["rank"] > 1000
+
+
 # What the driver found, in the words of who would meet it.
 FOUND = {
     "parameters as a list": (lambda: mf.crlb(mf.tf([5], [1, 3, 8]), REC, nsr=0.1, params=[1, 2]), "params"),
