@@ -282,6 +282,8 @@ def _answered(
     noise = found.get("noise")
     if noise is None:
         noise = np.array([[found["sigma"] ** 2]])
+    # In the record's own units an estimate may leave the range of floating point.
+    out_of_range = found["status"] in ("ok", "maxiter") and not np.all(np.isfinite(found["theta"]))
     return Fit(
         structure=structure,
         layout=made.layout,
@@ -294,7 +296,7 @@ def _answered(
         cost=found["cost"],
         noise_cov=noise,
         df_resid=found["df_resid"],
-        status=found["status"],
+        status="nonfinite" if out_of_range else found["status"],
         nit=found["nit"],
         lines=tuple(found["lines"]),
         omega0=tuple(found["omega0"]),

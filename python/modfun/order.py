@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import comb, inf, isfinite, log, nan, sqrt
 from typing import Any, Unpack
 
@@ -29,6 +30,7 @@ __all__ = ["OrderSelection", "select_order"]
 F64 = NDArray[np.float64]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
+MOST = 100  # numbers of poles
 FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
@@ -174,9 +176,11 @@ def candidates(
 ) -> list[TransferFunction]:
     """Structures to try, smaller ones first."""
     try:
-        orders = sorted({poles} if isinstance(poles, int) else set(poles))
+        orders = sorted({poles} if isinstance(poles, int) else set(islice(poles, MOST + 1)))
     except TypeError:
         raise SpecError(f"select_order: poles={poles!r} must be numbers of poles, as range(1, 6)") from None
+    if len(orders) > MOST:
+        raise SpecError(f"select_order: poles={poles!r} has more than {MOST} numbers of poles; give fewer")
     if isinstance(zeros, str) and zeros != "any":
         raise SpecError(f'select_order: zeros={zeros!r} must be "any", a number, or a list of numbers')
     made = []

@@ -151,7 +151,7 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
         return np.zeros(n)
     try:
         state = np.asarray(initial_state, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SpecError(
             f'predict: initial_state must be "zero" or {n} numbers, got {initial_state!r}'
         ) from None

@@ -84,11 +84,12 @@ def open_source(source: Any, part: str | None = None) -> Source:
 
 
 def _refuse_absent(path: Path) -> None:
-    if path.is_file():
+    # os.path says False where Path raises: of a name that is too long, or holds a zero byte.
+    if os.path.isfile(path):
         return
-    if path.exists():
+    if os.path.exists(path):
         raise DataError(f"read: {os.fspath(path)!r} is not a regular file; give the path of a {KINDS}")
-    here = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
+    here = [other.name for other in path.parent.iterdir()] if os.path.isdir(path.parent) else []
     close = nearest(path.name, here).partition("there are")[0].strip()
     raise DataError(f"read: there is no file {os.fspath(path)!r}; {close or 'check the path'}")
 

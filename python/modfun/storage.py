@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from .noise import Noise
 from .options import Options
 from .results import Fit
 from .structures import TransferFunction
+from .whole import named
 
 __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
@@ -150,12 +152,12 @@ def load(path: str | Path) -> Any:
     DataError
         Something else, a damaged file, or a study with parts missing.
     """
-    place = Path(path)
-    if place.is_dir():
+    place = named("load", path)
+    if os.path.isdir(place):
         from .study.shards import load
 
         return load(place)
-    if not place.is_file():
+    if not os.path.isfile(place):  # where Path.is_file raises: of a name that is too long
         raise SpecError(f"load: there is no file {str(place)!r}")
     try:
         values = json.loads(place.read_text(encoding="utf-8-sig"))

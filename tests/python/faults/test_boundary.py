@@ -40,8 +40,27 @@ def test_records_of_hostile_numbers_end_in_a_status(monkeypatch):
     assert ended["rank"] > 1000
 
 
+def test_an_estimate_beyond_floating_point_is_not_ok(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "fuzz" / "python"))
+    import many
+
+    data, structure, options = many.batch(np.random.default_rng([2, 155]), many.BATCH)
+    found = mf.fit_many(data, structure, **options)
+    assert many.wrong(found) is None
+    assert set(found.status[[820, 1147]]) == {"nonfinite"}
+
+
 # What the driver found, in the words of who would meet it.
 FOUND = {
+    "a name too long for a file": (lambda: mf.columns("x" * 5000), "there is no file"),
+    "more orders than anyone compares": (
+        lambda: mf.select_order(REC, poles=range(1, 10**30)),
+        "more than 100 numbers of poles",
+    ),
+    "an initial state beyond floats": (
+        lambda: mf.fit(REC, TF2).predict(REC, initial_state=[10**400, 0]),
+        'must be "zero" or 2 numbers',
+    ),
     "parameters as a list": (lambda: mf.crlb(mf.tf([5], [1, 3, 8]), REC, nsr=0.1, params=[1, 2]), "params"),
     "a band of one array": (lambda: mf.fit(REC, TF2, band=np.array(8)), None),
     "complex frequencies": (lambda: mf.tf([1], [1, 1]).frequency_response(1j), "complex"),
