@@ -6,7 +6,9 @@ dictionaries, arrays of structs lists of them; what only MATLAB can open is an `
 
 from __future__ import annotations
 
+import struct
 import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,9 @@ from .memory import refuse_large
 __all__ = ["Opaque", "load_mat"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
+# Kinds of elements of versions 5 to 7 (numbers, matrices, compressed elements, texts), and of arrays.
+ELEMENTS = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18}
+MATRIX, COMPRESSED = 14, 15
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,10 @@ def load_mat(path: Path) -> dict[str, Any]:
 def _load_old(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat, matlab
 
+    content = path.read_bytes()
+    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+    if order:
+        _refuse_damaged(memoryview(content)[128:], order)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         found = loadmat(path, squeeze_me=True, chars_as_strings=True)
@@ -72,6 +81,25 @@ def _load_old(path: Path) -> dict[str, Any]:
         for name, value in found.items()
         if not name.startswith("__")
     }
+
+
+def _refuse_damaged(content: memoryview, order: str) -> None:
+    """Look at each element's kind and length: SciPy looks up kinds unchecked, which ends the process."""
+    at = 0
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        start = at + 8
+        if kind >> 16:  # up to four bytes stand in the tag itself
+            kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
+        if kind not in ELEMENTS or size > (4 if start == at + 4 else len(content) - start):
+            raise ValueError(f"an element of kind {kind} and {size} bytes")
+        inner = content[start : start + size]
+        if kind == COMPRESSED:
+            _refuse_damaged(memoryview(zlib.decompress(inner)), order)
+        elif kind == MATRIX:
+            _refuse_damaged(inner, order)
+        length = start + size - at
+        at += length if kind == COMPRESSED else length + -length % 8
 
 
 def _plain(value: Any) -> Any:

@@ -146,7 +146,7 @@ def experiment(
         u=u,
         y=y,
         rms=np.sqrt(np.mean(y**2, axis=1)),
-        state_rms=np.sqrt(np.mean(states**2, axis=1)),
+        state_rms=np.sqrt(np.mean(states.reshape(n, t.size) ** 2, axis=1)),  # a gain has no states
         free=np.array(free).reshape(n, *y.shape),
         kinds=kinds,
         names=names,

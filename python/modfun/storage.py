@@ -238,7 +238,9 @@ def _array(values: Any) -> NDArray[np.float64]:
 def _complex(re: Any, im: Any) -> NDArray[np.complex128]:
     if np.shape(re) != np.shape(im):
         raise ValueError(f"real parts have shape {np.shape(re)}, imaginary parts {np.shape(im)}")
-    return _array(re) + 1j * _array(im)
+    found = np.empty(np.shape(re), complex)
+    found.real, found.imag = _array(re), _array(im)  # 1j times inf would be nan
+    return found
 
 
 def told(value: Any) -> Any:
