@@ -1,7 +1,6 @@
 """Texts and files that are not what they should be: each ends in a result or in a ModfunError.
 
     python fuzz/python/texts.py --cases 100000 --seed 1 [--only equation] [--case SEED:KIND:NUMBER]
-    python fuzz/python/texts.py --guided mat --seconds 60       (by atheris, where it is installed)
 
 Case NUMBER of a kind is the same for ever. Equations are made by a grammar, files are small valid ones with
 bytes changed.
@@ -16,7 +15,6 @@ import resource
 import signal
 import sys
 import tempfile
-import time
 import traceback
 import zlib
 from collections import Counter
@@ -219,47 +217,16 @@ def run(
     return counts, defects
 
 
-def guided(kind: str, seconds: float, seed: int) -> None:
-    """Cases by coverage of modfun's Python; ends at the first defect, which libFuzzer writes to a file."""
-    import atheris
-
-    counts: Counter[str] = Counter()
-    started = time.monotonic()
-
-    def one(content: bytes) -> None:
-        try:
-            ended, error = tried(kind, content)
-        except UnicodeDecodeError:
-            return
-        counts[ended] += 1
-        if error is not None:
-            raise error
-        if time.monotonic() - started > seconds:
-            print(f"{kind}: {dict(counts)}", flush=True)
-            os._exit(0)
-
-    Path("corpus").mkdir()
-    for number in range(200):
-        Path("corpus", str(number)).write_bytes(case(kind, seed, number))
-    atheris.instrument_all()
-    atheris.Setup([sys.argv[0], "corpus", "-max_len=20000", f"-seed={seed + 1}"], one)
-    atheris.Fuzz()
-
-
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--cases", type=int, default=10_000)
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--only", choices=KINDS)
     asked.add_argument("--case", help="SEED:KIND:NUMBER, shown in full")
-    asked.add_argument("--guided", choices=KINDS)
-    asked.add_argument("--seconds", type=float, default=60.0)
     args = asked.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     signal.signal(signal.SIGALRM, _alarm)
     os.chdir(tempfile.mkdtemp())
-    if args.guided:
-        guided(args.guided, args.seconds, args.seed)
     if args.case:
         seed, kind, number = args.case.split(":")
         content = case(kind, int(seed), int(number))

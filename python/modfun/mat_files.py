@@ -22,9 +22,10 @@ from .memory import refuse_large
 __all__ = ["Opaque", "load_mat"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
-# Kinds of elements of versions 5 to 7 (numbers, matrices, compressed elements, texts), and of arrays.
-ELEMENTS = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18}
+# Kinds of elements of versions 5 to 7.
 MATRIX, COMPRESSED = 14, 15
+PLAIN = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}  # numbers and texts
+NESTING = {1, 2, 3, 16, 17}  # classes of matrices that hold matrices: cell, struct, object, function, opaque
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def _load_old(path: Path) -> dict[str, Any]:
     content = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order:
-        _refuse_damaged(memoryview(content)[128:], order)
+        _refuse_damaged(memoryview(content)[128:], order, PLAIN | {MATRIX, COMPRESSED})
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         found = loadmat(path, squeeze_me=True, chars_as_strings=True)
@@ -83,7 +84,7 @@ def _load_old(path: Path) -> dict[str, Any]:
     }
 
 
-def _refuse_damaged(content: memoryview, order: str) -> None:
+def _refuse_damaged(content: memoryview, order: str, kinds: set[int]) -> None:
     """Look at each element's kind and length: SciPy looks up kinds unchecked, which ends the process."""
     at = 0
     while at + 8 <= len(content):
@@ -91,13 +92,14 @@ def _refuse_damaged(content: memoryview, order: str) -> None:
         start = at + 8
         if kind >> 16:  # up to four bytes stand in the tag itself
             kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
-        if kind not in ELEMENTS or size > (4 if start == at + 4 else len(content) - start):
+        if kind not in kinds or size > (4 if start == at + 4 else len(content) - start):
             raise ValueError(f"an element of kind {kind} and {size} bytes")
         inner = content[start : start + size]
         if kind == COMPRESSED:
-            _refuse_damaged(memoryview(zlib.decompress(inner)), order)
+            _refuse_damaged(memoryview(zlib.decompress(inner)), order, PLAIN | {MATRIX})
         elif kind == MATRIX:
-            _refuse_damaged(inner, order)
+            nests = size < 12 or struct.unpack_from(f"{order}I", inner, 8)[0] & 0xFF in NESTING
+            _refuse_damaged(inner, order, PLAIN | {MATRIX} if nests else PLAIN)
         length = start + size - at
         at += length if kind == COMPRESSED else length + -length % 8
 
