@@ -69,7 +69,7 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("dbg", &[], "the core does not print"),
     ("log", &["tape.rs", "tones/lines.rs"], "the core does not log; there it is the logarithm"),
     ("faer", &["linalg/dense.rs"], "dense factorisations live in linalg/dense.rs"),
-    ("modfun_fft", &["spectrum.rs"], "transforms live in spectrum"),
+    ("modfun_fft", &["spectrum.rs", "spectrum/padded.rs"], "transforms live in spectrum"),
     ("realfft", &[], "its instances are compiled in rust/fft, once"),
     ("rustfft", &[], "its instances are compiled in rust/fft, once"),
     ("rayon", &[], "no thread pool"),
