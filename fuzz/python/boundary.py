@@ -22,7 +22,7 @@ from typing import Any
 import modfun as mf
 import numpy as np
 from calls import Call, calls
-from checks import check
+from verdicts import check
 from hostile import anything, spoilt
 
 SECONDS = 20  # a case takes milliseconds

@@ -333,7 +333,7 @@ def test_what_cannot_be_meant_is_refused():
     refused("the system is a str", "short period", DE, **sigma)
     refused("the experiment is a NoneType", SHORT_PERIOD, params=VALUES, **sigma)
     refused("the experiment is a int", SHORT_PERIOD, 5, params=VALUES, **sigma)
-    refused("start='zero' must be numbers", SHORT_PERIOD, DE, params=VALUES, start="zero", **sigma)
+    refused("start='zero' is text; give real numbers", SHORT_PERIOD, DE, params=VALUES, start="zero", **sigma)
     growing = mf.signals.doublet("de", width=0.5, dt=0.1, duration=500)
     refused("grows without bound", mf.tf([1], [1, -3, 8]), growing, error=mf.DataError, **sigma)
     refused("the experiment is a list", SHORT_PERIOD, [], params=VALUES, **sigma)

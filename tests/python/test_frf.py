@@ -380,7 +380,7 @@ WRONG = [
     (lambda r: mf.frf(r, [np.nan]), mf.SpecError, "omega must hold frequencies"),
     (lambda r: mf.frf(r, []), mf.SpecError, "omega is empty"),
     (lambda r: mf.frf(r, [[1.0, 2.0]]), mf.SpecError, "omega has shape (1, 2)"),
-    (lambda r: mf.frf(r, ["a"]), mf.SpecError, "must be numbers"),
+    (lambda r: mf.frf(r, ["a"]), mf.SpecError, "is text; give real numbers"),
     (lambda r: mf.frf(r, windows=[]), mf.SpecError, "durations in s, each once"),
     (lambda r: mf.frf(r, windows=[20.0, 20.0]), mf.SpecError, "durations in s, each once"),
     (lambda r: mf.frf(r, threads=-1), mf.SpecError, "threads=-1 must be a whole number from 1"),

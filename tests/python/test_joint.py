@@ -378,7 +378,7 @@ def test_mistakes_are_told(words, said):
     [
         ({"y": -1.0}, "not above 0"),
         ({"y": [[1, 2], [2, 1]]}, "negative eigenvalue"),
-        ({"y": "a lot"}, "standard"),
+        ({"y": "a lot"}, "is text; give real numbers"),
     ],
 )
 def test_noise_that_is_none_is_refused(given, said):

@@ -236,7 +236,7 @@ def test_rivals_take_part() -> None:
         ({"input": ["t", "t"]}, "one a system input"),
         ({"input": "0"}, "moves"),
         ({"duration": 0.0}, "seconds above 0"),
-        ({"intervals": 0}, "at least 1"),
+        ({"intervals": 0}, "whole number from 1 to 10000000"),
         ({"initial_state": "rest"}, "'zero', 'random'"),
         ({"initial_state": [1.0]}, "2 states"),
         ({"initial_state": lambda rng: [0]}, "shape"),
