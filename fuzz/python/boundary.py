@@ -22,8 +22,8 @@ from typing import Any
 import modfun as mf
 import numpy as np
 from calls import Call, calls
-from verdicts import check
 from hostile import anything, spoilt
+from verdicts import check
 
 SECONDS = 20  # a case takes milliseconds
 
