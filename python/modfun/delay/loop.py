@@ -42,8 +42,8 @@ def simulated(
     ratio = real("simulating", "duration", duration) / dt
     if not ratio <= MOST_SAMPLES:
         raise SpecError(
-            f"simulating: duration={duration!r} is {ratio:.3g} intervals of {dt:g} s; give a shorter time, or "
-            "raise dt"
+            f"simulating: duration={duration!r} is {ratio:.3g} intervals of {dt:g} s; give a shorter time, "
+            "or raise dt"
         )
     intervals = int(np.floor(ratio * (1 + 1e-12) + 1e-9))
     if intervals < 1:
