@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Sequence
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from .errors import DataError
 from .tables import listed
+from .whole import write_text
 
-__all__ = ["Delimited", "number", "read_delimited"]
+__all__ = ["Delimited", "number", "read_delimited", "write_delimited"]
 
 F64 = NDArray[np.float64]
 
@@ -164,3 +166,23 @@ def _fields(line: str, delimiter: str) -> list[str]:
     import csv
 
     return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+
+
+def write_delimited(
+    what: str, path: str | Path, names: Sequence[str], columns: Sequence[F64], digits: int | None = None
+) -> None:
+    """Write columns with commas between, whole or not at all; numbers to the last bit, or with these digits.
+
+    Raises
+    ------
+    ModfunError
+        As `whole.write_text`; `what` begins the message.
+    """
+    import csv  # not needed to read
+
+    rows = np.column_stack(columns).tolist()
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows if digits is None else ([f"{x:.{digits}g}" for x in row] for row in rows))
+    write_text(what, path, text.getvalue())

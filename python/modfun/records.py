@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from . import html, spectra
 from .arguments import public
 from .checking import check_record
 from .cutting import SLACK, pieces_every, pieces_on
+from .delimited import write_delimited
 from .errors import DataError, ModfunWarning, SpecError
 from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .samples import (
@@ -34,7 +34,6 @@ from .samples import (
 from .signals.signals import Signals
 from .spectra import Spectrum
 from .tables import Findings, Table, nearest
-from .whole import write_text
 
 __all__ = ["Record"]
 
@@ -602,14 +601,8 @@ class Record:
         ModfunError
             It cannot be written; a file that was there before is still whole.
         """
-        import csv
-
         columns = [self.t, *(self._shown(name) for name in self.channels)]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["t", *self.channels])
-        writer.writerows(np.column_stack(columns).tolist())
-        write_text("to_csv", path, text.getvalue())
+        write_delimited("to_csv", path, ["t", *self.channels], columns)
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).

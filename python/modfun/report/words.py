@@ -13,7 +13,7 @@ from ..explain import UNLIKELY
 from ..noise import Noise
 from ..results import Fit
 
-__all__ = ["assumption", "explained", "python_call", "tests", "usable", "verdict"]
+__all__ = ["assumption", "python_call", "tests", "usable", "verdict"]
 
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 
@@ -23,10 +23,11 @@ def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
     if not usable(fit):
         return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
     findings = tuple(fit.check())
-    told = explained(fit)
+    shares = _shares(fit)
+    told = _explained(fit, shares)
     if not fit.success:
         return f"Not to be used as it is: the fit did not settle. {told}", "bad", findings
-    if _worse_than_nothing(fit):
+    if shares is not None and np.any(shares <= 0):
         return (
             f"Not to be used: a constant describes an output better than the model. {told}",
             "bad",
@@ -47,11 +48,6 @@ def usable(fit: Fit) -> bool:
     return fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
 
 
-def _worse_than_nothing(fit: Fit) -> bool:
-    share = _shares(fit)
-    return share is not None and bool(np.any(share <= 0))
-
-
 def _shares(fit: Fit) -> Any:
     """R² of each output and record; None where the model cannot be simulated."""
     try:
@@ -60,10 +56,9 @@ def _shares(fit: Fit) -> Any:
         return None
 
 
-def explained(fit: Fit) -> str:
+def _explained(fit: Fit, share: Any) -> str:
     """How much of the outputs the model explains, and which parameters it hardly knows."""
     said = []
-    share = _shares(fit)
     if share is not None and np.all(share > 0):
         several = len(fit.outputs) > 1 or len(fit.records or ()) > 1
         low, high = (float(f(share)) for f in (np.min, np.max))

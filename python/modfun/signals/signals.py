@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import public, reals
+from ..delimited import write_delimited
 from ..errors import DataError, SpecError
 from ..samples import INTERSAMPLE, frozen
 from ..tables import Table
-from ..whole import write_text
 from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:
@@ -343,11 +342,7 @@ class Signals:
         ModfunError
             It cannot be written; a file that was there before is still whole.
         """
-        rows = np.column_stack([self.t, self.u.T])
-        header = ",".join(["t", *self.inputs])
-        text = StringIO()
-        np.savetxt(text, rows, fmt="%.10g", delimiter=",", header=header, comments="")
-        write_text("to_csv", path, text.getvalue())
+        write_delimited("to_csv", path, ["t", *self.inputs], [self.t, *self.u], digits=10)
 
     # What takes them -----------------------------------------------------------------------------
 
