@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::tape::Tape;
+use crate::threads::stopped;
 
 /// Safety factor of the next step, and how far it may shrink or grow.
 const SAFETY: f64 = 0.9;
@@ -64,7 +65,7 @@ pub enum Outcome {
 /// Integrates from sample to sample; no step passes over one, so that drives may jump there.
 ///
 /// # Errors
-/// [`Error::Spec`] where sizes do not go together.
+/// [`Error::Spec`] where sizes do not go together; [`Error::Cancelled`] where the work is to stop.
 pub fn integrate(problem: &Problem<'_>, tableau: &Tableau<'_>) -> Result<Outcome, Error> {
     let mut run = Run::new(problem, tableau)?;
     let Problem { grid, count, .. } = *problem;
@@ -74,6 +75,9 @@ pub fn integrate(problem: &Problem<'_>, tableau: &Tableau<'_>) -> Result<Outcome
     let mut next = f64::INFINITY;
     let mut steps = 0;
     for interval in 0..grid.len().saturating_sub(1) {
+        if stopped() {
+            return Err(Error::Cancelled);
+        }
         let (start, end) = (grid[interval], grid[interval + 1]);
         let mut t = start;
         run.slope(interval, t, 0);

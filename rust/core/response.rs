@@ -127,9 +127,12 @@ pub fn responses(
     let freedom = check(settings, pieces)?;
     let chunk = BLOCKS * LANES;
     let chunks = omega.len().div_ceil(chunk);
-    let work = |work: &mut Work, k: usize, _: &_| {
+    let work = |work: &mut Work, k: usize| {
         let mut out = Responses::default();
         for eight in omega[k * chunk..omega.len().min((k + 1) * chunk)].chunks(LANES) {
+            if threads::stopped() {
+                break;
+            }
             isa.run(Eight { work, settings, pieces, omega: eight, out: &mut out });
         }
         out

@@ -1,13 +1,14 @@
 //! Scoped threads over a shared chunk counter: the one file that starts threads.
 //!
 //! Nothing outlives a call, so there is no pool to shut down and forking is safe. The calling thread waits in
-//! slices, reports progress and may stop the work; it does chunks only where no thread is worth starting.
+//! slices, reports progress and may stop the work; it does chunks only where no thread is worth starting. Long
+//! loops ask [`stopped`], on whatever thread they run.
 
 use std::any::Any;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::Error;
@@ -22,6 +23,72 @@ pub enum Control {
     Continue,
     /// Stop as soon as possible; the run returns [`Error::Cancelled`].
     Stop,
+}
+
+/// What a thread learns from that its work is to end.
+enum Told {
+    /// From the thread that waits for it.
+    By(Arc<AtomicBool>),
+    /// From a question of its own, not to be asked before this moment.
+    Asks(fn() -> Control, Instant),
+    /// It knows.
+    Stop,
+}
+
+thread_local! {
+    static TOLD: RefCell<Option<Told>> = const { RefCell::new(None) };
+}
+
+/// Sets what this thread learns from, and what it was before when dropped.
+struct ToldHere(Option<Told>);
+
+impl ToldHere {
+    fn new(told: Told) -> ToldHere {
+        ToldHere(TOLD.replace(Some(told)))
+    }
+}
+
+impl Drop for ToldHere {
+    fn drop(&mut self) {
+        TOLD.set(self.0.take());
+    }
+}
+
+/// Does work of the calling thread that asks every 50 ms whether to go on, where it is loops of this crate.
+///
+/// After [`Control::Stop`] these loops leave early: what `work` returns then is not to be used.
+pub fn asking<T>(ask: fn() -> Control, work: impl FnOnce() -> T) -> T {
+    let _here = ToldHere::new(Told::Asks(ask, Instant::now() + SLICE));
+    work()
+}
+
+/// Whether the work on this thread is to end: loops that may be long leave, whatever they then return.
+#[must_use]
+pub fn stopped() -> bool {
+    let ask = TOLD.with_borrow_mut(|told| match told {
+        None => Err(false),
+        Some(Told::Stop) => Err(true),
+        Some(Told::By(flag)) => Err(flag.load(Ordering::Relaxed)),
+        Some(Told::Asks(ask, due)) => {
+            let now = Instant::now();
+            if now < *due {
+                return Err(false);
+            }
+            *due = now + SLICE;
+            Ok(*ask)
+        }
+    });
+    // Asked without the borrow: the answer may run anything.
+    match ask {
+        Err(known) => known,
+        Ok(ask) => {
+            let stop = ask() == Control::Stop;
+            if stop {
+                TOLD.set(Some(Told::Stop));
+            }
+            stop
+        }
+    }
 }
 
 /// The number of threads for a call: what was asked for, else `MODFUN_NUM_THREADS`, else the
@@ -69,12 +136,12 @@ impl Drop for Running<'_> {
     }
 }
 
-/// Computes `work(worker, chunk, stop)` for each chunk `0..chunks` and returns the results in chunk
+/// Computes `work(worker, chunk)` for each chunk `0..chunks` and returns the results in chunk
 /// order, which do not depend on the number of threads if `work` forgets the chunks before.
 ///
 /// Each thread makes its own worker (scratch memory). `progress(chunks done, chunks)` is called on
 /// the calling thread every 50 ms and once at the end; where it answers [`Control::Stop`], no new
-/// chunk is begun, and `stop` tells long chunks to return early (their results are dropped).
+/// chunk is begun, and [`stopped`] tells long chunks to return early (their results are dropped).
 ///
 /// With 0 threads the calling thread does the work and reports at the end only: for work so short that
 /// starting a thread would take longer.
@@ -87,9 +154,9 @@ pub fn run<W, T: Send>(
     chunks: usize,
     progress: &mut dyn FnMut(usize, usize) -> Control,
     make_worker: impl Fn() -> W + Sync,
-    work: impl Fn(&mut W, usize, &AtomicBool) -> T + Sync,
+    work: impl Fn(&mut W, usize) -> T + Sync,
 ) -> Result<Vec<T>, Error> {
-    let stop = AtomicBool::new(false);
+    let stop = Arc::new(AtomicBool::new(false));
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let panicked: Mutex<Option<String>> = Mutex::new(None);
     let (running, finished) = (Mutex::new(0), Condvar::new());
@@ -100,13 +167,13 @@ pub fn run<W, T: Send>(
         let current = Cell::new(None);
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             let mut worker = make_worker();
-            while !stop.load(Ordering::Relaxed) {
+            while !stopped() {
                 let chunk = next.fetch_add(1, Ordering::Relaxed);
                 if chunk >= chunks {
                     break;
                 }
                 current.set(Some(chunk));
-                results.push((chunk, work(&mut worker, chunk, &stop)));
+                results.push((chunk, work(&mut worker, chunk)));
                 done.fetch_add(1, Ordering::Relaxed);
             }
         }));
@@ -121,6 +188,10 @@ pub fn run<W, T: Send>(
         }
         results
     };
+    let told = || {
+        let _here = ToldHere::new(Told::By(Arc::clone(&stop)));
+        thread()
+    };
 
     let mut slots: Vec<Option<T>> = (0..chunks).map(|_| None).collect();
     let mut cancelled = false;
@@ -134,7 +205,7 @@ pub fn run<W, T: Send>(
         }
         for _ in 0..threads.min(chunks) {
             *running.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-            match std::thread::Builder::new().name("modfun".into()).spawn_scoped(scope, thread) {
+            match std::thread::Builder::new().name("modfun".into()).spawn_scoped(scope, told) {
                 Ok(handle) => handles.push(handle),
                 Err(error) => {
                     *running.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
@@ -179,7 +250,7 @@ pub fn run<W, T: Send>(
     if let Some(text) = panicked.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(Error::Internal(text));
     }
-    if cancelled {
+    if cancelled || (threads == 0 && stopped()) {
         return Err(Error::Cancelled);
     }
     let missing = || Error::Internal("a chunk was lost".into());
@@ -205,7 +276,7 @@ mod tests {
     proptest! {
         #[test]
         fn results_come_in_chunk_order(threads in 0usize..6, chunks in 0usize..40) {
-            let work = |count: &mut usize, chunk: usize, _: &AtomicBool| {
+            let work = |count: &mut usize, chunk: usize| {
                 *count += 1;
                 if chunk.is_multiple_of(3) {
                     std::thread::yield_now();
@@ -221,10 +292,10 @@ mod tests {
     fn a_panic_becomes_an_error_and_stops_the_others() {
         for threads in [0, 1, 2, 5] {
             let started = Instant::now();
-            let work = |(): &mut (), chunk: usize, stop: &AtomicBool| {
+            let work = |(): &mut (), chunk: usize| {
                 assert!(chunk != 3, "chunk three is bad");
                 // The others would take for ever, were they not told.
-                while chunk > 3 && !stop.load(Ordering::Relaxed) {
+                while chunk > 3 && !stopped() {
                     std::thread::yield_now();
                 }
             };
@@ -241,7 +312,7 @@ mod tests {
     fn a_worker_that_cannot_be_made_is_an_error() {
         let make = || -> () { panic!("no memory") };
         for threads in [0, 2] {
-            let error = run(threads, 5, &mut go_on, make, |(), _, _| ()).unwrap_err();
+            let error = run(threads, 5, &mut go_on, make, |(), _| ()).unwrap_err();
             assert_eq!(error, Error::Internal("a worker panicked in setting up: no memory".into()));
         }
     }
@@ -249,18 +320,18 @@ mod tests {
     #[test]
     fn no_threads_means_the_calling_one() {
         let here = std::thread::current().id();
-        let whose = run(0, 3, &mut go_on, || (), |(), _, _| std::thread::current().id());
+        let whose = run(0, 3, &mut go_on, || (), |(), _| std::thread::current().id());
         assert_eq!(whose, Ok(vec![here; 3]));
-        let theirs = run(1, 3, &mut go_on, || (), |(), _, _| std::thread::current().id()).unwrap();
+        let theirs = run(1, 3, &mut go_on, || (), |(), _| std::thread::current().id()).unwrap();
         assert!(!theirs.contains(&here));
-        let stop = run(0, 3, &mut |_, _| Control::Stop, || (), |(), _, _| ());
+        let stop = run(0, 3, &mut |_, _| Control::Stop, || (), |(), _| ());
         assert_eq!(stop, Err(Error::Cancelled));
     }
 
     #[test]
     fn a_panic_in_progress_leaves_no_thread_behind() {
-        let endless = |(): &mut (), _: usize, stop: &AtomicBool| {
-            while !stop.load(Ordering::Relaxed) {
+        let endless = |(): &mut (), _: usize| {
+            while !stopped() {
                 std::thread::yield_now();
             }
         };
@@ -274,9 +345,9 @@ mod tests {
         for threads in [1, 2] {
             let started = Instant::now();
             let begun = AtomicUsize::new(0);
-            let work = |(): &mut (), _: usize, stop: &AtomicBool| {
+            let work = |(): &mut (), _: usize| {
                 begun.fetch_add(1, Ordering::Relaxed);
-                while !stop.load(Ordering::Relaxed) {
+                while !stopped() {
                     std::thread::sleep(Duration::from_millis(1));
                 }
             };
@@ -302,11 +373,40 @@ mod tests {
                 seen.push((done, total));
                 Control::Continue
             };
-            run(2, 4, &mut progress, || (), |(), _, _| ()).unwrap();
+            run(2, 4, &mut progress, || (), |(), _| ()).unwrap();
             assert_eq!(seen.last(), Some(&(4, 4)));
         }
         // A hundred slices would be 5 s.
         assert!(started.elapsed() < Duration::from_millis(2500));
+    }
+
+    #[test]
+    fn work_of_the_calling_thread_asks_and_leaves() {
+        let wait = || while !stopped() {};
+        let started = Instant::now();
+        assert!(!stopped());
+        let seen = asking(
+            || Control::Stop,
+            || {
+                // Not before a slice is over: short work is left alone.
+                assert!(!stopped());
+                wait();
+                // It stays told, and chunks are neither ended nor begun.
+                (stopped(), run(0, 3, &mut go_on, || (), |(), _| ()))
+            },
+        );
+        assert_eq!(seen, (true, Err(Error::Cancelled)));
+        assert!(started.elapsed() >= SLICE);
+        // Inside other such work, and after it, whoever was asked before is asked again.
+        asking(
+            || Control::Continue,
+            || {
+                asking(|| Control::Stop, wait);
+                std::thread::sleep(2 * SLICE);
+                assert!(!stopped());
+            },
+        );
+        assert!(!stopped());
     }
 
     #[test]

@@ -10,8 +10,6 @@ mod lines;
 mod refine;
 mod search;
 
-use std::sync::atomic::AtomicBool;
-
 use crate::math::ln_1;
 use crate::simd::Isa;
 use crate::threads::{self, Control};
@@ -130,10 +128,10 @@ impl Plan {
     ) -> Result<Vec<Found>, Error> {
         let chunks = records.len().div_ceil(CHUNK);
         let few = if records.len() == 1 { 0 } else { threads };
-        let work = |refiner: &mut Refiner, chunk: usize, stop: &AtomicBool| {
+        let work = |refiner: &mut Refiner, chunk: usize| {
             let mut found = Vec::with_capacity(CHUNK);
             for record in records.iter().skip(chunk * CHUNK).take(CHUNK) {
-                if stop.load(std::sync::atomic::Ordering::Relaxed) {
+                if threads::stopped() {
                     break;
                 }
                 found.push(self.run(record, refiner));

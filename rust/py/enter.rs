@@ -1,5 +1,6 @@
 //! The one door into long work: without the interpreter lock, yet heard by Ctrl-C and progress bars.
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use modfun::Error;
@@ -11,34 +12,44 @@ use crate::errors::{InternalError, to_python};
 /// What `enter` gives to the work as its report of (done, total).
 pub type Progress<'a> = dyn FnMut(usize, usize) -> Control + 'a;
 
+thread_local! {
+    /// What stopped the work of this thread, until [`enter`] raises it.
+    static RAISED: Cell<Option<PyErr>> = const { Cell::new(None) };
+}
+
+fn control(heard: PyResult<()>) -> Control {
+    match heard {
+        Ok(()) => Control::Continue,
+        Err(error) => {
+            RAISED.set(Some(error));
+            Control::Stop
+        }
+    }
+}
+
 /// Runs `work` with the interpreter released.
 ///
 /// `work` hands its [`Progress`] to [`threads::run`], which calls it on this thread every 50 ms:
-/// there signals are checked and the Python callable `progress(done, total)` is called. What either
-/// raises stops the work and is raised here. A panic becomes `InternalError`.
+/// there signals are checked and the Python callable `progress(done, total)` is called. Work that this
+/// thread does itself checks signals as often ([`threads::asking`]). What is raised stops the work and is
+/// raised here. A panic becomes `InternalError`.
 pub fn enter<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&mut Progress<'_>) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    let mut raised: Option<PyErr> = None;
     let outcome = py.detach(|| {
         let mut report = |done: usize, total: usize| {
             let heard = Python::attach(|py| {
                 py.check_signals()?;
                 progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, total)).map(drop))
             });
-            match heard {
-                Ok(()) => Control::Continue,
-                Err(error) => {
-                    raised = Some(error);
-                    Control::Stop
-                }
-            }
+            control(heard)
         };
-        catch_unwind(AssertUnwindSafe(|| work(&mut report)))
+        let ask = || control(Python::attach(|py| py.check_signals()));
+        threads::asking(ask, || catch_unwind(AssertUnwindSafe(|| work(&mut report))))
     });
-    if let Some(error) = raised {
+    if let Some(error) = RAISED.take() {
         return Err(error);
     }
     match outcome {
@@ -60,7 +71,7 @@ pub fn thread_count(asked: Option<usize>) -> PyResult<usize> {
 #[pyfunction]
 pub fn _panic_for_tests(py: Python<'_>, threads: usize) -> PyResult<()> {
     #[allow(clippy::panic)]
-    let work = |(): &mut (), chunk: usize, _: &_| {
+    let work = |(): &mut (), chunk: usize| {
         if chunk == 3 {
             panic!("asked to panic");
         }
@@ -76,10 +87,9 @@ pub fn _wait_for_tests(
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
-    use std::sync::atomic::{AtomicBool, Ordering};
     let started = std::time::Instant::now();
-    let work = |(): &mut (), _: usize, stop: &AtomicBool| {
-        while !stop.load(Ordering::Relaxed) && started.elapsed().as_secs() < 30 {
+    let work = |(): &mut (), _: usize| {
+        while !threads::stopped() && started.elapsed().as_secs() < 30 {
             std::hint::spin_loop();
         }
     };

@@ -1,7 +1,6 @@
 //! Many fits of one structure at once: eight records a block, blocks over threads, the same bits as one by one.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::fit::RecordView;
 use super::fitter::{Fitter, Range};
@@ -158,14 +157,12 @@ impl Fitter {
         let once = batch.shares_inputs(inputs);
         // Memory, and whether the inputs that all share are in it.
         let make = || (shared.workers.lend(), false);
-        let work = |(worker, loaded): &mut (Lent<'_, Worker>, bool),
-                    chunk: usize,
-                    stop: &AtomicBool| {
+        let work = |(worker, loaded): &mut (Lent<'_, Worker>, bool), chunk: usize| {
             let w = worker.get_or(|| shared.worker());
             let mut out = Many::default();
             let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(replicates));
             for first in (from..to).step_by(LANES) {
-                if stop.load(Ordering::Relaxed) {
+                if threads::stopped() {
                     break;
                 }
                 let count = (to - first).min(LANES);

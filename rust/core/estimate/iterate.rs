@@ -5,6 +5,7 @@ use super::pass::{Factors, Weights, step};
 use super::workspace::Workspace;
 use super::{Options, awls, mend_step, ml, wls};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::threads::stopped;
 
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +73,7 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> bool {
         let Iteration { design, space: w, run } = self;
         let limit = L::splat(run.limit);
-        while run.left > 0 && L::load(&w.progress.active).any() {
+        while run.left > 0 && L::load(&w.progress.active).any() && !stopped() {
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
                 if unsound::<L>(&w.progress, &w.trusted).any() {

@@ -12,7 +12,6 @@ use crate::rng::{self, Purpose};
 use crate::simd::{LANES, Wide};
 use crate::spectrum::Scratch;
 use crate::threads::{self, Control};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// Which replicates, and whether each of them is kept.
@@ -70,7 +69,7 @@ impl Plan {
     ) -> Result<Vec<Vec<Cell>>, Error> {
         let chunks = run.replicates.div_ceil(CHUNK);
         let counted: Vec<Mutex<Counted>> = self.groups.iter().map(|_| Mutex::default()).collect();
-        let work = |w: &mut Option<Worker>, index: usize, stop: &AtomicBool| {
+        let work = |w: &mut Option<Worker>, index: usize| {
             // Group after group, so that a worker prepares for each about once and few groups are open.
             let (group, chunk) = (index / chunks, index % chunks);
             let g = &self.groups[group];
@@ -82,7 +81,7 @@ impl Plan {
             worker.errors.iter_mut().for_each(Vec::clear);
             let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(run.replicates);
             for first in range.clone().step_by(LANES) {
-                if stop.load(Ordering::Relaxed) {
+                if threads::stopped() {
                     break;
                 }
                 let count = (range.end - first).min(LANES);

@@ -8,6 +8,7 @@ use crate::Status;
 use crate::linalg::columns::Columns;
 use crate::math::sin_cos_turns_1;
 use crate::simd::{Isa, LANES};
+use crate::threads::stopped;
 
 /// Steps at most, and those of a candidate of the search.
 const STEPS: usize = 100;
@@ -210,6 +211,9 @@ impl Refiner {
         for step in 1..=steps {
             if !cost.is_finite() {
                 return (cost, step, Status::Rank);
+            }
+            if stopped() {
+                break;
             }
             let moves = self.moves(tones);
             let longest =

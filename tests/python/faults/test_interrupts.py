@@ -22,6 +22,7 @@ SETUP = """
     system, tf2 = mf.tf([5], [1, 3, 8]), mf.TransferFunction(poles=2, zeros=0)
     rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.2, seed=0)
     slow = dict(method="awls", harmonics=12, tol=1e-300, maxiter=10**5)  # never settles
+    never = dict(harmonics=12, tol=1e-300, maxiter=10**9)
 
     def study(**changes):
         given = dict(system=system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.2,
@@ -64,6 +65,9 @@ LONG = {
     "run by threads": "study().run(progress=False, executor=concurrent.futures.ThreadPoolExecutor(2))",
     "run by a Pool": "study().run(progress=False, executor=multiprocessing.get_context('fork').Pool(2).imap)",
     "fit": "again(mf.fit, [big] * 10, tf2, harmonics=1000)",
+    "one fit without an end": "mf.fit(rec, tf2, method='awls', **never)",
+    "one joint fit without an end": "mf.fit(rec, free, method='awls', **never)",
+    "one fit of equations without an end": "mf.fit(rec, cubic, method='awls', **never)",
     "fit with a free delay": "again(mf.fit, big, free, harmonics=500)",
     "fit of equations": "again(mf.fit, big, cubic, harmonics=500)",
     "select_order": "again(mf.select_order, [rec] * 5, poles=range(1, 6))",

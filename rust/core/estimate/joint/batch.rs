@@ -1,7 +1,6 @@
 //! Many joint fits at once: eight records a block, blocks over threads, the same bits as one by one.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::delays::{self, Delayed};
 use super::design::JointDesign;
@@ -118,11 +117,11 @@ impl JointFitter {
         let shared = self.shared(&batch.record(chooser, inputs))?;
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let make = || shared.worker();
-        let work = |w: &mut Worker, chunk: usize, stop: &AtomicBool| {
+        let work = |w: &mut Worker, chunk: usize| {
             let mut out = Many::default();
             let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(batch.records));
             for first in (from..to).step_by(LANES) {
-                if stop.load(Ordering::Relaxed) {
+                if threads::stopped() {
                     break;
                 }
                 let count = (to - first).min(LANES);

@@ -12,6 +12,7 @@ use crate::estimate::pass::{Factors, Weights, tiles};
 use crate::estimate::{Options, Outcome, Wanted, outcome_of};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
+use crate::threads::stopped;
 
 /// Alternations of θ with Σ and the colour, and most steps of θ in one.
 const ROUNDS: usize = 40;
@@ -134,7 +135,7 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> Came {
         let Iteration { design: d, space: w, rule, held, limit, left, mended } = self;
         let limit = L::splat(limit);
-        while *left > 0 && L::load(&w.progress.active).any() {
+        while *left > 0 && L::load(&w.progress.active).any() && !stopped() {
             if !*mended {
                 step::<L>(d, w, rule.weights(), rule.factors(), held);
                 if unsound::<L>(&w.progress, &w.trusted).any() {

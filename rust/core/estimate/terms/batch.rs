@@ -1,7 +1,5 @@
 //! Many fits at once, one record after the other over threads, on lines chosen once.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use super::fitter::{Chosen, TermsFit, TermsFitter, TermsRecord};
 use super::lines::Desk;
 use crate::error::{Error, Status};
@@ -46,12 +44,12 @@ impl TermsFitter {
             false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.theta),
         };
         let shared = Chosen { ranges: chosen.ranges, rule: None, theta: start };
-        let work = |desk: &mut Desk, chunk: usize, stop: &AtomicBool| {
+        let work = |desk: &mut Desk, chunk: usize| {
             let mut out = Many::default();
             let mut told = None;
             let from = chunk * CHUNK;
             for record in &batch.records[from..(from + CHUNK).min(batch.records.len())] {
-                if stop.load(Ordering::Relaxed) {
+                if threads::stopped() {
                     break;
                 }
                 let one = std::slice::from_ref(record);

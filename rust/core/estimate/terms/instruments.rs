@@ -5,6 +5,7 @@ use super::rows::{Factors, Row, Spot, Weights};
 use crate::error::{Error, Status};
 use crate::modulation::{difference_weights, rows};
 use crate::structure::Trend;
+use crate::threads::stopped;
 
 /// Δⁿ of the rows of one record: a row of (row, factor) each; the drift's columns behind those of line 0.
 struct Differences {
@@ -96,7 +97,7 @@ impl Problem<'_> {
         let mut theta = self.begin(None)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
-        while (nit as usize) < maxiter {
+        while (nit as usize) < maxiter && !stopped() {
             self.cost(&theta, Weights::Flat)?;
             self.jacobian(Factors::Data);
             self.difference();

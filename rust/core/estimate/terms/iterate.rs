@@ -7,6 +7,7 @@ use super::lines::Desk;
 use super::rows::{Factors, Spot, Weights, dot};
 use crate::error::{Error, Status};
 use crate::linalg::qr::Absorber;
+use crate::threads::stopped;
 
 /// Steps before the cost must fall: the first ones may raise it on their way to the right answer.
 const FREE_STEPS: u32 = 2;
@@ -227,7 +228,7 @@ impl<'a> Problem<'a> {
         let mut cost = self.cost(&theta, weights)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
-        while (nit as usize) < maxiter {
+        while (nit as usize) < maxiter && !stopped() {
             if !cost.is_finite() {
                 ended = Status::NonFinite;
                 break;
