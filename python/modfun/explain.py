@@ -26,6 +26,9 @@ DISAGREE = 2.5
 CONDITION = 1e6
 UNLIKELY = 0.01  # p-value below which a test speaks
 LEVEL = 1.5  # ratio of noise levels
+# A constant has no harmonics, but quadrature leaves some 1e-7 of it: at 10⁴ times the variation a fraction of
+# a standard error of 256 samples, at 10⁵ more than the signal.
+OFFSET = 3000.0
 
 
 def message(fit: Fit) -> str:
@@ -56,12 +59,29 @@ def message(fit: Fit) -> str:
 
 def warnings_of(fit: Fit) -> list[str]:
     """What deserves a warning when the fit is made."""
+    far = _offset(fit)
     if not fit.success:
-        return [f"fit: {fit.message}"]
-    found = [text for text in (_few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
+        return [f"fit: {text}" for text in (fit.message, far) if text]
+    found = [text for text in (far, _few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
         found.append(text + (_weights(fit) if fit.chi2 > LEVEL**2 * fit.df_resid else ""))
     return [f"fit: {text}" for text in found]
+
+
+def _offset(fit: Fit) -> str | None:
+    for record in fit.records or ():
+        for name in (*record.outputs, *record.inputs):
+            values = record[name]
+            mean, spread = float(values.mean()), float(values.std())
+            if abs(mean) > OFFSET * spread > 0:
+                cure = (
+                    "subtract it first" if fit.options.trend else "write the equation for deviations from it"
+                )
+                return (
+                    f"Channel {name!r} stands at {mean:.6g} and moves by {spread:.2g} (rms) about it, "
+                    f"{abs(mean) / spread:.2g} times less: so large an offset costs digits; {cure}."
+                )
+    return None
 
 
 def _few_samples(fit: Fit) -> str | None:

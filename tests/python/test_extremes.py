@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import warnings
 
 import modfun as mf
 import numpy as np
@@ -119,3 +120,17 @@ def test_a_terminal_without_greek_letters_gets_question_marks(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert "?s" in done.stdout  # µs
+
+
+def test_an_offset_beyond_reason_is_said():
+    quiet = mf.fit(RECORD, STRUCTURE)
+    offset = 5e3 * RECORD.y.std()
+    with pytest.warns(mf.ModfunWarning, match=r"'y' stands at .*, 5e\+03 times less.*; subtract it first"):
+        mf.fit(mf.Record(y=RECORD.y + offset, u=RECORD.u, dt=RECORD.dt), STRUCTURE)
+    moderate = mf.fit(mf.Record(y=RECORD.y + offset / 10, u=RECORD.u, dt=RECORD.dt), STRUCTURE)  # no warning
+    np.testing.assert_allclose(moderate.params, quiet.params, atol=0.1 * quiet.bse.min())
+    cubic = mf.Equation("y'' + a*y' + b*y + c*y**3 = d*u")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        mf.fit(mf.Record(y=RECORD.y + offset, u=RECORD.u, dt=RECORD.dt), cubic)
+    assert any("write the equation for deviations from it" in str(w.message) for w in told)
