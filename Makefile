@@ -87,7 +87,7 @@ counts: .venv/created
 wheel: .venv/packaging/created
 	cargo fetch --locked --quiet
 	RUSTFLAGS="--remap-path-prefix=$(CURDIR)=. $$(printf -- '--remap-path-prefix=%s=crates ' $(CRATES))" \
-		$(PACKAGING)/maturin build --release --locked $(MANYLINUX) --out dist
+		PATH="$(CURDIR)/$(PACKAGING):$$PATH" maturin build --release --locked $(MANYLINUX) --out dist
 	$(PACKAGING)/python packaging/contents.py dist
 	$(PACKAGING)/twine check --strict dist/*.whl
 

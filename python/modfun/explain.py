@@ -74,8 +74,7 @@ def _offset(fit: Fit) -> str | None:
             values = record[name]
             mean, spread = float(values.mean()), float(values.std())
             if abs(mean) > OFFSET * spread > 0:
-                linear = fit.options.trend in ("constant", "linear")
-                cure = "subtract it first" if linear else "write the equation for deviations from it"
+                cure = "subtract it first" if fit.has_poles else "write the equation for deviations from it"
                 return (
                     f"Channel {name!r} stands at {mean:.6g} and moves by {spread:.2g} (rms) about it, "
                     f"{abs(mean) / spread:.2g} times less: so large an offset costs digits; {cure}."
