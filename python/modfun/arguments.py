@@ -93,10 +93,13 @@ def shown(value: Any) -> str:
 # All arguments of a call ---------------------------------------------------------------------------
 
 
-def public(thing: Thing) -> Thing:
-    """Decorate a function, or a class for its constructor and methods: misfits are a SpecError."""
+def public(thing: Thing, within: str = "") -> Thing:
+    """Decorate a function, or a class for its constructor and methods: misfits are a SpecError.
+
+    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`.
+    """
     if not isinstance(thing, type):
-        return _explained(thing, thing.__name__)  # type: ignore[no-any-return]
+        return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
     for name, member in list(vars(thing).items()):
         if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
             own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"

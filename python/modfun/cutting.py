@@ -31,18 +31,19 @@ def pieces_every(t: F64, every: float) -> Pieces:
     DataError
         If no piece would have 8 samples.
     """
-    if not real("split", "every", every, finite=False) > 0 or not math.isfinite(every):
+    length = real("split", "every", every, finite=False)
+    if not (math.isfinite(length) and length > 0):
         raise SpecError(f"split: every={every!r} must be a positive number of seconds")
     duration = float(t[-1] - t[0])
     slack = SLACK * duration / (len(t) - 1)
-    count = int(min((duration + slack) / every, len(t)))
-    edges = np.searchsorted(t, t[0] + every * np.arange(count + 1) - slack, side="left")
+    count = int(min((duration + slack) / length, len(t)))
+    edges = np.searchsorted(t, t[0] + length * np.arange(count + 1) - slack, side="left")
     if count == 0 or np.min(np.diff(edges)) + 1 < FEWEST:
         raise DataError(
-            f"split(every={every:g}): pieces need at least {FEWEST} samples and may not be longer than the "
+            f"split(every={length:g}): pieces need at least {FEWEST} samples and may not be longer than the "
             f"record, which has {len(t)} samples in {duration:g} s"
         )
-    return [(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={every:g})"
+    return [(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={length:g})"
 
 
 def pieces_on(t: F64, values: F64, channel: str) -> Pieces:

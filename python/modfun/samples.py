@@ -217,8 +217,6 @@ def times_of(
         )
     with np.errstate(over="ignore"):
         steps = np.diff(times)
-    if not 1e-150 < float(np.max(np.abs(steps), initial=1.0)) < 1e150:
-        raise SpecError("Record: the steps of t are out of range; give time in another unit")
     if not (steps > 0).all():
         bad = int(np.flatnonzero(steps <= 0)[0])
         raise DataError(
@@ -226,6 +224,8 @@ def times_of(
             f"{times[bad + 1]:.10g}; sort the samples, drop repeated ones, or give dt= if the clock is at "
             "fault"
         )
+    if not 1e-150 < float(np.max(steps)) < 1e150:
+        raise SpecError("Record: the steps of t are out of range; give time in another unit")
     mean = even_step(times)
     return (times, None) if mean is None else (times[0] + mean * np.arange(count), mean)
 

@@ -23,6 +23,30 @@ def _close():
     plt.close("all")
 
 
+THINGS = [name for name in mf.plot.__all__ if name != "bode"]
+
+
+@pytest.mark.parametrize("other", [5, "fit", None, np.zeros(3)], ids=str)
+@pytest.mark.parametrize("name", THINGS)
+def test_what_cannot_be_drawn_is_said_with_what_can(name, other):
+    with pytest.raises(
+        mf.SpecError, match=rf"plot\.{name}: .*is of type {type(other).__name__}; it takes [A-Z]"
+    ):
+        getattr(mf.plot, name)(other)
+
+
+@pytest.mark.parametrize("other", [5, "fit", None])
+def test_a_bode_plot_of_something_else_is_refused(fit, other):
+    with pytest.raises(mf.SpecError, match=r"plot\.bode: .*give a Fit, an LTI or a FrequencyResponse"):
+        mf.plot.bode(fit, other)
+
+
+@pytest.mark.parametrize("ax", [5, "axes", [1, 2]])
+def test_what_is_no_axes_is_refused(fit, ax):
+    with pytest.raises(mf.SpecError, match="no Axes"):
+        mf.plot.residuals(fit, ax=ax)
+
+
 def test_response_draws_the_record_the_simulation_and_the_error(fit):
     upper, lower = fit.plot_response()
     measured, simulated = (line.get_ydata() for line in upper.get_lines())

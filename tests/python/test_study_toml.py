@@ -14,6 +14,7 @@ import pytest
 import study_functions_kit as kit
 from modfun.options import Options
 from modfun.study import toml_file
+from modfun.study.toml_values import line_of
 from modfun.study.work import Work
 from study_cases import same
 
@@ -254,7 +255,7 @@ WRONG: dict[str, tuple[str, str, str]] = {
     "word of the system": ("den", "denn", "system has no key 'denn'; did you mean 'den'"),
     "system without den": (", den = [1, 3, 8]", "", "system lacks den"),
     "system in texts": ("[1, 3, 8]", '"s"', "system.den = 's'; give numbers"),
-    "system refused": ("[1, 3, 8]", "[0]", "study.toml: system: mf.tf"),
+    "system refused": ("[1, 3, 8]", "[0]", "study.toml, line 8: system: mf.tf"),
     "system that is a number": ("{ num = [5], den = [1, 3, 8] }", "5", "system = 5; give a table"),
     "key astray below a header": (
         "system = { num = [5], den = [1, 3, 8] }",
@@ -287,7 +288,7 @@ WRONG: dict[str, tuple[str, str, str]] = {
         "estimators.a has no key 'maxiter'",
     ),
     "structure": ("", "model = { pole = 2 }", "model = {'pole': 2}; give a table, as { poles = 2"),
-    "structure refused": ("", "model = { poles = 2, zeros = 3 }", "study.toml: model: .*zeros"),
+    "structure refused": ("", "model = { poles = 2, zeros = 3 }", "study.toml, line 9: model: .*zeros"),
     "zeros": ("", 'model = { poles = 2, zeros = "no" }', "model.zeros = 'no'; give a whole number"),
     "grid": ("", "grid = { df = 3 }", "grid.df = 3; give a list"),
     "no module": ("", 'noise = "no_kit:f"', "noise = 'no_kit:f': there is no module no_kit"),
@@ -316,6 +317,58 @@ def test_what_is_wrong_is_named_with_its_place(case: str, file: Any) -> None:
     with pytest.raises(mf.SpecError, match=said) as caught:
         toml_file.load(file(text))
     assert "study.toml" in str(caught.value)
+
+
+NESTED = """\
+nsr = 0.1
+system = { num = [5], den = [1, 3, 8] }
+input.own = "t"
+
+[estimators]
+ls = "ls"
+"ml, wide" = { method = "ml", harmonic = 6 }
+
+[estimators.oe]
+rival = "output_error"
+[ estimators . 'a.b' ]
+start.a1 = "x"
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        (("nsr",), 1),
+        (("system",), 2),
+        (("system", "den"), 2),
+        (("input",), 3),
+        (("input", "own"), 3),
+        (("estimators",), 5),
+        (("estimators", "ls"), 6),
+        (("estimators", "ml, wide", "harmonic"), 7),
+        (("estimators", "oe"), 9),
+        (("estimators", "oe", "rival"), 10),
+        (("estimators", "a.b", "start"), 12),
+        (("estimators", "a.b", "start", "a1"), 12),
+        (("seed",), None),
+        (("estimators", "oe", "seed"), None),
+    ],
+)
+def test_a_nested_key_is_found_on_its_line(path: tuple[str, ...], line: int | None) -> None:
+    assert line_of(path, NESTED) == line
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("[estimators.a]\nmethod = 'ml'\nharmonic = 6\n", "line 4: estimators.a has no key 'harmonic'"),
+        ("[estimators.a]\nmethod = 'ml'\nharmonics = 0.5\n", "line 4: estimators.a.harmonics = 0.5"),
+        ("keep = 'samples'\n", "line 2: keep is no part of a study"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_said_with_its_line(more: str, said: str, file: Any) -> None:
+    with pytest.raises(mf.SpecError, match=said):
+        toml_file.load(file("nsr = 0.1\n" + more))
 
 
 def test_no_file(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Plots: each takes ``ax=`` and returns the Axes drawn on; none shows a window or changes settings."""
 
 from .channels import record, signals, sinusoids, spectrum, track
-from .diagnostics import correlation, harmonics, residual_tests
-from .fits import poles, residuals, response
+from .diagnostics import correlation, harmonics, residual_tests, residuals
+from .fits import poles, response
 from .frequency import bode, reduction
 from .tables import comparison, cross_validation, order, study
 

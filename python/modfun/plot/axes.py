@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import Thing, public, shown
 from ..errors import SpecError
 from ..extras import optional
 from ..tables import nearest
@@ -14,6 +15,11 @@ from ..tables import nearest
 if TYPE_CHECKING:
     from ..records import Record
     from ..results import Fit
+
+
+def drawing(function: Thing) -> Thing:
+    """Decorate a function of `mf.plot`: what is of another kind than it draws is a SpecError."""
+    return public(function, "plot.")
 
 
 def take_axes(
@@ -28,6 +34,8 @@ def take_axes(
     if hasattr(ax, "plot"):
         return [ax] * count
     given = list(np.ravel(np.asarray(ax, dtype=object)))
+    if other := [one for one in given if not hasattr(one, "plot")]:
+        raise SpecError(f"plot: ax holds {shown(other[0])}, which is no Axes; give those of matplotlib")
     if len(given) != count:
         raise SpecError(f"plot: ax has {len(given)} Axes where {count} are needed, or a single one for all")
     return given

@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .axes import bridge_gaps, decibels, frequency_axis, label_axes, returned, take_axes
+from ..signals.signals import Signals
+from ..spectra import Spectrum
+from .axes import bridge_gaps, decibels, drawing, frequency_axis, label_axes, returned, take_axes
 
 if TYPE_CHECKING:
     from ..records import Record
     from ..samples import F64
-    from ..signals import Signals
-    from ..spectra import Spectrum
     from ..tone_results import Sinusoids
     from ..track import Track
 
 
+@drawing
 def record(rec: Record, ax: Any = None) -> Any:
     """Draw a record over time: outputs above, inputs below, held inputs as steps.
 
@@ -44,6 +45,7 @@ def record(rec: Record, ax: Any = None) -> Any:
     return returned(ax, axes)
 
 
+@drawing
 def signals(given: Signals, ax: Any = None) -> Any:
     """Draw the inputs of an experiment over time, held ones as steps.
 
@@ -71,6 +73,7 @@ def _draw(here: Any, t: F64, values: F64, name: str, kind: str | None, color: st
     here.plot(t, values, drawstyle=style, label=name, color=color, linewidth=1.0)
 
 
+@drawing
 def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     """Draw amplitude spectra, both axes logarithmic.
 
@@ -99,6 +102,7 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     return returned(ax, axes)
 
 
+@drawing
 def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
     """Draw the spectrum of a record and of what its tones leave, in dB, the tones as dots.
 
@@ -137,6 +141,7 @@ def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
     return here
 
 
+@drawing
 def track(found: Track, ax: Any = None) -> Any:
     """Draw estimates over time, each with a band of two standard errors.
 

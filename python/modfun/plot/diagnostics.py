@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import SpecError
-from .axes import chosen_rows, frequency_axis, returned, take_axes, take_pairs
+from .axes import chosen_rows, drawing, frequency_axis, returned, take_axes, take_pairs
 from .channels import spectrum
 
 if TYPE_CHECKING:
     from ..records import Record
     from ..results import Fit
 
-__all__ = ["correlation", "harmonics", "residual_tests"]
+__all__ = ["correlation", "harmonics", "residual_tests", "residuals"]
 
 NUMBERS = 10  # parameters up to which correlations are written into their cells
 
 
+@drawing
 def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: bool = False) -> Any:
     """Draw the spectrum of a record with the harmonics that the fit uses shaded, and its noise level.
 
@@ -81,11 +82,9 @@ def _levels(fit: Fit, output: int, rec: Record) -> list[tuple[float, str, str]]:
     return [(gain * level, style, words) for level, style, words in found if level > 0]
 
 
-def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
-    """Draw the cumulated power of the residual lines over the band, and their normal quantiles.
-
-    A straight line is noise of one level over the band; dashed is the 95 % band of the Kolmogorov-Smirnov
-    test. Points on the diagonal are normal; the band holds each point with 95 %.
+@drawing
+def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
+    """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
 
     Parameters
     ----------
@@ -99,22 +98,97 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     -------
     ndarray of Axes, shape (2 · rows,)
     """
+    from ..validation import correlation_of_lines
+
+    def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str) -> None:
+        _lines_over_m(upper, fit.lines, pieces)
+        upper.set_ylabel(f"whitened residual{of}")
+        test, r = correlation_of_lines(pieces)
+        _autocorrelation(lower, r, test.count)
+        lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
+        lower.set_ylabel(f"autocorrelation{of}")
+
+    return _each_row(fit, ax, chosen_rows(fit, output, "plot.residuals"), 2.3, draw)
+
+
+@drawing
+def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
+    """Draw the cumulated power of the residual lines over the band, and their normal quantiles.
+
+    A straight line is noise of one level over the band; dashed is the 95 % band of the Kolmogorov-Smirnov
+    test. Points on the diagonal are normal; the band holds each point with 95 %.
+
+    Parameters
+    ----------
+    fit, ax, output
+        As in `residuals`.
+
+    Returns
+    -------
+    ndarray of Axes, shape (2 · rows,)
+    """
     from ..validation import cumulated_power
 
     chosen = chosen_rows(fit, output, "plot.residual_tests")
     if hasattr(ax, "plot"):
         raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
-    axes = take_pairs(ax, len(chosen), height=2.6, sharex=False)
-    for (left, right), i in zip(axes, chosen, strict=True):
-        pieces = [piece[i] for piece in fit.pieces]
-        of = "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}"
+
+    def draw(left: Any, right: Any, pieces: Sequence[Any], of: str) -> None:
         _cumulated(left, *cumulated_power(pieces))
         left.set_ylabel(f"cumulated power{of}")
         _quantiles(right, pieces)
         right.set_ylabel(f"residuals{of}")
-        for here in (left, right):
+
+    return _each_row(fit, ax, chosen, 2.6, draw)
+
+
+def _each_row(
+    fit: Fit,
+    ax: Any,
+    chosen: Sequence[int],
+    height: float,
+    draw: Callable[[Any, Any, Sequence[Any], str], None],
+) -> Any:
+    """Two Axes a row of residuals; `draw` gets these, the lines of each record, and " of" the row's name."""
+    axes = take_pairs(ax, len(chosen), height=height, sharex=False)
+    for pair, i in zip(axes, chosen, strict=True):
+        draw(
+            *pair,
+            [piece[i] for piece in fit.pieces],
+            "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}",
+        )
+        for here in pair:
             here.grid(True, alpha=0.3)
     return returned(ax, [here for pair in axes for here in pair])
+
+
+def _lines_over_m(here: Any, lines: Sequence[tuple[int, int]], pieces: Sequence[Any]) -> None:
+    for k, ((first, last), e) in enumerate(zip(lines, pieces, strict=True)):
+        m = np.arange(first, last + 1)
+        some = len(e) <= 60
+        look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
+        here.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
+        here.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
+    here.axhline(0.0, color="0.3", linewidth=0.6)
+    for level in (-1.96, 1.96):
+        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    every = np.concatenate(pieces)
+    reach = max(3.0, 1.1 * float(np.max(np.abs([every.real, every.imag]), initial=0.0)))
+    here.set_ylim(-reach, reach)
+    here.xaxis.get_major_locator().set_params(integer=True)
+    here.set_xlabel("harmonic m")
+    here.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
+def _autocorrelation(here: Any, r: Any, count: int) -> None:
+    lags = np.arange(1, r.size + 1)
+    here.bar(lags, r, width=0.35, color="C0")
+    here.axhline(0.0, color="0.3", linewidth=0.6)
+    limit = 1.96 / np.sqrt(2 * max(count, 1))
+    for level in (-limit, limit):
+        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    here.set_xticks(lags)
+    here.set_xlim(0.0, max(10, r.size) + 1.0)
 
 
 def _cumulated(here: Any, share: Any, power: Any) -> None:
@@ -139,6 +213,7 @@ def _quantiles(here: Any, pieces: Sequence[Any]) -> None:
     here.set_xlabel("normal quantiles")
 
 
+@drawing
 def correlation(fit: Fit, ax: Any = None) -> Any:
     """Draw the correlations of the estimates as a matrix: blue negative, red positive.
 

@@ -1,4 +1,4 @@
-"""Plots of fits: simulation beside measurement, residual lines, poles."""
+"""Plots of fits: simulation beside measurement, poles."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpecError
-from .axes import bridge_gaps, chosen_outputs, chosen_rows, returned, take_axes, take_pairs
+from .axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
 
 if TYPE_CHECKING:
     from ..records import Record
     from ..results import Fit
 
 
+@drawing
 def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, output: str | None = None) -> Any:
     """Draw measured and simulated outputs, the error below each; masked samples bridged by dots.
 
@@ -57,68 +58,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     return returned(ax, [here for pair in axes for here in pair])
 
 
-def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
-    """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
-
-    Parameters
-    ----------
-    fit : Fit
-    ax : sequence of Axes, optional
-        Two a row, in turn; new ones by default. Rows are the outputs; of equations these.
-    output : str, optional
-        Name of the one row to draw, as "q" or "equation 1"; default: all.
-
-    Returns
-    -------
-    ndarray of Axes, shape (2 · rows,)
-    """
-    from ..validation import correlation_of_lines
-
-    chosen = chosen_rows(fit, output, "plot.residuals")
-    axes = take_pairs(ax, len(chosen), height=2.3, sharex=False)
-    for (upper, lower), i in zip(axes, chosen, strict=True):
-        pieces = [piece[i] for piece in fit.pieces]
-        of = "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}"
-        _lines_over_m(upper, fit.lines, pieces)
-        upper.set_ylabel(f"whitened residual{of}")
-        test, r = correlation_of_lines(pieces)
-        _autocorrelation(lower, r, test.count)
-        lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
-        lower.set_ylabel(f"autocorrelation{of}")
-        for here in (upper, lower):
-            here.grid(True, alpha=0.3)
-    return returned(ax, [here for pair in axes for here in pair])
-
-
-def _lines_over_m(here: Any, lines: Sequence[tuple[int, int]], pieces: Sequence[Any]) -> None:
-    for k, ((first, last), e) in enumerate(zip(lines, pieces, strict=True)):
-        m = np.arange(first, last + 1)
-        some = len(e) <= 60
-        look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
-        here.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
-        here.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
-    here.axhline(0.0, color="0.3", linewidth=0.6)
-    for level in (-1.96, 1.96):
-        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
-    every = np.concatenate(pieces)
-    reach = max(3.0, 1.1 * float(np.max(np.abs([every.real, every.imag]), initial=0.0)))
-    here.set_ylim(-reach, reach)
-    here.xaxis.get_major_locator().set_params(integer=True)
-    here.set_xlabel("harmonic m")
-    here.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-
-
-def _autocorrelation(here: Any, r: Any, count: int) -> None:
-    lags = np.arange(1, r.size + 1)
-    here.bar(lags, r, width=0.35, color="C0")
-    here.axhline(0.0, color="0.3", linewidth=0.6)
-    limit = 1.96 / np.sqrt(2 * max(count, 1))
-    for level in (-limit, limit):
-        here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
-    here.set_xticks(lags)
-    here.set_xlim(0.0, max(10, r.size) + 1.0)
-
-
+@drawing
 def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> Any:
     """Draw the poles of fits with 95 % confidence ellipses (real poles: intervals).
 

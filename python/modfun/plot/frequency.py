@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import shown
 from ..errors import SpecError
-from .axes import clip_to_lines, frequency_axis, returned, take_axes
+from .axes import clip_to_lines, drawing, frequency_axis, returned, take_axes
 
 if TYPE_CHECKING:
     from ..reduction import Reduction
 
 
+@drawing
 def bode(
     *systems: Any,
     band: tuple[float, float] | None = None,
@@ -45,6 +47,12 @@ def bode(
         raise SpecError("plot.bode: give at least one fit, system or frequency response")
     if labels is not None and len(labels) != len(systems):
         raise SpecError(f"plot.bode: {len(labels)} labels for {len(systems)} systems; give one each")
+    for system in systems:
+        if not any(hasattr(system, name) for name in ("omega0", "omega", "frequency_response")):
+            raise SpecError(
+                f"plot.bode: {shown(system)} is of type {type(system).__name__}; give a Fit, an LTI or a "
+                "FrequencyResponse"
+            )
     low, high = _range(systems) if band is None else band
     if not 0 < low < high:
         raise SpecError(f"plot.bode: band={band!r} must be (lower, upper) in rad/s with 0 < lower < upper")
@@ -89,6 +97,7 @@ def bode(
     return returned(ax, [upper, lower])
 
 
+@drawing
 def reduction(red: Reduction, ax: Any = None, *, hz: bool = False) -> Any:
     """Draw the gains of a system, of its reduced model and of their difference over frequency.
 

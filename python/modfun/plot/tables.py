@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpecError
-from .axes import label_axes, returned, take_axes, take_grid
+from .axes import drawing, label_axes, returned, take_axes, take_grid
 
 if TYPE_CHECKING:
     from ..comparison import Comparison, CrossValidation
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..study.results import Results
 
 
+@drawing
 def comparison(table: Comparison, ax: Any = None) -> Any:
     """Draw the measured outputs of a record and what each fit simulates, with its fit in per cent.
 
@@ -47,6 +48,7 @@ def comparison(table: Comparison, ax: Any = None) -> Any:
     return returned(ax, axes)
 
 
+@drawing
 def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
     """Draw how well each record left out is simulated, an estimator a line; below -100 % is left out.
 
@@ -75,6 +77,7 @@ def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
     return returned(ax, axes)
 
 
+@drawing
 def order(selection: OrderSelection, ax: Any = None) -> Any:
     """Draw residual level and criterion of the candidates over the number of poles.
 
@@ -124,6 +127,7 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
     return returned(ax, axes)
 
 
+@drawing
 def study(res: Results, ax: Any = None) -> Any:
     """Draw bias and standard deviation against NSR, as figure 2 of the report, one row a cell otherwise.
 

@@ -12,7 +12,16 @@ from ..arguments import real, reals
 from ..errors import SpecError
 from ..samples import MOST_SAMPLES
 
-__all__ = ["Names", "amplitudes_of", "band_of", "intervals_of", "names_of", "number", "samples_of"]
+__all__ = [
+    "Names",
+    "amplitudes_of",
+    "band_of",
+    "intervals_of",
+    "names_of",
+    "number",
+    "one_input",
+    "samples_of",
+]
 
 F64 = NDArray[np.float64]
 Names = str | int | Sequence[str]
@@ -43,6 +52,16 @@ def names_of(what: str, given: Names) -> tuple[str, ...]:
         )
     if len(set(names)) < len(names):
         raise SpecError(f"{what}: inputs={list(names)} names an input twice; names must differ")
+    return names
+
+
+def one_input(what: str, given: Names) -> tuple[str, ...]:
+    """The name of the input of a signal that is for one."""
+    names = names_of(what, given)
+    if len(names) > 1:
+        raise SpecError(
+            f'{what}: one input at a time; {what}("da", ...).then({what}("dr", ...)) is one after the other'
+        )
     return names
 
 

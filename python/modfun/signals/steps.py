@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import public
 from ..errors import SpecError
-from .checks import amplitudes_of, band_of, intervals_of, names_of, number, samples_of
+from .checks import amplitudes_of, band_of, intervals_of, number, one_input, samples_of
 from .signals import Signals
 
 __all__ = ["doublet", "multistep", "prbs"]
@@ -203,8 +203,7 @@ def prbs(
     16.38
     """
     what = "prbs"
-    name = _one(what, input)
-    step = number("prbs: dt", dt)
+    name, step = one_input(what, input), number("prbs: dt", dt)
     if (band is None) == (clock is None):
         raise SpecError("prbs: give band= in rad/s, or clock= in s, one of them")
     rests = sum(samples_of(f"prbs: {k}", v, step) for k, v in (("before", before), ("after", after)))
@@ -256,15 +255,6 @@ def _sequence(order: int, seed: int) -> F64:
     return np.roll(2 * bits - 1, -start)
 
 
-def _one(what: str, input: Any) -> tuple[str, ...]:
-    names = names_of(what, input)
-    if len(names) > 1:
-        raise SpecError(
-            f'{what}: one input at a time; {what}("da", ...).then({what}("dr", ...)) is one after the other'
-        )
-    return names
-
-
 def _unit(what: str, name: str, given: Any, omega: Any, dt: Any, rule: float) -> float:
     step = number(f"{what}: dt", dt)
     if (given is None) == (omega is None):
@@ -278,14 +268,14 @@ def _pulses(
     what: str, input: Any, widths: Sequence[float], unit: float, dt: float, amplitude: ArrayLike, rate: Any,
     before: float, after: float | None, duration: float | None,
 ) -> Signals:  # fmt: skip
-    name = _one(what, input)
-    counts = [samples_of(f"{what}: a pulse of {w:g} units", w * unit, dt, strict=True) for w in widths]
+    name, step = one_input(what, input), number(f"{what}: dt", dt)
+    counts = [samples_of(f"{what}: a pulse of {w:g} units", w * unit, step, strict=True) for w in widths]
     if duration is None:
-        rests = samples_of(f"{what}: before", before, dt) + samples_of(f"{what}: after", after or 0.0, dt)
-        duration = (sum(counts) + rests) * dt
+        rests = samples_of(f"{what}: before", before, step) + samples_of(f"{what}: after", after or 0.0, step)
+        duration = (sum(counts) + rests) * step
     elif after is not None:
         raise SpecError(f"{what}: give after= or duration=, one of them")
-    step, lead, count, _ = intervals_of(what, duration, dt, before, 0.0)
+    step, lead, count, _ = intervals_of(what, duration, step, before, 0.0)
     if count < sum(counts):
         raise SpecError(
             f"{what}: the pulses last {sum(counts) * step:g} s, and duration={duration:g} s leaves "

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..arguments import public, reals
 from ..errors import SpecError
-from .checks import amplitudes_of, band_of, intervals_of, names_of, number
+from .checks import amplitudes_of, band_of, intervals_of, number, one_input
 from .signals import Signals
 
 __all__ = ["chirp"]
@@ -73,11 +73,7 @@ def chirp(
     (3000, ('smooth',))
     """
     what = "chirp"
-    name = names_of(what, input)
-    if len(name) > 1:
-        raise SpecError(
-            'chirp: one input at a time; chirp("da", ...).then(chirp("dr", ...)) is one after the other'
-        )
+    name = one_input(what, input)
     step, lead, count, _ = intervals_of(what, duration, dt, before, after)
     edges = reals(what, "band", band).ravel().tolist()
     if len(edges) != 2:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import shown
 from ..errors import SpecError
 from ..tables import nearest
 
@@ -24,9 +25,12 @@ class Axis:
 
     def index(self, label: Any) -> int:
         """Position of a label."""
-        for k, own in enumerate(self.labels):
-            if own == label:
-                return k
+        if isinstance(label, np.generic):
+            label = label.item()
+        if (
+            isinstance(label, str | int | float) and label in self.labels
+        ):  # an array would be compared by entries
+            return self.labels.index(label)
         meant = next((own for own in self.labels if str(own) == str(label)), None)
         if meant is not None:
             kinds = ("a text", "a number") if isinstance(label, str) else ("a number", "a text")
@@ -34,8 +38,8 @@ class Axis:
                 f"{self.name}={label!r} is {kinds[0]}, in the study it is {kinds[1]}; give "
                 f"{self.name}={meant!r}"
             )
-        texts = [str(own) for own in self.labels]
-        raise SpecError(f"{self.name}={label!r} is not in the study; {nearest(label, texts)}")
+        known = nearest(label if isinstance(label, str) else shown(label), [str(own) for own in self.labels])
+        raise SpecError(f"{self.name}={shown(label)} is not in the study; {known}")
 
 
 def axis(name: str, given: Any) -> tuple[Axis, tuple[Any, ...]]:

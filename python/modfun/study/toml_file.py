@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 import sys
 import tomllib
 from collections.abc import Callable, Mapping
@@ -113,13 +112,12 @@ def study(told: Mapping[str, Any], file: str, text: str = "") -> MonteCarlo:
     """The study that a TOML document tells; `file` begins its messages, `text` tells lines."""
     given: dict[str, Any] = {"estimators": None}
     for name, value in told.items():
+        key = Key(file, (name,), KEYS.keys(), text)
         if name in OF_A_RUN:
-            raise SpecError(f"{file}: {name} is no part of a study but of a run: modfun mc run --{name}")
+            raise key.refuse(f" is no part of a study but of a run: modfun mc run --{name}")
         if name not in KEYS:
-            raise SpecError(
-                f"{file}{_line(name, text)}: there is no key {name!r}; {nearest(name, list(KEYS))}"
-            )
-        given[name] = KEYS[name](Key(file, name, KEYS.keys()), value)
+            raise SpecError(f"{key.place}: there is no key {name!r}; {nearest(name, list(KEYS))}")
+        given[name] = KEYS[name](key, value)
     if isinstance(given["estimators"], dict):
         given["estimators"] = {
             name: one.made(given.get("model")) if isinstance(one, Unmade) else one
@@ -133,14 +131,6 @@ def study(told: Mapping[str, Any], file: str, text: str = "") -> MonteCarlo:
         raise SpecError(
             f"{file}: the study does not fit into memory ({error}); take fewer intervals"
         ) from None
-
-
-def _line(name: str, text: str) -> str:
-    """Where a key of the study stands, as far as a look at the text can tell."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if re.match(rf"""\s*(\[\s*)?["']?{re.escape(name)}["']?\s*[=.\]]""", line):
-            return f", line {number}"
-    return ""
 
 
 # Systems and structures --------------------------------------------------------------------------
@@ -318,7 +308,7 @@ OPTIONS: dict[str, Reader] = {
 ESTIMATOR = OPTIONS | {
     "model": _structure,
     "method": values.plain('"ls", "wls", "awls" or "ml"', str),
-    "noise": values.plain('"output" or "equation"', str),
+    "noise": values.plain('"output", "equation", "coloured" or "errors-in-variables"', str),
 }
 RIVALS: dict[str, Callable[..., Any]] = {
     "output_error": rivals.output_error,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from ..arguments import shown
 from ..callables import at
 from ..errors import SpecError
 from ..tables import nearest
@@ -27,44 +28,90 @@ __all__ = [
 ]
 
 FUNCTION = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+WORD = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([\w-]+))\s*""")  # of a dotted key
 
 
 @dataclass(frozen=True)
 class Key:
-    """Where a value stands: file, dotted name, and the keys of the study itself."""
+    """Where a value stands: file, names from the study's key down, the study's keys, the file's text."""
 
     file: str
-    name: str
+    path: tuple[str, ...]
     keys: Collection[str]
+    text: str
+
+    @property
+    def name(self) -> str:
+        """The dotted name."""
+        return ".".join(self.path)
+
+    @property
+    def place(self) -> str:
+        """File and, as far as a look at the text can tell, line."""
+        line = line_of(self.path, self.text)
+        return self.file if line is None else f"{self.file}, line {line}"
 
     def below(self, name: str) -> Key:
         """A key of the table that stands here."""
-        return Key(self.file, f"{self.name}.{name}", self.keys)
+        return replace(self, path=(*self.path, name))
 
     def refuse(self, text: str) -> SpecError:
         """An error that says where."""
-        return SpecError(f"{self.file}: {self.name}{text}")
+        return SpecError(f"{self.place}: {self.name}{text}")
 
     def wrong(self, value: Any, expected: str) -> SpecError:
         """The error for a value of the wrong kind."""
-        shown = repr(value)
-        shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
-        return self.refuse(f" = {shown}; give {expected}{self._astray()}")
+        return self.refuse(f" = {shown(value)}; give {expected}{self._astray()}")
 
     def read(self, value: Mapping[str, Any], known: Mapping[str, Reader]) -> dict[str, Any]:
         """The values of a table with known keys."""
         for name in value:
             if name not in known:
-                astray = self.below(name)._astray()
-                raise self.refuse(f" has no key {name!r}; {nearest(name, list(known))}{astray}")
+                own, meant = self.below(name), nearest(name, list(known))
+                raise SpecError(f"{own.place}: {self.name} has no key {name!r}; {meant}{own._astray()}")
         return {name: known[name](self.below(name), one) for name, one in value.items()}
 
     def _astray(self) -> str:
         """What stands below a header in brackets belongs to its table, which is easily forgotten."""
-        header, _, last = self.name.rpartition(".")
-        if not header or last not in self.keys:
+        *above, last = self.path
+        if not above or last not in self.keys:
             return ""
+        header = ".".join(above)
         return f" ({last} stands below [{header}]; if the study's is meant, put it above the first [...])"
+
+
+def line_of(path: tuple[str, ...], text: str) -> int | None:
+    """Line on which a key of a TOML text stands, or the braces that hold it.
+
+    The text is only looked at: a value of several lines, each like a key, deceives it.
+    """
+    header: tuple[str, ...] = ()
+    braces = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        words, end = _dotted(line.lstrip(" \t["))
+        if line.lstrip().startswith("["):
+            header = own = words
+        elif end == "=":
+            own = header + words
+            if braces is None and own == path[: len(own)]:
+                braces = number
+        else:
+            continue
+        if own[: len(path)] == path:  # it, or a table below it
+            return number
+    return braces
+
+
+def _dotted(text: str) -> tuple[tuple[str, ...], str]:
+    """The words of a dotted key at the beginning of a text, and the character behind."""
+    words, at = [], 0
+    while found := WORD.match(text, at):
+        words.append(next(word for word in found.groups() if word is not None))
+        at = found.end()
+        if text[at : at + 1] != ".":
+            break
+        at += 1
+    return tuple(words), text[at : at + 1]
 
 
 Reader = Callable[[Key, Any], Any]
