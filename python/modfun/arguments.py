@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ModfunError, SpecError
 
-__all__ = ["complexes", "public", "real", "reals", "shown", "whole"]
+__all__ = ["Thing", "complexes", "public", "real", "reals", "shown", "whole"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]

@@ -20,7 +20,7 @@ from .structures import TransferFunction
 from .tables import Table, nearest
 from .valued import noise_of, record_for, valued
 
-__all__ = ["Bound", "crlb"]
+__all__ = ["TRENDS", "Bound", "crlb"]
 
 F64 = NDArray[np.float64]
 TRENDS = (None, "constant", "linear")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import html
 from .arguments import public
 from .errors import FitError, SpecError
-from .estimation import Estimator, _fit, _options, _records, _structure
+from .estimation import Estimator, fit_quietly, records_of, structure_of
 from .options import Choices, Options
 from .records import Record
 from .results import Fit
@@ -107,7 +107,7 @@ def collinearity(
         The fit has no finite regressors.
     """
     structure, chosen = _model(model, options)
-    return diagnosed(_fit(_records(data, "collinearity"), structure, chosen))
+    return diagnosed(fit_quietly(records_of(data, "collinearity"), structure, chosen))
 
 
 def diagnosed(fit: Fit) -> Collinearity:
@@ -149,7 +149,7 @@ def _model(model: Any, options: Any) -> tuple[Any, Options]:
             )
         structure = model.structure if isinstance(model, Fit) else model.model
         return structure, model.options
-    return _structure(model, "collinearity"), _options("collinearity", dict(options))
+    return structure_of(model, "collinearity"), Options.checked("collinearity", **options)
 
 
 def _findings(fit: Fit, errors: F64, indices: F64, proportions: F64, directions: F64) -> tuple[str, ...]:

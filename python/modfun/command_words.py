@@ -34,7 +34,7 @@ def by_path(
 def degree_of(word: str) -> int | None:
     if word.lower() == "none":
         return None
-    if word.lstrip("-").isdigit():
+    if word.lstrip("-").isdecimal():
         return int(word)
     raise SpecError(f"--zeros {word}: give a whole number, or none for an input without a path")
 
@@ -89,14 +89,14 @@ def band_of(given: str | None) -> float | tuple[float, float] | None:
 
 def poles_of(given: str) -> Any:
     ends = given.split(":")
-    if len(ends) > 2 or not all(word.isdigit() for word in ends):
+    if len(ends) > 2 or not all(word.isdecimal() for word in ends):
         raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
     return range(int(ends[0]), int(ends[-1]) + 1)
 
 
 def picked(found: list[Any], given: str) -> list[Any]:
     """Those of a list that are named by numbers from 0 with commas between."""
-    numbers = [int(word) if word.strip().isdigit() else -1 for word in given.split(",")]
+    numbers = [int(word) if word.strip().isdecimal() else -1 for word in given.split(",")]
     if any(not 0 <= number < len(found) for number in numbers):
         raise SpecError(
             f"--only {given}: give numbers from 0 to {len(found) - 1} with commas between; there are "

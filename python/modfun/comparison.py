@@ -9,7 +9,7 @@ import numpy as np
 
 from .arguments import public
 from .errors import DataError, FitError, SpecError
-from .estimation import Estimator, _fit, _records
+from .estimation import Estimator, fit_quietly, records_of
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
@@ -158,7 +158,7 @@ def cross_validate(
     SpecError, DataError
         As `fit`, or fewer than two records.
     """
-    all_records = _records(records, "cross_validate")
+    all_records = records_of(records, "cross_validate")
     if len(all_records) < 2:
         raise DataError(
             "cross_validate: one record leaves nothing to fit when it is left out; "
@@ -172,7 +172,7 @@ def cross_validate(
     columns: dict[str, list[Any]] = {name: [] for name in names}
     for name, estimator in made.items():
         for k, rec in enumerate(all_records):
-            fit = _fit(all_records[:k] + all_records[k + 1 :], estimator.model, estimator.options)
+            fit = fit_quietly(all_records[:k] + all_records[k + 1 :], estimator.model, estimator.options)
             status = fit.status
             rows: list[dict[str, Any]] = [{"output": output} for output in rec.outputs]
             try:

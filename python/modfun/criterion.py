@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from .errors import SpecError
 from .gramians import Realisation
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
-from .options import _band
+from .options import band_edges
 from .tables import nearest
 
-__all__ = ["Criterion", "Target", "criterion_of", "lines_criterion", "measured"]
+__all__ = ["Criterion", "Target", "Weight", "criterion_of", "lines_criterion", "measured"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -83,7 +83,7 @@ def criterion_of(target: Target, weight: Weight, band: Any) -> Criterion:
     if band is None:
         grid = grid_for(target.response, low, high)
     else:
-        first, last = _band("reduce", band)
+        first, last = band_edges("reduce", band)
         start = first or min(low, last / 30)
         grid = grid_for(target.response, start, last, below=first == 0, above=False)
     if isinstance(weight, list | np.ndarray):
@@ -93,7 +93,7 @@ def criterion_of(target: Target, weight: Weight, band: Any) -> Criterion:
 
 def lines_criterion(omega: F64, data: C128, weight: Weight, band: Any) -> Criterion:
     """The criterion of a frequency response on its own lines within the band."""
-    first, last = (0.0, float("inf")) if band is None else _band("reduce", band)
+    first, last = (0.0, float("inf")) if band is None else band_edges("reduce", band)
     inside = (omega >= first) & (omega <= last)
     if np.sum(inside) < 2:
         raise SpecError(f"reduce: {np.sum(inside)} line(s) lie within the band {band!r} rad/s; widen it")

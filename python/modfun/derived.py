@@ -16,7 +16,7 @@ from .tables import Table
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["damp", "denominators", "derived", "frequency_response", "poles"]
+__all__ = ["cancelling", "damp", "denominators", "derived", "frequency_response", "poles"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]

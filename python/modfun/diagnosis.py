@@ -17,7 +17,16 @@ from .validation import Whiteness, colour_of_lines, correlation_of_lines
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["Diagnosis", "Lag", "diagnose", "fewest_samples", "lags"]
+__all__ = [
+    "Diagnosis",
+    "Lag",
+    "diagnose",
+    "disagreement",
+    "fewest_samples",
+    "growth",
+    "lags",
+    "surely_stable",
+]
 
 F64 = NDArray[np.float64]
 

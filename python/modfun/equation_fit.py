@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
     from .symbolic.formulas import Formulas
 
-__all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "prepare_equation"]
+__all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "layout_of", "prepare_equation"]
 
 F64 = NDArray[np.float64]
 Names = tuple[str, ...]

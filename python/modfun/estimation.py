@@ -27,7 +27,16 @@ from .structures import TransferFunction
 if TYPE_CHECKING:
     from .written import Written
 
-__all__ = ["Estimator", "fit", "fit_many"]
+__all__ = [
+    "Estimator",
+    "answered",
+    "fit",
+    "fit_many",
+    "fit_quietly",
+    "records_of",
+    "structure_of",
+    "threads_of",
+]
 
 
 @public
@@ -122,25 +131,23 @@ def fit(
     With a delay the window starts ceil(delay/dt) samples late, so that no input before the record is
     needed.
     """
-    options = _options(
+    options = Options.checked(
         "fit",
-        {
-            "method": method,
-            "band": band,
-            "harmonics": harmonics,
-            "trend": trend,
-            "noise": noise,
-            "cov_type": cov_type,
-            "output_weights": output_weights,
-            "correct": correct,
-            "rule": rule,
-            "extended": extended,
-            "tol": tol,
-            "maxiter": maxiter,
-            **unknown,
-        },
+        method=method,
+        band=band,
+        harmonics=harmonics,
+        trend=trend,
+        noise=noise,
+        cov_type=cov_type,
+        output_weights=output_weights,
+        correct=correct,
+        rule=rule,
+        extended=extended,
+        tol=tol,
+        maxiter=maxiter,
+        **unknown,
     )
-    return _fitted(data, _structure(model, "fit"), options)
+    return _fitted(data, structure_of(model, "fit"), options)
 
 
 @public
@@ -165,8 +172,8 @@ class Estimator:
     options: Options
 
     def __init__(self, model: TransferFunction | Written, **options: Unpack[Choices]) -> None:
-        object.__setattr__(self, "model", _structure(model, "Estimator"))
-        object.__setattr__(self, "options", _options("Estimator", dict(options)))
+        object.__setattr__(self, "model", structure_of(model, "Estimator"))
+        object.__setattr__(self, "options", Options.checked("Estimator", **options))
 
     def __call__(self, data: Record | Sequence[Record] | FrequencyResponse) -> Fit:
         """Fit the structure to a record, several as one problem, or a frequency response."""
@@ -227,18 +234,18 @@ def fit_many(
     DataError, SpecError
         As in `fit`.
     """
-    checked = _options("fit_many", dict(options))
-    structure = _structure(model, "fit_many")
+    checked = Options.checked("fit_many", **options)
+    structure = structure_of(model, "fit_many")
     if isinstance(progress, str) and progress != "auto":
         raise SpecError(f'fit_many: progress={progress!r} must be "auto", True or False')
-    count = _threads(threads)
+    count = threads_of(threads)
     if not isinstance(data, Batch):
-        data = _records(data, "fit_many")
+        data = records_of(data, "fit_many")
         first = data[0]
         alike = (first.y.shape[1], first.dt)
         uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
         if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
-            return fit_each(data, structure, checked, _fit)
+            return fit_each(data, structure, checked, fit_quietly)
     return fit_batch(data, structure, checked, count, progress)
 
 
@@ -252,13 +259,13 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 
         result: Fit = fit_response(data, structure, options)
     else:
-        result = _fit(_records(data), structure, options)
+        result = fit_quietly(records_of(data), structure, options)
     for text in result.remarks():
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
 
 
-def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
     if not isinstance(structure, TransferFunction):
         from .equation_fit import fit_equation
@@ -267,10 +274,10 @@ def _fit(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
-    return _answered(found, made, records, structure, options)
+    return answered(found, made, records, structure, options)
 
 
-def _answered(
+def answered(
     found: dict[str, Any],
     made: Prepared,
     records: tuple[Record, ...],
@@ -321,11 +328,8 @@ def _answered(
 # What users give ----------------------------------------------------------------------------------
 
 
-def _options(what: str, given: dict[str, Any]) -> Options:
-    return Options.checked(what, **given)
-
-
-def _structure(model: Any, what: str) -> Any:
+def structure_of(model: Any, what: str) -> Any:
+    """What is to be fitted, as a user gave it."""
     if isinstance(model, TransferFunction) or hasattr(model, "compiled"):
         return model
     if isinstance(model, LTI):
@@ -339,7 +343,8 @@ def _structure(model: Any, what: str) -> Any:
     )
 
 
-def _records(data: Any, what: str = "fit") -> tuple[Record, ...]:
+def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
+    """One record or several of the same channels, as a user gave them."""
     if isinstance(data, Record):
         return (data,)
     if isinstance(data, Batch):
@@ -373,12 +378,13 @@ def _refuse_unlike(first: Record, rec: Record, k: int, what: str) -> None:
             )
 
 
-def _threads(given: int | None) -> int:
+def threads_of(given: int | None) -> int:
+    """How many threads, as a user gave it; by default as the environment says, or as there are cores."""
     if given is None:
         text = os.environ.get("MODFUN_NUM_THREADS", "").strip()
         if not text:
             return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        if not text.isdigit() or int(text) < 1:
+        if not text.isdecimal() or int(text) < 1:
             raise SpecError(f"MODFUN_NUM_THREADS={text!r} must be a whole number from 1 on")
         return int(text)
     return whole("running", "threads", given, 1, MOST_THREADS)

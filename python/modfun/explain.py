@@ -16,7 +16,7 @@ from .tables import Findings, Table, nearest
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["Summary", "check", "facts", "message", "one_line", "parameters", "warnings_of"]
+__all__ = ["UNLIKELY", "Summary", "check", "facts", "message", "one_line", "parameters", "warnings_of"]
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 # Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight

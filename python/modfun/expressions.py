@@ -12,7 +12,7 @@ from .errors import DataError, SpecError
 from .samples import LARGEST
 from .signals.signals import Signals
 
-__all__ = ["Source", "evaluate", "expression"]
+__all__ = ["Source", "evaluate", "expression", "function", "is_samples", "sources"]
 
 F64 = NDArray[np.float64]
 Source = str | Callable[[F64], ArrayLike] | ArrayLike

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .free import Free
 
-__all__ = ["Layout", "Path"]
+__all__ = ["Layout", "Path", "routes"]
 
 F64 = NDArray[np.float64]
 Delay = float | Free

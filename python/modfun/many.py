@@ -23,7 +23,7 @@ from .results import Fit
 from .structures import TransferFunction
 from .tables import Table, nearest
 
-__all__ = ["FitMany", "shown"]
+__all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each", "shown"]
 
 F64 = NDArray[np.float64]
 STATUS = ("ok", "maxiter", "rank", "nonfinite")

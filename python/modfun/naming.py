@@ -12,7 +12,7 @@ from .samples import even_step
 from .sources import Source, Told
 from .tables import listed
 
-__all__ = ["guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]
+__all__ = ["SECONDS", "guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]
 
 F64 = NDArray[np.float64]
 

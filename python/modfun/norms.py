@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .gramians import Realisation
 
-__all__ = ["Grid", "grid_for", "h2_norm", "hinf_norm", "largest_gain"]
+__all__ = ["Grid", "Response", "grid_for", "h2_norm", "hinf_norm", "largest_gain"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]

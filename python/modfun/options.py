@@ -13,7 +13,7 @@ from .errors import SpecError
 from .noise import Noise
 from .tables import nearest
 
-__all__ = ["Choices", "Options"]
+__all__ = ["MOST", "MOST_THREADS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
@@ -124,7 +124,7 @@ def _checked(what: str, **given: Any) -> Options:
         raise SpecError(f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None")
     checked = dict(given)
     if given.get("band") is not None:
-        checked["band"] = _band(what, given["band"])
+        checked["band"] = band_edges(what, given["band"])
     if given.get("output_weights") is not None:
         checked["output_weights"] = _weights(what, given["output_weights"])
         if given.get("noise", "output") != "output":
@@ -163,7 +163,7 @@ def _checked(what: str, **given: Any) -> Options:
 _looked_up = lru_cache(64, typed=True)(_checked)
 
 
-def _band(what: str, band: Any) -> tuple[float, float]:
+def band_edges(what: str, band: Any) -> tuple[float, float]:
     several = isinstance(band, tuple | list) or (isinstance(band, np.ndarray) and band.ndim)
     edges = band if several else (0.0, band)
     if len(edges) != 2:

@@ -15,7 +15,7 @@ from . import _core, html
 from .arguments import public
 from .derived import cancelling
 from .errors import FitError, SpecError
-from .estimation import _fit, _options, _records
+from .estimation import fit_quietly, records_of
 from .masking import refuse_own_noise
 from .options import Choices, Options
 from .polynomials import roots_of
@@ -129,8 +129,8 @@ def select_order(
     FitError
         No candidate could be fitted.
     """
-    records = _records(data, "select_order")
-    checked = _options("select_order", dict(options))
+    records = records_of(data, "select_order")
+    checked = Options.checked("select_order", **options)
     if checked.method not in ("awls", "ml") or checked.noise != "output":
         raise SpecError(
             f"select_order: method={checked.method!r} with noise={checked.noise!r} has residuals that do not "
@@ -156,7 +156,7 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.plain_layout(records[0].inputs, "select_order")
-    fits = tuple(_fit(records, structure, checked) for structure in structures)
+    fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
         wide = race.wide()

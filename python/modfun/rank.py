@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from . import _core
 from .arguments import public, whole
 from .errors import DataError, SpecError
-from .estimation import _records
+from .estimation import records_of
 from .masking import refuse_own_noise
-from .options import MOST, _band
+from .options import MOST, band_edges
 from .records import Record
 from .simulation import spectrum
 from .tables import Table
@@ -58,8 +58,8 @@ def rank_test(
         Uneven or masked samples, or fewer lines than the columns need.
     """
     q = whole("rank_test", "poles", poles, 1, MOST)
-    edges = None if band is None else _band("rank_test", band)
-    records = _records(data, "rank_test")
+    edges = None if band is None else band_edges("rank_test", band)
+    records = records_of(data, "rank_test")
     seen, noise = np.zeros((q + 1, q + 1)), np.zeros((q + 1, q + 1))
     problems = [_lines(rec, edges) for rec in records]
     top = max(float(omega[-1]) for omega, _, _ in problems)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .arguments import public, whole
 from .batches import Batch
 from .errors import FitError, SpecError
-from .estimation import _fit, _threads, fit_many
+from .estimation import fit_many, fit_quietly, threads_of
 from .intervals import probability
 from .many import FitMany, collect
 from .options import Options
@@ -231,7 +231,7 @@ def bootstrap(
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
     count = whole("bootstrap", "replicates", replicates, 2, 10**9)
     address = whole("bootstrap", "seed", seed, 0, 2**64 - 1)
-    workers = _threads(threads)
+    workers = threads_of(threads)
     held = _held(fit)
     found = [fit.simulate(rec) for rec in records]
     clean = [y for y, _ in found]
@@ -295,7 +295,7 @@ def _refit(
         )
         return fit_many(batch, fit.structure, threads=threads, progress=False, **held.given())
     fits = [
-        _fit(
+        fit_quietly(
             tuple(rec._like(y=y) for rec, y in zip(records, own, strict=True)),
             fit.structure,
             held,

@@ -25,7 +25,16 @@ from .signals import Signals
 from .structures import TransferFunction
 from .timelag import DelaySystem
 
-__all__ = ["Coefficients", "Experiment", "Regressors", "coefficients", "experiment", "regressors", "simulate"]
+__all__ = [
+    "Coefficients",
+    "Experiment",
+    "Regressors",
+    "coefficients",
+    "experiment",
+    "regressors",
+    "simulate",
+    "spectrum",
+]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]

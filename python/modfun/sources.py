@@ -20,7 +20,7 @@ from .extras import optional
 from .memory import refuse_large
 from .tables import nearest
 
-__all__ = ["Source", "Told", "from_arrays", "open_source"]
+__all__ = ["ATTRS", "Source", "Told", "from_arrays", "open_source"]
 
 F64 = NDArray[np.float64]
 

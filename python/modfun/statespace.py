@@ -20,7 +20,7 @@ from .written import Written, channel_names, free_from_dict, free_to_dict, outpu
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
 
-__all__ = ["StateSpace"]
+__all__ = ["Matrix", "StateSpace"]
 
 Entry = float | str
 Matrix = tuple[tuple[Entry, ...], ...]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .arguments import public, real
 from .errors import DataError, SpecError
-from .estimation import Estimator, _answered, _fit
+from .estimation import Estimator, answered, fit_quietly
 from .forgetting import loss, unweighted, weights_of
 from .layout import Layout
 from .many import STATUS
@@ -292,11 +292,11 @@ class Stream:
         with self._lock:
             records = self._windows()
             if self._made is None:
-                return _fit(records, self.estimator.model, self.estimator.options)
+                return fit_quietly(records, self.estimator.model, self.estimator.options)
             refuse_standing(self._made.layout, [rec.y for rec in records], [rec.u for rec in records])
             found = self._core.fit()
         made = self._made.for_windows(len(records))
-        fit = _answered(found, made, records, self.estimator.model, self.estimator.options)
+        fit = answered(found, made, records, self.estimator.model, self.estimator.options)
         return unweighted(fit, self.weights[: len(records)])
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -19,7 +19,7 @@ from .layout import Layout, routes
 from .lti import LTI, tf
 from .tables import nearest
 
-__all__ = ["TransferFunction"]
+__all__ = ["TransferFunction", "system_of"]
 
 
 MOST_POLES = 100

@@ -10,7 +10,7 @@ import numpy as np
 
 from .arguments import public
 from .errors import SpecError
-from .estimation import _threads
+from .estimation import threads_of
 from .options import Options
 from .records import Record
 from .signals import Signals
@@ -276,8 +276,8 @@ class MonteCarlo:
             most = _whole("run: replicates", replicates, 1, MOST)
         work = Work(self.plan, draw, bool(coverage), keep == "samples")
         return run(
-            work, most, until, threads=_threads(threads), executor=executor, directory=directory, shard=shard,
-            progress=progress,
+            work, most, until, threads=threads_of(threads), executor=executor, directory=directory,
+            shard=shard, progress=progress,
         )  # fmt: skip
 
 

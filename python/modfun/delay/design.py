@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import complexes, public, real, reals
 from ..errors import SpecError
 from ..tables import Table
-from .transformation import Transformation, _expm, _said, integrals
+from .transformation import Transformation, integrals, matrix_exponential, said
 
-__all__ = ["Controller", "Design", "placed", "quadratic"]
+__all__ = ["Controller", "Design", "as_design", "placed", "quadratic", "sampled_words", "seconds"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -134,7 +134,7 @@ class Controller:
         """Where the kept roots go when u is held: log eig(e^{A dt} − ∫e^{As}ds BK)/dt."""
         a, b = self.transformation.A, self.transformation.B
         n, m = b.shape
-        block = _expm(self.dt * np.block([[a, b], [np.zeros((m, n + m))]]))
+        block = matrix_exponential(self.dt * np.block([[a, b], [np.zeros((m, n + m))]]))
         found = np.linalg.eigvals(block[:n, :n] - block[:n, n:] @ self.K).astype(np.complex128)
         with np.errstate(divide="ignore"):
             found = np.log(found)
@@ -184,13 +184,13 @@ def placed(transformation: Transformation, poles: ArrayLike, line: float) -> Des
             f"place: {wanted.size} poles for the {n} roots that can be moved; give {n} finite numbers"
         )
     if not np.allclose(_falling(wanted), _falling(wanted.conj()), atol=1e-9 * np.abs(wanted).max()):
-        raise SpecError(f"place: {_said(wanted)} are not pairs; give each complex pole with its conjugate")
+        raise SpecError(f"place: {said(wanted)} are not pairs; give each complex pole with its conjugate")
     _need(transformation, line, "place", wanted)
     try:
         gain_ = place_poles(transformation.A, transformation.B, wanted).gain_matrix
     except ValueError as error:
         raise SpecError(
-            f"place: {_said(wanted)} cannot be placed: {error}; take poles that differ (as many equal ones "
+            f"place: {said(wanted)} cannot be placed: {error}; take poles that differ (as many equal ones "
             f"as B has independent columns, {np.linalg.matrix_rank(transformation.B)}, are possible)"
         ) from None
     return _design(transformation, gain_)
@@ -218,7 +218,7 @@ def quadratic(transformation: Transformation, q: ArrayLike, r: ArrayLike, line: 
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SpecError(
             f"lqr: the Riccati equation has no stabilising solution ({error}); Q must weigh what the roots "
-            f"{_said(transformation.kept)} move, R must not be tiny beside it"
+            f"{said(transformation.kept)} move, R must not be tiny beside it"
         ) from None
     return design
 
@@ -247,8 +247,8 @@ def _need(transformation: Transformation, line: float, what: str, wanted: C128 |
     stay = transformation.left[transformation.left.real >= line]
     if stay.size:
         raise SpecError(
-            f"{what}: the roots {_said(stay)} lie right of the line {line:g} and would stay: the reduced "
-            f"state has {len(transformation.A)} roots, {_said(transformation.kept)}; move the line, or keep "
+            f"{what}: the roots {said(stay)} lie right of the line {line:g} and would stay: the reduced "
+            f"state has {len(transformation.A)} roots, {said(transformation.kept)}; move the line, or keep "
             "other roots with transformation(keep=...)"
         )
     a, b = transformation.A, transformation.B
@@ -261,7 +261,7 @@ def _need(transformation: Transformation, line: float, what: str, wanted: C128 |
         moved = [v for v in stuck if v.real >= line]
     if moved:
         raise SpecError(
-            f"{what}: no input reaches the root(s) {_said(moved)} (q·B(λ) = 0 for the left null vector q); "
+            f"{what}: no input reaches the root(s) {said(moved)} (q·B(λ) = 0 for the left null vector q); "
             + ("want them where they are" if wanted is not None else "they cannot be stabilised")
             + ", or give another B"
         )
@@ -322,7 +322,7 @@ def _falling(values: C128) -> C128:
 def sampled_words(poles: C128, dt: float) -> str:
     """What to say of a loop that holding u destabilises."""
     return (
-        f"with u held for dt = {dt:g} s the loop's roots are {_said(poles)}: unstable; sample faster, or ask "
+        f"with u held for dt = {dt:g} s the loop's roots are {said(poles)}: unstable; sample faster, or ask "
         "for slower poles"
     )
 

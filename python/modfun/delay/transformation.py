@@ -17,7 +17,7 @@ from .roots import Lagged, Roots, left_null
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
 
-__all__ = ["Transformation", "integrals", "reduced"]
+__all__ = ["Transformation", "integrals", "matrix_exponential", "reduced", "said"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -131,7 +131,7 @@ def reduced(plant: DelaySystem, roots: Roots, keep: Sequence[complex] | None) ->
     left = list(roots.values)
     for root in values:
         left.pop(int(np.argmin(np.abs(np.array(left) - root))))
-    b = sum((_expm(-a * r) @ m for r, m in plant.b), np.zeros((n, plant.shape[1])))
+    b = sum((matrix_exponential(-a * r) @ m for r, m in plant.b), np.zeros((n, plant.shape[1])))
     a.flags.writeable = b.flags.writeable = False
     return Transformation(
         plant=plant,
@@ -157,9 +157,9 @@ def integrals(a: F64, lag: float, matrix: F64, edges: F64) -> tuple[F64, F64]:
     # Most pieces are of one length: few exponentials, and products of them from piece to piece.
     lengths, which = np.unique(np.round(np.diff(edges) / edges[-1], 12), return_inverse=True)
     lengths = lengths[:, None, None, None] * edges[-1]
-    inner = _expm(a * (0.5 * lengths * (1 + GAUSS[0])[:, None, None]))
-    whole = _expm(a * lengths)[:, 0]
-    starts = [_expm(-a * lag)]
+    inner = matrix_exponential(a * (0.5 * lengths * (1 + GAUSS[0])[:, None, None]))
+    whole = matrix_exponential(a * lengths)[:, 0]
+    starts = [matrix_exponential(-a * lag)]
     for k in which[:-1]:
         starts.append(starts[-1] @ whole[k])
     values = np.array(starts)[:, None] @ inner[which] @ matrix
@@ -176,7 +176,7 @@ def _edges(lag: float, step: float | None) -> F64:
     return np.append(whole, lag)
 
 
-def _expm(a: F64) -> F64:
+def matrix_exponential(a: F64) -> F64:
     from scipy.linalg import expm
 
     found: F64 = expm(a)
@@ -209,11 +209,11 @@ def _chosen(a: Lagged, roots: C128, n: int, keep: Sequence[complex] | None) -> l
     if len(chosen) == n:
         return chosen
     if keep is not None:
-        why = f"the left null vectors of {_said(order)} are not independent, or a pair is cut"
+        why = f"the left null vectors of {said(order)} are not independent, or a pair is cut"
     elif dependent:
-        why = f"the null vectors of {_said(dependent)} depend on those of the roots before them"
+        why = f"the null vectors of {said(dependent)} depend on those of the roots before them"
     else:
-        why = f"the roots found, {_said(roots[:6])}, come in pairs that do not make up {n}"
+        why = f"the roots found, {said(roots[:6])}, come in pairs that do not make up {n}"
     raise SpecError(
         f"transformation: {n} characteristic roots with independent left null vectors are needed and "
         f"{len(chosen)} were found: {why}; there is no real matrix A of these roots"
@@ -249,7 +249,7 @@ def _polished(a: Lagged, x: F64) -> tuple[F64, float]:
     n = len(x)
 
     def error(x: F64) -> tuple[F64, float]:
-        parts = [x, *(-_expm(-x * h) @ m for h, m in a)]
+        parts = [x, *(-matrix_exponential(-x * h) @ m for h, m in a)]
         found: F64 = np.sum(parts, axis=0)
         size = max(sum(np.linalg.norm(p) for p in parts), np.finfo(float).tiny)
         return found, float(np.linalg.norm(found) / size)
@@ -274,5 +274,5 @@ def _polished(a: Lagged, x: F64) -> tuple[F64, float]:
     return x, residual
 
 
-def _said(roots: Any) -> str:
+def said(roots: Any) -> str:
     return ", ".join(f"{complex(r).real:.5g}" if complex(r).imag == 0 else f"{complex(r):.5g}" for r in roots)

@@ -23,6 +23,7 @@ __all__ = [
     "Page",
     "Section",
     "Words",
+    "plain_table",
     "section",
 ]
 

@@ -31,7 +31,7 @@ from .plan import Plan
 from .tally import Tally
 from .work import Part, Work, parts
 
-__all__ = ["Directory"]
+__all__ = ["FILE", "MANIFEST", "OWN", "SAMPLES", "Directory"]
 
 F64 = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ..errors import ModfunError
-from ..estimation import Estimator, _fit, fit_many
+from ..estimation import Estimator, fit_many, fit_quietly
 from ..many import FitMany
 from ..records import Record
 from ..results import Fit
@@ -15,7 +15,7 @@ __all__ = ["fit_one", "fit_records"]
 
 def fit_one(own: Estimator, rec: Record) -> Fit:
     """A fit without its warnings."""
-    return _fit((rec,), own.model, own.options)
+    return fit_quietly((rec,), own.model, own.options)
 
 
 def fit_records(own: Estimator, records: Sequence[Record]) -> Iterator[tuple[list[int], FitMany | str]]:
