@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ModfunError, SpecError
 
-__all__ = ["Thing", "complexes", "public", "real", "reals", "shown", "whole"]
+__all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -166,7 +166,7 @@ def _fits(value: Any, kind: Any) -> bool:
     if origin in (Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
     if origin is tuple:
-        if not _is_sequence(value):
+        if not is_sequence(value):
             return False
         each = parts[:1] * len(value) if parts[-1] is ... else parts
         return len(each) == len(value) and all(map(_fits, value, each))
@@ -177,7 +177,7 @@ def _fits(value: Any, kind: Any) -> bool:
             _fits(k, parts[0]) and _fits(v, parts[1]) for k, v in value.items()
         )
     if isinstance(origin, type) and issubclass(origin, Iterable):
-        if _is_sequence(value):
+        if is_sequence(value):
             return all(_fits(one, parts[0]) for one in value)
         return origin is Iterable and isinstance(value, Iterable) and not isinstance(value, str | bytes)
     if kind is float:
@@ -189,7 +189,8 @@ def _fits(value: Any, kind: Any) -> bool:
     return kind is Any or not isinstance(kind, type) or isinstance(value, kind)
 
 
-def _is_sequence(value: Any) -> bool:
+def is_sequence(value: Any) -> bool:
+    """Whether it is a row of something: a list, a tuple, an array; no text."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)

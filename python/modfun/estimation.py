@@ -221,7 +221,7 @@ def fit_many(
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
     progress : {"auto", True, False}
-        A line on standard error; "auto": on a terminal, for work that takes a while.
+        On standard error; "auto": from two seconds on.
     **options
         Those of `fit`. With neither `band` nor `harmonics` the band is chosen once, on the first record.
 
@@ -236,8 +236,6 @@ def fit_many(
     """
     checked = Options.checked("fit_many", **options)
     structure = structure_of(model, "fit_many")
-    if isinstance(progress, str) and progress != "auto":
-        raise SpecError(f'fit_many: progress={progress!r} must be "auto", True or False')
     count = threads_of(threads)
     if not isinstance(data, Batch):
         data = records_of(data, "fit_many")
@@ -245,7 +243,7 @@ def fit_many(
         alike = (first.y.shape[1], first.dt)
         uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
         if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
-            return fit_each(data, structure, checked, fit_quietly)
+            return fit_each(data, structure, checked, fit_quietly, progress)
     return fit_batch(data, structure, checked, count, progress)
 
 

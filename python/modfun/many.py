@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -18,18 +16,20 @@ from .extras import optional
 from .intervals import probability, student_interval
 from .options import Options
 from .prepared import prepare, refuse_standing
+from .progress import Progress
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
 from .tables import Table, nearest
 
-__all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each", "shown"]
+__all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
 
 F64 = NDArray[np.float64]
 STATUS = ("ok", "maxiter", "rank", "nonfinite")
 _WORDS = np.array(STATUS)
 _NONFINITE = STATUS.index("nonfinite")
 _USABLE = STATUS.index("rank")  # those before leave an estimate
+SHOWN = ("fitting", "records")  # of their progress
 
 
 @public
@@ -162,10 +162,8 @@ def fit_batch(
     made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
     y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
     refuse_standing(made.layout, [y[0]], [u[0]])
-    show = shown(len(y), progress)
-    found = made.core.fit_many(y, u, threads=threads, progress=show)
-    if show is not None:
-        show.end()
+    with Progress(progress, *SHOWN) as bar:
+        found = made.core.fit_many(y, u, threads=threads, progress=bar)
     status = found["status"]
     if status[0] == _NONFINITE and not any(np.isfinite(samples).all() for samples in y):
         raise DataError(
@@ -182,16 +180,9 @@ def _equations(
 
     made = prepare_equation(structure, options, data if isinstance(data, Batch) else data[:1])
     own, shared = batch_of(made, data)
-    show = shown(len(own), progress)
-    found = made.core.fit_many(own, shared, threads=threads, progress=show)
-    if show is not None:
-        show.end()
+    with Progress(progress, *SHOWN) as bar:
+        found = made.core.fit_many(own, shared, threads=threads, progress=bar)
     return _made(found, made.layout.param_names, structure, options)
-
-
-def shown(count: int, progress: str | bool) -> _Progress | None:
-    """The line on standard error that was asked for, if any."""
-    return _Progress(count) if progress is True or (progress == "auto" and sys.stderr.isatty()) else None
 
 
 def _made(found: dict[str, Any], names: tuple[str, ...], structure: Any, options: Options) -> FitMany:
@@ -218,11 +209,15 @@ def fit_each(
     structure: Any,
     options: Options,
     fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
+    progress: str | bool,
 ) -> FitMany:
     """Fit records of different lengths or rates one after the other, with the band of the first."""
-    first = fit_one(records[:1], structure, options)
-    later = options.replace(harmonics=None, band=first.band)
-    fits = [first, *(fit_one((rec,), structure, later) for rec in records[1:])]
+    with Progress(progress, *SHOWN) as bar:
+        fits = [fit_one(records[:1], structure, options)]
+        later = options.replace(harmonics=None, band=fits[0].band)
+        for rec in records[1:]:
+            bar(len(fits), len(records))
+            fits.append(fit_one((rec,), structure, later))
     return collect(fits, structure, options)
 
 
@@ -241,23 +236,3 @@ def collect(fits: list[Fit], structure: Any, options: Options) -> FitMany:
         structure=structure,
         options=options,
     )
-
-
-class _Progress:
-    """One line on standard error, rewritten; silent for the first half second."""
-
-    def __init__(self, total: int) -> None:
-        self.start = time.monotonic()
-        self.total = total
-        self.shown = False
-
-    def __call__(self, done: int, total: int) -> None:
-        if time.monotonic() - self.start > 0.5:
-            self.shown = True
-            sys.stderr.write(f"\rfitting: {done} of {total}")
-            sys.stderr.flush()
-
-    def end(self) -> None:
-        """Finish the line, if one was begun."""
-        if self.shown:
-            sys.stderr.write(f"\rfitting: {self.total} of {self.total}\n")

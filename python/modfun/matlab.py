@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .errors import DataError, SpecError
 from .mat_files import Opaque, load_mat
 from .naming import SECONDS
+from .samples import numbered
 from .sources import Source, Told, from_arrays
 from .tables import nearest
 
@@ -177,8 +178,9 @@ def _padded(texts: list[str], count: int) -> list[str]:
 
 
 def _named(texts: list[str], letter: str, count: int) -> tuple[str, ...]:
-    default = [letter] if count == 1 else [f"{letter}{k + 1}" for k in range(count)]
-    return tuple(text or other for text, other in zip(_padded(texts, count), default, strict=True))
+    return tuple(
+        text or other for text, other in zip(_padded(texts, count), numbered(letter, count), strict=True)
+    )
 
 
 # Plain arrays -------------------------------------------------------------------------------------

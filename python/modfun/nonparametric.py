@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .arguments import public, reals, whole
 from .errors import DataError, ModfunWarning, SpecError
-from .options import MOST_THREADS, Options
+from .options import MOST, MOST_THREADS, Options
 from .progress import Progress
 from .records import Record
 from .response import FrequencyResponse
@@ -28,6 +28,7 @@ WIDTHS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6)  # half-widths tried, over the least
 SPARE = 1.5  # lines in the narrowest neighbourhood, over its unknowns
 SCORED = 4096  # frequencies on which half-widths are compared
 AROUND = 31  # neighbours that choose together
+MOST_DEGREE = 20  # of local polynomials, whose powers no longer differ beyond
 
 Piece = tuple[float, C128, C128]  # line spacing, coefficients of the outputs and of the inputs
 
@@ -92,7 +93,7 @@ def frf(
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
     progress : {"auto", True, False}
-        A line on standard error; "auto": on a terminal, for work that takes a while.
+        On standard error; "auto": from two seconds on.
 
     Returns
     -------
@@ -116,7 +117,7 @@ def frf(
     _word("method", method, METHODS)
     _word("weighting", weighting, WEIGHTINGS)
     _word("trend", trend, ("constant", None))
-    _number("degree", degree, 0)
+    degree = whole("frf", "degree", degree, 0, MOST_DEGREE)
     if threads is not None:
         whole("frf", "threads", threads, 1, MOST_THREADS)
     if method != "lrm" and weighting == "ml":
@@ -134,7 +135,7 @@ def frf(
     if halfwidth is None:
         widths = shape.widths()
     else:
-        widths = [_number("halfwidth", halfwidth, 1)]
+        widths = [whole("frf", "halfwidth", halfwidth, 1, MOST)]
     with Progress(progress, "frequency response", "frequencies") as shown:
         chosen = np.full(where.size, widths[0])
         if len(widths) > 1:
@@ -419,9 +420,3 @@ def _word(name: str, given: Any, words: Sequence[Any]) -> None:
     if given not in words:
         options = ", ".join(repr(w) for w in words)
         raise SpecError(f"frf: {name}={given!r} is none of {options}")
-
-
-def _number(name: str, given: Any, least: int) -> int:
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
-        raise SpecError(f"frf: {name}={given!r} must be a whole number from {least} on")
-    return int(given)

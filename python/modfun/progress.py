@@ -36,7 +36,7 @@ class Progress:
 
     def __init__(self, asked: str | bool, what: str, unit: str = "") -> None:
         if not isinstance(asked, bool) and asked != "auto":
-            raise SpecError(f'progress={asked!r} must be "auto", True or False')
+            raise SpecError(f'{what}: progress={asked!r} must be "auto", True or False')
         self.on = asked is not False
         self._patience = 0.0 if asked is True else SILENT
         self._what, self._unit = what, unit

@@ -52,7 +52,7 @@ class Reduction:
         criterion that was minimised).
     nit : int
         Iterations.
-    status : {"ok", "maxiter"}
+    status : {"ok", "maxiter", "nonfinite"}
     notes : tuple of str
         What was kept, left out or not possible, in sentences.
     """
@@ -70,7 +70,7 @@ class Reduction:
 
     @property
     def success(self) -> bool:
-        """True where the iteration ended by itself."""
+        """True where the iteration ended by itself, in finite numbers."""
         return self.status == "ok"
 
     def summary(self) -> str:

@@ -19,6 +19,7 @@ from .norms import Response, h2_norm, hinf_norm, largest_gain
 from .partial_fractions import Fractions, Region
 from .rational import RationalFit, fit_rational
 from .reducible import Lines, Source, realisation
+from .samples import numbered
 from .structures import TransferFunction, system_of
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]
@@ -274,10 +275,7 @@ def of_lines(lines: Lines, structure: Any, weight: Weight, band: Any, dcgain: bo
 
 
 def _layout(structure: TransferFunction, outputs: int, inputs: int) -> Layout:
-    def names(letter: str, count: int) -> tuple[str, ...]:
-        return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
-
-    return structure.layout(names("y", outputs), names("u", inputs))
+    return structure.layout(numbered("y", outputs), numbered("u", inputs))
 
 
 def _same_delays(layout: Layout, source: Source) -> bool:
@@ -393,7 +391,7 @@ def _together(own: LTI, source: Source) -> LTI:
 
 
 def _status(fit: RationalFit) -> str:
-    return "maxiter" if fit.status == "maxiter" else "ok"
+    return "ok" if fit.status == "rank" else fit.status  # poles that zeros cancel are among the notes
 
 
 def _status_notes(fit: RationalFit) -> list[str]:

@@ -15,7 +15,7 @@ from .errors import DataError, SpecError
 from .extras import optional
 from .intervals import probability
 from .options import Options
-from .samples import frequencies
+from .samples import frequencies, numbered
 from .tables import Table
 
 __all__ = ["FrequencyResponse"]
@@ -347,7 +347,7 @@ def _optional(name: str, given: ArrayLike | None, shape: tuple[int, ...], kind: 
 
 def _names(what: str, given: Sequence[str] | None, count: int, letter: str) -> tuple[str, ...]:
     if given is None:
-        return (letter,) if count == 1 else tuple(f"{letter}{k + 1}" for k in range(count))
+        return numbered(letter, count)
     names = tuple(given)
     if len(names) != count:
         raise DataError(f"FrequencyResponse: {len(names)} names of {what} {list(names)}, there are {count}")

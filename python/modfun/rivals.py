@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public
+from .arguments import public, reals, whole
 from .errors import DataError, FitError, SpecError
 from .masking import refuse_own_noise
+from .options import MOST
 from .propagate import Inputs
 from .records import Record
 from .sensitivities import Sensitivities, time_unit
@@ -181,12 +182,11 @@ class OutputError:
 
     def _start(self, rec: Record, names: tuple[str, ...], extra: F64) -> F64:
         if self.start is not None:
-            missing = [name for name in names if name not in self.start]
-            if missing:
-                raise SpecError(
-                    f"output_error: start= lacks {', '.join(missing)}; give all of {', '.join(names)}"
-                )
-            return np.array([self.start[name] for name in names], dtype=np.float64)
+            missing, more = set(names) - set(self.start), set(self.start) - set(names)
+            if missing or more:
+                said = f"lacks {_joined(missing)}" if missing else f"names {_joined(more)}"
+                raise SpecError(f"output_error: start= {said}; give {', '.join(names)}, all and only these")
+            return reals("output_error", "start", [self.start[name] for name in names])
         n = self.model.plain_layout(rec.inputs, self.name).orders[0]
         harmonics = max(0, min(3 * len(names), rec.intervals // 4 - n))
         r = regressors(rec, self.model, harmonics=harmonics)
@@ -479,6 +479,10 @@ def _shifted(v: F64, by: int) -> F64:
     return out
 
 
+def _joined(names: set[str]) -> str:
+    return ", ".join(sorted(names))
+
+
 def _trend(trend: str | None, size: int) -> F64:
     rows = {None: 0, "constant": 1, "linear": 2}[trend]
     return np.array([np.ones(size), np.linspace(-1.0, 1.0, size)])[:rows]
@@ -498,8 +502,7 @@ def _check(
         )
     if trend not in (None, "constant", "linear"):
         raise SpecError(f"{what}: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
-    if not isinstance(maxiter, int) or maxiter < 1:
-        raise SpecError(f"{what}: maxiter={maxiter!r} must be a whole number of at least 1")
+    whole(what, "maxiter", maxiter, 1, MOST)
 
 
 def _check_record(rec: Record, model: TransferFunction, what: str) -> None:

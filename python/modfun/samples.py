@@ -123,9 +123,14 @@ def listed(names: Names) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else () if names is None else tuple(names)
 
 
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """Names of so many channels that nobody named: y, or y1, y2, …."""
+    return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+
+
 def names_of(given: Names, count: int, letter: str, option: str) -> tuple[str, ...]:
     if given is None:
-        return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+        return numbered(letter, count)
     names = listed(given)
     if len(names) != count:
         raise SpecError(

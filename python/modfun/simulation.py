@@ -229,8 +229,7 @@ def simulate(
             f"simulate: nsr={nsr!r} must be a number of at least 0 (noise sd over rms of the output)"
         )
     for name, value in (("seed", seed), ("replicate", replicate)):
-        if not isinstance(value, int | np.integer) or value < 0:
-            raise SpecError(f"simulate: {name}={value!r} must be a whole number of at least 0")
+        whole("simulate", name, value, 0, 2**64 - 1)
     fixed = None if isinstance(initial_state, str) else initial_state
     found = experiment(
         sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed

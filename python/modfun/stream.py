@@ -202,7 +202,7 @@ class Stream:
         every : int, default 1
             Estimates are those after every `every`-th sample of the stream.
         progress : {"auto", True, False}
-            A line on standard error for work that takes a while.
+            On standard error; "auto": from two seconds on.
 
         Returns
         -------

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public, real, reals, whole
+from .arguments import is_sequence, public, real, reals, whole
 from .errors import SpecError
 from .free import Free
 from .layout import Layout, routes
 from .lti import LTI, tf
+from .samples import numbered
 from .tables import nearest
 
 __all__ = ["TransferFunction", "system_of"]
@@ -91,7 +92,7 @@ class TransferFunction:
                 f"{nearest(denominator, DENOMINATORS)}"
             )
         orders: int | tuple[int, ...]
-        if _is_row(poles):
+        if is_sequence(poles):
             orders = tuple(_order(n) for n in poles)  # type: ignore[union-attr]
             if not orders:
                 raise SpecError("TransferFunction: poles=[] names no output; give a number, or one an output")
@@ -435,14 +436,9 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
 
 
 def _numbered(letter: str, count: int) -> tuple[str, ...]:
-    count = whole("TransferFunction.model", {"u": "inputs", "y": "outputs"}[letter], count, 0, 100)
-    return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
-
-
-def _is_row(value: Any) -> bool:
-    if isinstance(value, np.ndarray):
-        return value.ndim > 0
-    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    return numbered(
+        letter, whole("TransferFunction.model", {"u": "inputs", "y": "outputs"}[letter], count, 0, 100)
+    )
 
 
 def _depth(value: Any) -> int:
@@ -451,9 +447,9 @@ def _depth(value: Any) -> int:
 
 def _nested(name: str, value: Any, one: Callable[[Any], Any]) -> Any:
     """A number, a row or a table of what `one` accepts, as tuples."""
-    if not _is_row(value):
+    if not is_sequence(value):
         return one(value)
-    rows = [_is_row(item) for item in value]
+    rows = [is_sequence(item) for item in value]
     if not rows:
         raise SpecError(f"TransferFunction: {name}=[] names no input; give one number, or one an input")
     if any(rows) and not all(rows):
@@ -463,7 +459,7 @@ def _nested(name: str, value: Any, one: Callable[[Any], Any]) -> Any:
         )
     if not any(rows):
         return tuple(one(item) for item in value)
-    if any(len(row) == 0 or any(_is_row(item) for item in row) for row in value):
+    if any(len(row) == 0 or any(is_sequence(item) for item in row) for row in value):
         raise SpecError(f"TransferFunction: {name}={value!r} must be nested as [output][input], no deeper")
     return tuple(tuple(one(item) for item in row) for row in value)
 

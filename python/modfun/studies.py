@@ -8,7 +8,7 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from .arguments import public
+from .arguments import public, whole
 from .errors import SpecError
 from .estimation import threads_of
 from .options import Options
@@ -152,8 +152,8 @@ class MonteCarlo:
             Options.checked("MonteCarlo", **options)
         if "method" in options:
             raise SpecError("MonteCarlo: method= is given by estimators=, as estimators=['ls', 'ml']")
-        self.replicates = _whole("MonteCarlo: replicates", replicates, 1, MOST)
-        seed = _whole("MonteCarlo: seed", seed, 0, 2**64 - 1)
+        self.replicates = whole("MonteCarlo", "replicates", replicates, 1, MOST)
+        seed = whole("MonteCarlo", "seed", seed, 0, 2**64 - 1)
         simulated = {
             "system": system, "input": input, "duration": duration, "intervals": intervals, "nsr": nsr,
             "noise": noise, "initial_state": initial_state, "intersample": intersample,
@@ -273,18 +273,12 @@ class MonteCarlo:
             )
         most = MOST if until is not None else self.replicates
         if replicates is not None:
-            most = _whole("run: replicates", replicates, 1, MOST)
+            most = whole("run", "replicates", replicates, 1, MOST)
         work = Work(self.plan, draw, bool(coverage), keep == "samples")
         return run(
             work, most, until, threads=threads_of(threads), executor=executor, directory=directory,
             shard=shard, progress=progress,
         )  # fmt: skip
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise SpecError(f"{name}={value!r} must be a whole number from {least} to {most}")
-    return int(value)
 
 
 def _refuse(given: Mapping[str, Any], text: str) -> None:

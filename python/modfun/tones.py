@@ -12,8 +12,9 @@ from .arguments import public, real, reals, whole
 from .batches import Batch
 from .bounds import TRENDS
 from .errors import DataError, SpecError
-from .many import STATUS, shown
+from .many import STATUS
 from .options import MOST_THREADS
+from .progress import Progress
 from .records import Record
 from .samples import FEWEST
 from .tables import nearest
@@ -108,8 +109,8 @@ def sinusoids(
         Sampling interval of an array, s.
     threads : int, optional
         For a Batch; default: all cores, or MODFUN_NUM_THREADS.
-    progress : "auto", bool
-        Progress of a Batch on standard error.
+    progress : {"auto", True, False}
+        Of a Batch, on standard error; "auto": from two seconds on.
 
     Returns
     -------
@@ -146,23 +147,21 @@ def sinusoids(
     if not many and bool(still[0]):
         raise DataError(f"sinusoids: y is {y[0, 0]:g} throughout: there is no tone in it")
     scale = np.ldexp(1.0, np.frexp(np.where(np.isfinite(peaks) & (peaks > 0), peaks, 1.0))[1])
-    show = shown(len(y), progress) if many else None
-    found = _core.sinusoids(
-        np.ascontiguousarray(real / scale[:, None]),
-        weights,
-        count=wanted,
-        choose=count is None,
-        damped=bool(damped),
-        complex=is_complex,
-        trend=powers,
-        band=_edges(band, step, is_complex),
-        lines=reach,
-        awls=method == "awls",
-        threads=None if threads is None else whole("sinusoids", "threads", threads, 1, MOST_THREADS),
-        progress=show,
-    )
-    if show is not None:
-        show.end()
+    with Progress(progress if many else False, "sinusoids", "records") as bar:
+        found = _core.sinusoids(
+            np.ascontiguousarray(real / scale[:, None]),
+            weights,
+            count=wanted,
+            choose=count is None,
+            damped=bool(damped),
+            complex=is_complex,
+            trend=powers,
+            band=_edges(band, step, is_complex),
+            lines=reach,
+            awls=method == "awls",
+            threads=None if threads is None else whole("sinusoids", "threads", threads, 1, MOST_THREADS),
+            progress=bar,
+        )
     kinds = KINDS if damped else tuple(kind for kind in KINDS if kind != "damping")
     if many:
         return _made_many(found, kinds, wanted, step, scale)

@@ -15,6 +15,7 @@ from .noise import Noise
 from .nonlinear import NonlinearModel
 from .records import Record
 from .results import Fit
+from .samples import numbered
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
 from .statespace import StateSpace
@@ -45,7 +46,7 @@ def valued(
     if isinstance(sys, LTI):
         structure = TransferFunction.from_system(sys) if model is None else model
         q, k = sys.shape
-        inputs = sys.inputs or (first.inputs if len(first.inputs) == k else _numbered("u", k))
+        inputs = sys.inputs or (first.inputs if len(first.inputs) == k else numbered("u", k))
         named = sys.inputs if isinstance(first, Signals) else None
         return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(sys), named)
     if isinstance(sys, NonlinearModel):
@@ -138,8 +139,4 @@ def record_for(known: Known, given: Record | Signals) -> Record:
 
 def _outputs(first: Record | Signals, count: int) -> tuple[str, ...]:
     named = isinstance(first, Record) and len(first.outputs) == count
-    return first.outputs if named else _numbered("y", count)  # type: ignore[union-attr]
-
-
-def _numbered(letter: str, count: int) -> tuple[str, ...]:
-    return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
+    return first.outputs if named else numbered("y", count)  # type: ignore[union-attr]

@@ -14,6 +14,7 @@ from . import html
 from .errors import SpecError
 from .extras import optional
 from .free import Free
+from .samples import numbered
 from .symbolic.parser import CONSTANTS, FUNCTIONS
 from .tables import Table, nearest
 
@@ -216,7 +217,7 @@ def channel_names(
         What cannot be a signal's name, or another number of names than `count`.
     """
     if given is None and count is not None:
-        return (letter,) if count == 1 and not always else tuple(f"{letter}{k}" for k in range(1, count + 1))
+        return numbered(letter, count) if not always else tuple(f"{letter}{k}" for k in range(1, count + 1))
     names = (given,) if isinstance(given, str) else tuple(given)
     for name in names:
         if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in RESERVED:

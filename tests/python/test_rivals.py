@@ -148,7 +148,7 @@ def test_a_negative_discrete_pole_is_a_failure_with_its_reason():
         (lambda rec: output_error(TF2, initial_state="estimated"), "'free' or 'zero'"),
         (lambda rec: pem(TF2, initial_state="free"), "'estimated' or 'zero'"),
         (lambda rec: pem(TF2, trend="cubic"), "'linear'"),
-        (lambda rec: output_error(TF2, maxiter=0), "at least 1"),
+        (lambda rec: output_error(TF2, maxiter=0), "whole number from 1"),
         (lambda rec: output_error(TF2, start={"a1": 1.0})(rec), "lacks a2, b0"),
         (lambda rec: output_error(TF2)([rec]), "one Record"),
         (lambda rec: arx(mf.TransferFunction(poles=2, zeros=[0, 0]))(rec), "made for 2 input"),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import real, reals
 from ..errors import SpecError
-from ..samples import MOST_SAMPLES
+from ..samples import MOST_SAMPLES, numbered
 
 __all__ = [
     "Names",
@@ -43,7 +43,7 @@ def names_of(what: str, given: Names) -> tuple[str, ...]:
     if isinstance(given, int | np.integer) and not isinstance(given, bool):
         if not 1 <= given <= 100:
             raise SpecError(f"{what}: inputs={given} must be 1 to 100 inputs, or their names")
-        return ("u",) if given == 1 else tuple(f"u{k}" for k in range(1, int(given) + 1))
+        return numbered("u", int(given))
     given = given.tolist() if isinstance(given, np.ndarray) else given
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Sequence) else ()
     if not names or not all(isinstance(name, str) and name.strip() for name in names):

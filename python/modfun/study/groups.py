@@ -15,6 +15,7 @@ from ..errors import DataError, SpecError
 from ..lti import LTI
 from ..nonlinear import NonlinearModel
 from ..records import Record
+from ..samples import numbered
 from ..simulation import Experiment, experiment
 from ..structures import TransferFunction
 from .axes import Axis
@@ -64,16 +65,14 @@ class Group:
             return self.rest.names
         if isinstance(self.system, NonlinearModel):
             return self.system.inputs
-        count = self.system.shape[1]
-        return ("u",) if count == 1 else tuple(f"u{k}" for k in range(1, count + 1))
+        return numbered("u", self.system.shape[1])
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
         if isinstance(self.system, NonlinearModel):
             return self.system.outputs
-        count = self.system.shape[0]
-        return ("y",) if count == 1 else tuple(f"y{k}" for k in range(1, count + 1))
+        return numbered("y", self.system.shape[0])
 
     @property
     def made(self) -> bool:
