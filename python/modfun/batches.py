@@ -76,13 +76,10 @@ class Batch:
         inputs: Names = None,
         intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
     ) -> None:
-        ys = floats(y, "y")
-        if ys.ndim == 2:
-            ys = ys[:, None, :]
+        given = floats(y, "y")
+        ys = given[:, None, :] if given.ndim == 2 else given
         if ys.ndim != 3 or 0 in ys.shape:
-            raise DataError(
-                f"Batch: y has shape {floats(y, 'y').shape}, it must be (replicate, channel, time)"
-            )
+            raise DataError(f"Batch: y has shape {given.shape}, it must be (replicate, channel, time)")
         us = np.empty((1, 0, ys.shape[2])) if u is None else floats(u, "u")
         if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
             raise DataError(

@@ -13,6 +13,7 @@ from . import html
 from .arguments import public
 from .errors import FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of, structure_of
+from .intervals import root
 from .options import Choices, Options
 from .records import Record
 from .results import Fit
@@ -122,7 +123,7 @@ def diagnosed(fit: Fit) -> Collinearity:
     indices = np.sqrt(values[-1] / values)
     parts = vectors**2 / values  # (parameter, direction): shares of the inflation
     inflation = parts.sum(axis=1)
-    errors = np.sqrt(np.diag(fit.cov_nonrobust))
+    errors = root(np.diag(fit.cov_nonrobust))
     # A direction of unit-length regressors changes parameter j by v_j over its length: errors hold both.
     directions = (vectors / np.sqrt(inflation)[:, None]).T
     directions /= np.abs(directions).max(axis=1, keepdims=True)

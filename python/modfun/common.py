@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from . import html
 from .arguments import public
 from .errors import SpecError
-from .intervals import probability
+from .intervals import probability, root
 from .results import Fit
 from .tables import Table
 
@@ -30,9 +31,8 @@ class CommonPoles:
     Attributes
     ----------
     poles, zeros : Table
-        A row a value that no other is shared with beyond: pole or zero (rad/s; of a complex pair the upper
-        one), omega, omega_bse, outputs that have it, p_value of the test that theirs are one (nan for a
-        single one).
+        A row a distinct value: pole or zero (rad/s; of a complex pair the upper one), omega, omega_bse, the
+        outputs that have it, p_value of the test that theirs are one (nan where a single output has it).
     denominator : ndarray, shape (n,), or None
         a1 … an of the one denominator that explains all best; None where the orders differ.
     cov : ndarray, shape (n, n), or None
@@ -127,35 +127,26 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     )
 
 
-def _roots(fit: Fit, output: int, first: int, descending: F64) -> list[_Root]:
-    """Upper roots of a polynomial whose coefficients below the leading one are those from `first` on."""
+def _roots(fit: Fit, output: int, descending: F64, places: Sequence[int | None]) -> list[_Root]:
+    """Upper roots of a polynomial; `places`: which parameter each coefficient is, None where it is none."""
     found = []
     slope = np.polyder(descending)
     degree = descending.size - 1
-    for root in np.roots(descending):
-        if root.imag < 0:
+    for value in np.roots(descending):
+        if value.imag < 0:
             continue
         gradient = np.zeros(fit.params.size, complex)
-        for k in range(degree + 1):
-            at = fit.layout.positions[first + k] if first + k >= 0 else None
+        for k, at in enumerate(places):
             if at is not None:
-                gradient[at] = -(complex(root) ** (degree - k)) / np.polyval(slope, root)
-        found.append(_Root(output, complex(root), gradient))
+                gradient[at] = -(complex(value) ** (degree - k)) / np.polyval(slope, value)
+        found.append(_Root(output, complex(value), gradient))
     return found
 
 
 def _poles(fit: Fit, output: int) -> list[_Root]:
     den, _ = fit.polynomials(output)
     first = fit.layout.places[0][output]
-    found = []
-    for root in _roots(fit, output, first - 1, den):
-        # The leading coefficient is one and no parameter.
-        gradient = root.gradient.copy()
-        at = fit.layout.positions[first - 1] if first > 0 else None
-        if at is not None:
-            gradient[at] = 0
-        found.append(_Root(output, root.value, gradient))
-    return found
+    return _roots(fit, output, den, [None, *fit.layout.positions[first : first + den.size - 1]])
 
 
 def _zeros(fit: Fit, output: int) -> list[_Root]:
@@ -165,7 +156,7 @@ def _zeros(fit: Fit, output: int) -> list[_Root]:
         nums, fit.layout.places[1][output], fit.layout.numerators[output], strict=True
     ):
         if degree:
-            found += _roots(fit, output, first, num)
+            found += _roots(fit, output, num, fit.layout.positions[first : first + degree + 1])
     return found
 
 
@@ -218,7 +209,7 @@ def _table(fit: Fit, groups: list[list[_Root]], cov: F64, name: str) -> Table:
         way = value / size if size > 0 else np.ones_like(value) / np.sqrt(value.size)
         columns[name].append(complex(value[0], value[1] if value.size == 2 else 0.0))
         columns["omega"].append(size)
-        columns["omega_bse"].append(float(np.sqrt(way @ own @ way)))
+        columns["omega_bse"].append(float(root(way @ own @ way)))
         columns["outputs"].append(
             ", ".join(fit.outputs[r.output] for r in sorted(roots, key=lambda r: r.output))
         )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import reals
 from .errors import SpecError
 from .gramians import Realisation
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
@@ -100,7 +101,9 @@ def lines_criterion(omega: F64, data: C128, weight: Weight, band: Any) -> Criter
     share = np.gradient(omega[inside])
     grid = Grid(omega[inside], share, data[inside])
     if isinstance(weight, list | np.ndarray):
-        given = np.asarray(weight, dtype=np.float64)
+        given = reals("reduce", "weight", weight)
+        if not np.all(np.isfinite(given)) or not np.any(given):
+            raise SpecError("reduce: weight= must hold finite numbers, not all of them 0")
         if given.shape == (omega.size,):
             return Criterion(grid, given[inside] ** 2, "given", False)
         if given.shape == (*data.shape[1:], omega.size):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import SpecError
 from .expressions import expression
+from .intervals import root
 from .polynomials import roots_of
 from .tables import Table
 
@@ -31,7 +32,7 @@ def derived(fit: Fit, expressions: Mapping[str, str | Callable[[Mapping[str, flo
         function = _function(name, given, fit.param_names)
         value, gradient = _gradient(name, function, fit)
         values.append(value)
-        errors.append(float(np.sqrt(gradient @ fit.cov_params() @ gradient)))
+        errors.append(float(root(gradient @ fit.cov_params() @ gradient)))
     low, high = fit.interval(np.array(values), np.array(errors))
     return Table({"name": list(expressions), "value": values, "bse": errors, "low": low, "high": high})
 
@@ -183,7 +184,7 @@ def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
     def error(gradient: F64) -> float:
         if not np.all(np.isfinite(gradient)):
             return float("nan")  # a repeated pole: its derivative is infinite
-        return float(np.sqrt(gradient @ cov @ gradient))
+        return float(root(gradient @ cov @ gradient))
 
     for pole, gradient in zip(found, gradients, strict=True):
         if pole.imag < 0:

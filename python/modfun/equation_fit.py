@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import reals
 from .batches import Batch
 from .errors import DataError, SpecError
 from .gaps import bridged, variances
+from .intervals import root
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
@@ -124,11 +126,11 @@ class EquationFit(Fit):
         """
         from .symbolic.varying import basis
 
-        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        instants = np.atleast_1d(reals("varying", "t", t))
         names, values, held = basis(self.layout.compiled, name, instants)
         place = [self.param_names.index(own) for own in names]
         cov = self.cov_params()[np.ix_(place, place)]
-        return self.params[place] @ values + held, np.sqrt(np.einsum("it,ij,jt->t", values, cov, values))
+        return self.params[place] @ values + held, root(np.einsum("it,ij,jt->t", values, cov, values))
 
     @property
     def degrees(self) -> Any:

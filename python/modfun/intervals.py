@@ -1,4 +1,4 @@
-"""Confidence intervals: their probability checked, and Student's t, in one place."""
+"""Standard errors and confidence intervals: roots of variances, probabilities, Student's t, in one place."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 
 from .errors import SpecError
 
-__all__ = ["probability", "student_factor", "student_interval"]
+__all__ = ["probability", "root", "student_factor", "student_interval"]
 
 F64 = NDArray[np.float64]
+
+
+def root(variances: Any) -> F64:
+    """Standard errors of variances; nan where rounding has left a variance below 0."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(variances))
 
 
 def probability(what: str, level: Any) -> float:

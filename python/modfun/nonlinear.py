@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public
+from .arguments import public, real, reals, whole
 from .errors import DataError, SpecError
 from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
 from .pieces import pieces, refined
 from .propagate import intersample_kinds
+from .samples import MOST_SAMPLES
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -105,9 +106,8 @@ class NonlinearModel:
         ----------
         u : array_like, str, callable, or a list of these, or Signals, optional
             Input: samples (time,) or (input, time), or signals as text or functions of t, one an input; or
-            `mf.signals`, which bring dt and intersample. Seen
-            through a delay before the start, samples hold their first value, text and functions are
-            evaluated there. None for a system without inputs.
+            `mf.signals`, which bring dt and intersample. Seen through a delay before the start, samples
+            hold their first value, text and functions are evaluated there. None for a system without inputs.
         dt : float
             Sampling interval, s; the first sample is at t = 0.
         t : array_like, shape (time,)
@@ -166,7 +166,7 @@ class NonlinearModel:
     ) -> tuple[F64, F64]:
         """As `respond`, with the states (state, time)."""
         n = len(self.states)
-        start = np.zeros(n) if x0 is None else np.asarray(x0, dtype=np.float64)
+        start = np.zeros(n) if x0 is None else reals("simulating", "x0", x0)
         if start.shape != (n,) or not np.all(np.isfinite(start)):
             raise SpecError(
                 f"simulating: x0 has shape {start.shape}, the equation has the states "
@@ -342,11 +342,12 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
             "simulating: give dt=, the sampling interval in s, or t=, the instants of the samples"
         )
     if t is not None:
-        grid = np.ascontiguousarray(t, dtype=np.float64)
+        grid = np.ascontiguousarray(reals("simulating", "t", t))
         if grid.ndim != 1 or grid.size < 2 or not np.all(np.diff(grid) > 0):
             raise DataError("simulating: t must be one list of at least two rising instants, in s")
         return grid
-    if not (isinstance(dt, int | float | np.number) and np.isfinite(dt) and dt > 0):
+    step = real("simulating", "dt", dt)
+    if not step > 0:
         raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
     if intervals is None:
         lengths = [np.size(s) for s in given if is_samples(s) and np.ndim(s)]  # type: ignore[arg-type]
@@ -355,9 +356,9 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
                 "simulating without samples of an input: say how long, intervals=N for N + 1 samples"
             )
         intervals = max(lengths) - 1
-    if intervals < 1:
+    if whole("simulating", "intervals", intervals, 0, MOST_SAMPLES) < 1:
         raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
-    return np.arange(intervals + 1.0) * float(dt)
+    return np.arange(intervals + 1.0) * step
 
 
 def _known(given: Any, grid: F64) -> Signal | Function:

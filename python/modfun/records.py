@@ -535,9 +535,9 @@ class Record:
         -------
         Findings
             Prints as a list; false where there is nothing to say. Looked at: steps and gaps, masked
-            samples, clipping,
-            stale samples, a held input declared smooth, inputs without excitation, offsets and drift,
-            noise levels, length and rate, outliers.
+            samples, length and rate, channels that stand still, inputs that are not what they are declared
+            between samples, codes for missing values, clipping, stale samples, outliers, drift and offsets,
+            noise levels, inputs that move together.
         """
         return check_record(self)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import reals
 from .errors import DataError, SpecError
 from .gramians import AXIS, Balanced, Realisation, balance, split
 from .lti import LTI
@@ -109,14 +110,14 @@ def _matrices(given: tuple[Any, ...]) -> Realisation:
     a = (
         given[0].tocsc().astype(float)
         if hasattr(given[0], "tocsc")
-        else np.atleast_2d(np.asarray(given[0], float))
+        else np.atleast_2d(reals("reduce", "A", given[0]))
     )
-    dense = [m.toarray() if hasattr(m, "toarray") else m for m in given[1:]]
-    n = a.shape[0]
-    b = np.asarray(dense[0], float)
+    plain = [m.toarray() if hasattr(m, "toarray") else m for m in given[1:]]
+    dense = [reals("reduce", name, m) for name, m in zip("BCD", plain, strict=False)]
+    n, b = a.shape[0], dense[0]
     b = b.reshape(n, -1) if b.ndim < 2 and b.size == n else np.atleast_2d(b)
-    c = np.atleast_2d(np.asarray(dense[1], float))
-    d = np.zeros((c.shape[0], b.shape[1])) if len(dense) < 3 else np.atleast_2d(np.asarray(dense[2], float))
+    c = np.atleast_2d(dense[1])
+    d = np.zeros((c.shape[0], b.shape[1])) if len(dense) < 3 else np.atleast_2d(dense[2])
     shapes = [a.shape, b.shape, c.shape, d.shape]
     if shapes != [(n, n), (n, b.shape[1]), (c.shape[0], n), (c.shape[0], b.shape[1])]:
         raise SpecError(

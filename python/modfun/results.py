@@ -18,7 +18,7 @@ from . import _core, explain, prediction, validation
 from . import derived as derivations
 from .arguments import public, whole
 from .errors import DataError, FitError, SpecError
-from .intervals import probability, student_interval
+from .intervals import probability, root, student_interval
 from .layout import Layout
 from .lti import LTI, ss, tf
 from .noise import Noise
@@ -154,8 +154,7 @@ class Fit:
     @property
     def bse(self) -> F64:
         """Standard errors of the parameters."""
-        with np.errstate(invalid="ignore"):
-            return np.sqrt(np.diag(self.cov_params()))
+        return root(np.diag(self.cov_params()))
 
     def cov_params(self, cov_type: str | None = None) -> F64:
         """Covariance matrix of the parameters, "HC3" or "nonrobust" (default: the fit's)."""
@@ -279,10 +278,10 @@ class Fit:
 
     @property
     def bic(self) -> float:
-        """Bayesian information criterion N log(cost/N) + p log N over the N real equations.
+        """Bayesian information criterion N log(cost/N) + p log N, N the equations less transient and trend.
 
-        Where the noise covariance of several outputs was fitted, the cost is N less the unknowns whatever the
-        model: then N/outputs times the logarithm of that covariance's determinant takes its place, the
+        Where the noise covariance of several outputs was fitted, the cost is N less the parameters whatever
+        the model: then N/outputs times the logarithm of that covariance's determinant takes its place, the
         same for one output. Comparable between fits of the same records over the same band only.
         """
         rows, outputs = self.df_resid + self.params.size, len(self.outputs)
@@ -342,8 +341,8 @@ class Fit:
     def standard_errors(self) -> dict[str, F64]:
         """The columns of standard errors of the summary."""
         return {
-            "se HC3": np.sqrt(np.diag(self.cov_hc3)),
-            "se classical": np.sqrt(np.diag(self.cov_nonrobust)),
+            "se HC3": root(np.diag(self.cov_hc3)),
+            "se classical": root(np.diag(self.cov_nonrobust)),
         }
 
     def remarks(self) -> list[str]:

@@ -510,8 +510,7 @@ def _rows(name: str, given: ArrayLike, channels: int) -> F64:
 
 
 def _seconds(name: str, given: Any) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float | np.number):
-        raise SpecError(f"Stream: {name}={given!r} must be a number of seconds")
-    if not (isfinite(given) and given > 0):
+    seconds = real("Stream", name, given, finite=False)
+    if not (isfinite(seconds) and seconds > 0):
         raise SpecError(f"Stream: {name}={given!r} must be a positive number of seconds")
-    return float(given)
+    return seconds

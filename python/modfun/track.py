@@ -76,7 +76,7 @@ class Track:
         return frame.set_index("t")
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw every parameter over time with its 95 % band; see `modfun.plot.track`.
+        """Draw every parameter over time with a band of two standard errors; see `modfun.plot.track`.
 
         Parameters
         ----------

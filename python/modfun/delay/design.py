@@ -104,16 +104,12 @@ class Controller:
     inputs : ndarray, shape (past, n, inputs)
         Weights of u(k−1), u(k−2), … in z.
     z : ndarray, shape (n,)
-        As of the last step.
+        As of the last step; zero before the first.
     """
 
     def __init__(self, transformation: Transformation, K: ArrayLike, dt: float) -> None:
-        plant = transformation.plant
-        self.K, self.dt, self.transformation = (
-            gain(K, plant.shape[1], plant.order),
-            seconds(dt),
-            transformation,
-        )
+        plant, dt = transformation.plant, seconds(dt)
+        self.K, self.dt, self.transformation = gain(K, plant.shape[1], plant.order), dt, transformation
         a, n = transformation.A, plant.order
         reach = [int(np.ceil(lag / dt - 1e-9)) for lag, _ in (plant.a[-1], plant.b[-1])]
         self.states = np.zeros((reach[0] + 1, n, n))
@@ -142,8 +138,9 @@ class Controller:
 
     def reset(self, x: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Forget, or take a past: the samples x(−1), x(−2), … as columns, and u(−1), u(−2), …; default 0."""
-        self._x = _past(x, len(self.states), self.states.shape[2])
-        self._u = _past(u, len(self.inputs), self.inputs.shape[2])
+        self._x = _past("x", x, len(self.states), self.states.shape[2])
+        self._u = _past("u", u, len(self.inputs), self.inputs.shape[2])
+        self.z: F64 = np.zeros(self.states.shape[1])
 
     def step(self, x: ArrayLike) -> F64:
         """Take the sample of x, return the u to hold until the next.
@@ -156,9 +153,14 @@ class Controller:
         -------
         ndarray, shape (inputs,)
         """
+        sample = reals("Controller.step", "x", x)
+        if sample.shape != self.z.shape or not np.all(np.isfinite(sample)):
+            raise SpecError(
+                f"Controller.step: x has shape {sample.shape}; give {self.z.size} finite numbers, one a state"
+            )
         self._x[1:] = self._x[:-1]
-        self._x[0] = x
-        self.z: F64 = np.einsum("kij,kj->i", self.states, self._x)
+        self._x[0] = sample
+        self.z = np.einsum("kij,kj->i", self.states, self._x)
         self.z += np.einsum("kij,kj->i", self.inputs, self._u)
         u: F64 = -self.K @ self.z
         if len(self._u):
@@ -307,10 +309,16 @@ def _cardinal(ages: F64, last: int) -> list[tuple[F64, NDArray[np.int64]]]:
     return out
 
 
-def _past(given: ArrayLike | None, count: int, width: int) -> F64:
+def _past(name: str, given: ArrayLike | None, count: int, width: int) -> F64:
+    """Samples before the first step, the latest first, (past, channel)."""
     out = np.zeros((count, width))
     if given is not None:
-        rows = np.asarray(given, dtype=np.float64).reshape(width, -1).T[:count]
+        values = reals("Controller.reset", name, given)
+        if not width or values.size % width or not np.all(np.isfinite(values)):
+            raise SpecError(
+                f"Controller.reset: {name} has shape {values.shape}; give finite samples, ({width}, past)"
+            )
+        rows = values.reshape(width, -1).T[:count]
         out[: len(rows)] = rows
     return out
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpecError
+from ..intervals import root
 from .axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     (here,) = take_axes(ax, 1, height=4.0, width=5.0)
     drawn = 0
     for k, fit in enumerate(fits):
+        fit._need_numbers("plot.poles")
         named = labels[k] if labels is not None else f"{fit.order} poles" if len(fits) > 1 else ""
         for output, i in denominators(fit):
             name = " ".join(part for part in (named, output) if part)
@@ -113,7 +115,7 @@ def _poles_of_output(here: Any, fit: Fit, output: int, color: str, label: str) -
     here.plot(found.real, found.imag, "x", color=color, markersize=8, markeredgewidth=1.8, label=label)
     for pole, gradient in zip(found, gradients, strict=True):
         if pole.imag == 0:
-            low, high = fit.interval(np.array(pole.real), np.sqrt(gradient.real @ cov @ gradient.real))
+            low, high = fit.interval(np.array(pole.real), root(gradient.real @ cov @ gradient.real))
             here.plot([low, high], [0, 0], color=color, linewidth=6, alpha=0.3, solid_capstyle="butt")
             continue
         both = np.array([gradient.real, gradient.imag])

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arguments import shown
 from ..errors import SpecError
+from ..intervals import root
 from .axes import clip_to_lines, drawing, frequency_axis, returned, take_axes
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def _paths(system: Any, omega: Any) -> Any:
             with np.errstate(divide="ignore", invalid="ignore"):
                 relative = gradient[:, i, k] / gain
             errors = [
-                np.sqrt(np.einsum("pf,pq,qf->f", part, cov, part)) for part in (relative.real, relative.imag)
+                root(np.einsum("pf,pq,qf->f", part, cov, part)) for part in (relative.real, relative.imag)
             ]
             decibel, degree = 20 / np.log(10) * half * errors[0], np.degrees(half * errors[1])
             yield f"{system.inputs[k]} → {system.outputs[i]}", omega, gain, decibel, degree, inside

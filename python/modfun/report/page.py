@@ -57,10 +57,8 @@ def save(page: Page, path: str | os.PathLike[str], what: str) -> Path:
 
     Raises
     ------
-    SpecError
-        Not the name of a page, or a folder that is not there.
-    ModfunError
-        It cannot be written.
+    SpecError, ModfunError
+        As `check_place` and `whole.write_text`.
     """
     place = check_place(path, what)
     write_text(what, place, render(page))

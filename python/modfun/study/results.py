@@ -154,8 +154,7 @@ class Results:
 
         With the initial state (and the estimator's trend) unknown, from all samples; nan where the
         structure does not hold the system, the initial state of equations is drawn, or the records are the
-        user's. No estimator need reach it in a
-        narrow band, and a biased one may pass it.
+        user's. No estimator need reach it in a narrow band, and a biased one may pass it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)

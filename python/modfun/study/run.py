@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import shown
 from ..callables import importable
 from ..errors import ModfunWarning, SpecError
 from ..memory import available as _available
@@ -208,12 +209,10 @@ def _place(directory: Any) -> None:
     except FileNotFoundError:
         pass
     except (TypeError, ValueError, OSError) as error:
-        shown = repr(directory)
-        shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
         why = error.strerror if isinstance(error, OSError) else error
         raise SpecError(
-            f"run: directory={shown} cannot name a directory ({why}); give a path as a text or a Path, as "
-            "'runs/a'"
+            f"run: directory={shown(directory)} cannot name a directory ({why}); give a path as a text or a "
+            "Path, as 'runs/a'"
         ) from error
 
 
