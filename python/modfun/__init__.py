@@ -23,10 +23,11 @@ from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records import Record
 from .reduction import Reduction, reduce
+from .regression import coefficients, regressors
 from .resampling import bootstrap
 from .response import FrequencyResponse
 from .results import Fit
-from .simulation import coefficients, regressors, simulate
+from .simulation import simulate
 from .statespace import StateSpace
 from .storage import load
 from .stream import Stream

@@ -15,6 +15,7 @@ from .errors import DataError, ModfunWarning, SpecError
 from .options import MOST, MOST_THREADS, Options
 from .progress import Progress
 from .records import Record
+from .regression import spectrum
 from .response import FrequencyResponse
 
 __all__ = ["frf"]
@@ -365,8 +366,6 @@ def _windows(records: list[Record], durations: Sequence[float] | None) -> list[R
 
 
 def _piece(rec: Record, rule: str, varying: bool, trend: str | None) -> Piece:
-    from .simulation import spectrum
-
     if trend is not None:  # what end weights make of a large offset would reach other lines
         rec = rec._like(y=rec.y - rec.y.mean(axis=1, keepdims=True))
     y, u = spectrum(rec, rec.intervals // 2, rule)

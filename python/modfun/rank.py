@@ -14,7 +14,7 @@ from .estimation import records_of
 from .masking import refuse_own_noise
 from .options import MOST, band_edges
 from .records import Record
-from .simulation import spectrum
+from .regression import spectrum
 from .tables import Table
 
 __all__ = ["rank_test"]

@@ -1,4 +1,4 @@
-"""What a step of a rational fit needs: data, structure and weights; numerators for poles; linear solves."""
+"""What a step of a rational fit needs: data, structure and weights; numerators for poles; new poles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .constrained import beyond, constrained, least_squares
 from .errors import DataError, SpecError
 from .layout import Layout
 from .partial_fractions import Fractions, Numerators, monic
@@ -265,13 +266,13 @@ class Problem:
                 moving.append(slope)
             first += count
         while True:
-            offset, slope, free = _constrained(equal, columns.shape[1], moving, int(starts[-1]))
-            space, z = _least_squares(columns @ free, data - columns @ offset)
+            offset, slope, free = constrained(equal, columns.shape[1], moving, int(starts[-1]))
+            space, z = least_squares(columns @ free, data - columns @ offset)
             found = offset + free @ z
-            beyond = _beyond(polynomials @ found, bounds)
-            if beyond is None:
+            over = beyond(polynomials @ found, bounds)
+            if over is None:
                 break
-            k, value = beyond
+            k, value = over
             equal.append((polynomials[k], value))
             moving.append(np.zeros(starts[-1]))
             bounds[k] = (-inf, inf)
@@ -340,12 +341,12 @@ class Problem:
             if np.isfinite(value)
         ]
         while True:
-            offset, _, free = _constrained(equal, size.size)
-            x = offset + free @ _least_squares(damped @ free, target - damped @ offset)[1]
-            beyond = _beyond(current + polynomials @ (x / size), bounds)
-            if beyond is None:
+            offset, _, free = constrained(equal, size.size)
+            x = offset + free @ least_squares(damped @ free, target - damped @ offset)[1]
+            over = beyond(current + polynomials @ (x / size), bounds)
+            if over is None:
                 break
-            k, value = beyond
+            k, value = over
             equal.append((polynomials[k] / size, value - current[k]))
             bounds[k] = (-inf, inf)
         left = here.residuals + rows @ (x / size)
@@ -362,7 +363,7 @@ class Problem:
         size = np.linalg.norm(self.slopes(here, here.response, project=False), axis=0)
         polynomials, _, fixed, _ = self._denominators(here)
         held = [(row, 0.0) for row, value in zip(polynomials, fixed, strict=True) if np.isfinite(value)]
-        free = _constrained(held, size.size)[2]
+        free = constrained(held, size.size)[2]
         if free.shape[1] == 0:
             return False
         if np.any(size == 0):
@@ -452,50 +453,7 @@ class Problem:
         for row, now, value, (low, high) in zip(polynomials, current, fixed, bounds, strict=True):
             if np.isfinite(value) or min(now - low, high - now) <= 1e-12 * abs(now):
                 equal.append(np.concatenate([np.zeros(left), row])[None])
-        _, _, free = _constrained([(row, 0.0) for row in np.vstack(equal)], rows.shape[1])
+        _, _, free = constrained([(row, 0.0) for row in np.vstack(equal)], rows.shape[1])
         keep = [*self.layout.free, *range(len(self.layout.names), params.shape[0])]
         scale = np.concatenate([self.scale, np.ones(here.delays.size)])
         return rows @ free, (scale[:, None] * params)[keep] @ free
-
-
-def _constrained(
-    equal: list[tuple[F64, float]], size: int, moving: list[F64] | None = None, width: int = 0
-) -> tuple[F64, F64, F64]:
-    """Solutions of rows·c = value + moving·δ as offset + slope δ + free z with orthonormal free columns."""
-    if not equal:
-        return np.zeros(size), np.zeros((size, width)), np.eye(size)
-    rows = np.array([row for row, _ in equal])
-    norm = np.linalg.norm(rows, axis=1)
-    norm[norm == 0] = 1.0
-    u, s, vt = np.linalg.svd(rows / norm[:, None], full_matrices=True)
-    rank = int(np.sum(s > 1e-12 * s[0])) if s[0] > 0 else 0
-    inverse = (vt[:rank].T / s[:rank]) @ u[:, :rank].T / norm
-    values = np.array([value for _, value in equal])
-    slope = inverse @ np.array(moving) if moving else np.zeros((size, width))
-    return inverse @ values, slope, vt[rank:].T
-
-
-def _least_squares(columns: F64, target: F64) -> tuple[F64, F64]:
-    """Orthonormal columns that span the given ones, and the solution; what depends on others is left out."""
-    from scipy.linalg import qr, solve_triangular
-
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
-    if columns.shape[1] == 0:
-        return columns, np.zeros(0)
-    q, r, order = qr(columns / size, mode="economic", pivoting=True, check_finite=False)
-    diagonal = np.abs(np.diag(r))
-    rank = int(np.sum(diagonal > 1e-14 * diagonal[0])) if diagonal[0] > 0 else 0
-    found = np.zeros(columns.shape[1])
-    found[order[:rank]] = solve_triangular(r[:rank, :rank], q[:, :rank].T @ target)
-    return q[:, :rank], found / size
-
-
-def _beyond(values: F64, bounds: list[tuple[float, float]]) -> tuple[int, float] | None:
-    """The coefficient farthest out of its bounds and the bound, or None."""
-    worst, found = 1e-12, None
-    for k, (value, (low, high)) in enumerate(zip(values, bounds, strict=True)):
-        out = max(low - value, value - high) / max(abs(value), 1e-300)
-        if out > worst:
-            worst, found = out, (k, low if value < low else high)
-    return found

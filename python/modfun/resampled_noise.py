@@ -13,8 +13,8 @@ from .masking import refuse_own_noise
 from .noise import Noise as GivenNoise
 from .prediction import InitialState
 from .records import Record
+from .regression import spectrum
 from .results import Fit
-from .simulation import spectrum
 from .structures import TransferFunction
 from .validation import trend_columns
 

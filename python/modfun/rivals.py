@@ -22,8 +22,8 @@ from .masking import refuse_own_noise
 from .options import MOST
 from .propagate import Inputs
 from .records import Record
+from .regression import regressors
 from .sensitivities import Sensitivities, time_unit
-from .simulation import regressors
 from .structures import TransferFunction
 
 __all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]
