@@ -6,7 +6,8 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, wraps
+from importlib.util import find_spec
 from typing import Any
 
 import modfun as mf
@@ -345,4 +346,43 @@ def calls() -> tuple[Call, ...]:
         _call("rivals.pem", mf.rivals.pem, 0.02, lambda: {"model": structure()}),
         _call("Table", mf.Table, 0.05, lambda: {"columns": {"a": [1, 2], "b": ["x", "y"]}, "title": "t"}),
     ]  # fmt: skip
-    return tuple(table)
+    return (*table, *_plots())
+
+
+def _plots() -> list[Call]:
+    """`mf.plot`, where matplotlib is installed; figures are closed."""
+    if find_spec("matplotlib") is None:
+        return []
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    def bode(system: Any, band: Any = None, hz: Any = False, labels: Any = None, ax: Any = None) -> Any:
+        return mf.plot.bode(system, band=band, hz=hz, labels=labels, ax=ax)
+
+    def poles(fit: Any, labels: Any = None, ax: Any = None) -> Any:
+        return mf.plot.poles(fit, labels=labels, ax=ax)
+
+    def drawn(name: str, draw: Callable[..., Any], key: str, thing: Callable[[], Any]) -> Call:
+        @wraps(draw)
+        def call(**given: Any) -> None:
+            try:
+                draw(**given)
+            finally:
+                pyplot.close("all")
+
+        return _call(f"plot.{name}", call, 40.0, lambda: {key: thing()})
+
+    fits = ("correlation", "harmonics", "residual_tests", "residuals", "response")
+    return [
+        drawn("bode", bode, "system", fitted),
+        drawn("poles", poles, "fit", fitted),
+        *(drawn(name, getattr(mf.plot, name), "fit", fitted) for name in fits),
+        drawn("record", mf.plot.record, "rec", record),
+        drawn("reduction", mf.plot.reduction, "red", reduction),
+        drawn("signals", mf.plot.signals, "given", lambda: mf.signals.doublet("de", dt=0.1, width=1.0)),
+        drawn("sinusoids", mf.plot.sinusoids, "found", tones),
+        drawn("spectrum", mf.plot.spectrum, "spec", lambda: record().spectrum()),
+        drawn("study", mf.plot.study, "res", results),
+    ]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from . import _core
 from .errors import DataError, SpecError
 from .expressions import Source, evaluate, function, is_samples
+from .propagate import spline, too_steep
 
 __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]
 
@@ -58,9 +59,7 @@ class Signal:
     @classmethod
     def of(cls, values: F64, grid: F64) -> Signal:
         """The cubic spline through samples."""
-        from scipy.interpolate import CubicSpline
-
-        rows = CubicSpline(grid, values).c.T
+        rows = spline(grid, values).c.T
         return cls(grid.tolist(), rows.tolist(), float(values[0]), [], 0.0)
 
     def __call__(self, t: float, inside: float) -> float:
@@ -111,7 +110,10 @@ def signal(source: Source, grid: F64, kind: str, order: int, delay: float, name:
     early = 0 if is_samples(source) else int(np.ceil(delay / step))
     knots = np.concatenate([grid[0] + step * np.arange(-early, 0.0), grid])
     values = evaluate(source, knots)
-    slopes = np.diff(values) / np.diff(knots)
+    with np.errstate(over="ignore"):
+        slopes = np.diff(values) / np.diff(knots)
+    if kind == "foh" and not np.all(np.isfinite(slopes)):
+        raise too_steep(values, step)
     if kind == "zoh":
         pieces = values[:, None]  # the last one is seen at the last sample only
         bends = np.diff(values[:-1]) != 0
@@ -119,10 +121,8 @@ def signal(source: Source, grid: F64, kind: str, order: int, delay: float, name:
         pieces = slopes[:, None] if order else np.column_stack([slopes, values[:-1]])
         bends = np.abs(np.diff(slopes)) > 1e-12 * np.abs(slopes).max()
     else:
-        from scipy.interpolate import CubicSpline
-
-        spline = CubicSpline(knots, values)
-        pieces = (spline.derivative(order) if order else spline).c.T
+        smooth = spline(knots, values)
+        pieces = (smooth.derivative(order) if order else smooth).c.T
         bends = np.zeros(slopes.size - 1, dtype=bool)
     breaks = knots[[0, *(np.flatnonzero(bends) + 1)]]
     before = 0.0 if order else float(values[0])

@@ -16,7 +16,7 @@ from .expressions import is_samples, sources
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
-from .samples import MOST_SAMPLES, frequencies, frozen
+from .samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
@@ -213,11 +213,7 @@ class LTI:
         intersample: str | Sequence[str],
     ) -> F64:
         """`simulate` with the inputs as a list and the output always (output, time)."""
-        if not real("simulating", "dt", dt) > 0:
-            raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
-        intervals = whole("simulating", "intervals", intervals, 0, MOST_SAMPLES)
-        if intervals < 1:
-            raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
+        dt, intervals = steps_of(dt, intervals)
         a, b, c, d, scale = self.scaled()
         start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "x0", x0)
         if start.shape != scale.shape or not np.all(np.isfinite(start)):

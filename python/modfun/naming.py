@@ -82,9 +82,9 @@ def guess_time(table: Source) -> str:
 
 def pace(times: F64) -> str:
     """Say how even times in seconds are."""
-    steps = np.diff(times)
-    if not (steps.size and np.isfinite(times).all() and (steps > 0).all()):
+    if times.size < 2 or not np.isfinite(times).all() or not (times[1:] > times[:-1]).all():
         return "but it does not increase everywhere"
+    steps = np.diff(times)
     usual = float(np.median(steps))
     gaps = int((steps > 1.5 * usual).sum())
     if gaps:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public, real, reals, whole
+from .arguments import public, reals
 from .errors import DataError, SpecError
 from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
 from .pieces import pieces, refined
 from .propagate import intersample_kinds
-from .samples import MOST_SAMPLES
+from .samples import steps_of
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -346,9 +346,6 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
         if grid.ndim != 1 or grid.size < 2 or not np.all(np.diff(grid) > 0):
             raise DataError("simulating: t must be one list of at least two rising instants, in s")
         return grid
-    step = real("simulating", "dt", dt)
-    if not step > 0:
-        raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
     if intervals is None:
         lengths = [np.size(s) for s in given if is_samples(s) and np.ndim(s)]  # type: ignore[arg-type]
         if not lengths:
@@ -356,9 +353,8 @@ def _grid(dt: float | None, t: ArrayLike | None, given: Sequence[Source], interv
                 "simulating without samples of an input: say how long, intervals=N for N + 1 samples"
             )
         intervals = max(lengths) - 1
-    if whole("simulating", "intervals", intervals, 0, MOST_SAMPLES) < 1:
-        raise DataError(f"simulating: {intervals} intervals; at least 1, that is two samples, are needed")
-    return np.arange(intervals + 1.0) * step
+    step, count = steps_of(dt, intervals)
+    return np.arange(count + 1.0) * step
 
 
 def _known(given: Any, grid: F64) -> Signal | Function:

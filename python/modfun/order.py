@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, html
-from .arguments import public
+from .arguments import public, whole
 from .derived import cancelling
 from .errors import FitError, SpecError
 from .estimation import fit_quietly, records_of
@@ -22,7 +22,7 @@ from .polynomials import roots_of
 from .prepared import plain_words
 from .records import Record
 from .results import Fit
-from .structures import TransferFunction
+from .structures import MOST_POLES, TransferFunction
 from .tables import Table
 
 __all__ = ["OrderSelection", "select_order"]
@@ -176,11 +176,12 @@ def candidates(
 ) -> list[TransferFunction]:
     """Structures to try, smaller ones first."""
     try:
-        orders = sorted({poles} if isinstance(poles, int) else set(islice(poles, MOST + 1)))
+        asked = [poles] if isinstance(poles, int | np.integer) else list(islice(poles, MOST + 1))
     except TypeError:
         raise SpecError(f"select_order: poles={poles!r} must be numbers of poles, as range(1, 6)") from None
-    if len(orders) > MOST:
+    if len(asked) > MOST:
         raise SpecError(f"select_order: poles={poles!r} has more than {MOST} numbers of poles; give fewer")
+    orders = sorted({whole("select_order", "poles", n, 1, MOST_POLES) for n in asked})
     if isinstance(zeros, str) and zeros != "any":
         raise SpecError(f'select_order: zeros={zeros!r} must be "any", a number, or a list of numbers')
     made = []

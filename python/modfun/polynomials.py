@@ -21,7 +21,7 @@ def polynomials_of(given: Any, name: str) -> list[list[F64]]:
     """Polynomials as (output, input), whatever the nesting given."""
 
     def depth(x: Any) -> int:
-        if isinstance(x, np.ndarray) and x.dtype != object:
+        if isinstance(x, np.ndarray) and (x.dtype != object or x.ndim == 0):
             return int(x.ndim)
         return 1 + max(map(depth, x), default=0) if isinstance(x, list | tuple | np.ndarray) else 0
 

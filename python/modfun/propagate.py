@@ -6,15 +6,16 @@ Gauss-Legendre quadrature of the convolution inside each sample.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .errors import SpecError
+from .errors import DataError, SpecError
 from .expressions import Source, evaluate, is_samples
 
-__all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond"]
+__all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
 
 F64 = NDArray[np.float64]
 INTERSAMPLE = ("smooth", "zoh", "foh")
@@ -50,7 +51,7 @@ def nodes(source: Source, dt: float, intervals: int, delay: float = 0.0) -> F64:
     if not is_samples(source):
         return evaluate(source, times.ravel()).reshape(times.shape)
     grid: F64 = np.arange(intervals + 1.0) * dt
-    return _spline(grid, evaluate(source, grid), times)
+    return _splined(grid, evaluate(source, grid), times)
 
 
 def respond(
@@ -118,7 +119,7 @@ class Inputs:
                     continue
                 if kind == "smooth":
                     if is_samples(source):
-                        samples = _spline(grid, evaluate(source, grid), grid - delays[k])
+                        samples = _splined(grid, evaluate(source, grid), grid - delays[k])
                     else:
                         samples = evaluate(source, grid - delays[k])
                     together.append((k, samples, nodes(source, dt, intervals, delays[k])))
@@ -160,11 +161,36 @@ class Inputs:
         return y
 
 
-def _spline(grid: F64, values: F64, times: F64) -> F64:
+def too_steep(values: F64, step: float) -> DataError:
+    """What to say of samples whose slopes overflow."""
+    return DataError(
+        f"simulating: an input of samples up to {np.abs(values).max():.3g}, {step:.3g} s apart, has slopes "
+        "beyond floating point; take other units, or give intersample='zoh'"
+    )
+
+
+def spline(grid: F64, values: F64) -> Any:
+    """The cubic spline through samples; SciPy's, with what it offers.
+
+    Raises
+    ------
+    DataError
+        Its slopes are beyond floating point.
+    """
     from scipy.interpolate import CubicSpline
 
-    held = np.maximum(times, 0.0)
-    return np.ascontiguousarray(CubicSpline(grid, values)(held), dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        try:
+            found = CubicSpline(grid, values)
+        except ValueError:
+            found = None
+    if found is None or not np.all(np.isfinite(found.c)):
+        raise too_steep(values, float(grid[1] - grid[0]))
+    return found
+
+
+def _splined(grid: F64, values: F64, times: F64) -> F64:
+    return np.ascontiguousarray(spline(grid, values)(np.maximum(times, 0.0)), dtype=np.float64)
 
 
 def _split(samples: float) -> tuple[int, float]:

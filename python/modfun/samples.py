@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import real, reals
+from .arguments import real, reals, whole
 from .errors import DataError, SpecError
 from .tables import nearest
 
@@ -177,6 +177,19 @@ def intersample_of(
         if word not in INTERSAMPLE:
             raise SpecError(f"Record: intersample {word!r} is unknown; {nearest(word, INTERSAMPLE)}")
     return words
+
+
+def steps_of(dt: Any, intervals: Any) -> tuple[float, int]:
+    """Step and number of intervals of a simulation, checked."""
+    step = real("simulating", "dt", dt)
+    if not step > 0:
+        raise DataError(f"simulating: dt is {dt}; give the sampling interval in seconds, above 0")
+    count = whole("simulating", "intervals", intervals, 0, MOST_SAMPLES)
+    if count < 1:
+        raise DataError(f"simulating: {count} intervals; at least 1, that is two samples, are needed")
+    if not step < 1e150:
+        raise SpecError(f"simulating: a step of {step!r} s is out of range; give time in another unit")
+    return step, count
 
 
 def positive(value: float, option: str, unit: str) -> float:

@@ -185,7 +185,10 @@ def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) 
     """Return the columns of arrays by name: 1-D, or 2-D (channel, time)."""
     arrays: dict[str, NDArray[Any]] = {}
     for key, values in given.items():
-        array = np.asarray(values)
+        try:
+            array = np.asarray(values)
+        except Exception as error:  # of whatever the conversion of an unknown object raises
+            raise DataError(f"{label}: {key!r} cannot be read as an array ({error}); give numbers") from None
         if array.ndim == 1:
             arrays[str(key)] = array
         elif array.ndim == 2:

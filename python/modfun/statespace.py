@@ -283,7 +283,7 @@ def _entry(where: str, given: Any) -> Entry:
 
         return _entry(where, said(given, exact=True))
     try:
-        if isinstance(given, bool):
+        if isinstance(given, bool) or given is np.ma.masked:
             raise TypeError
         number = float(given)
     except (TypeError, ValueError):

@@ -20,7 +20,7 @@ from .lti import LTI, tf
 from .samples import numbered
 from .tables import nearest
 
-__all__ = ["TransferFunction", "system_of"]
+__all__ = ["MOST_POLES", "TransferFunction", "system_of"]
 
 
 MOST_POLES = 100

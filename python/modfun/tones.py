@@ -301,7 +301,7 @@ def _lines(method: str, lines: int | None, is_complex: bool, weights: F64) -> in
             "sinusoids: lines of a record with masked or unequal samples depend on one another; leave lines "
             'out and take method="ml"'
         )
-    return int(lines)
+    return min(int(lines), weights.size)  # there are no more
 
 
 def _edges(band: float | tuple[float, float] | None, dt: float, is_complex: bool) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import reals
 from ..errors import DataError, SpecError
 from ..expressions import Source, evaluate, is_samples
+from ..propagate import spline
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem
@@ -259,10 +260,8 @@ def drive(source: Source, kind: str, grid: F64) -> Callable[[F64], F64]:
         return lambda t: values[np.clip(np.floor(t / step + SAME), 0, len(values) - 1).astype(int)]
     if kind == "foh":
         return lambda t: np.interp(t, grid, values)
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(grid, values)
-    return lambda t: np.asarray(spline(np.maximum(t, 0.0)))
+    smooth = spline(grid, values)
+    return lambda t: np.asarray(smooth(np.maximum(t, 0.0)))
 
 
 def _edges(plant: DelaySystem, dt: float) -> F64:

@@ -33,7 +33,10 @@ def take_axes(
         return list(made[:, 0])
     if hasattr(ax, "plot"):
         return [ax] * count
-    given = list(np.ravel(np.asarray(ax, dtype=object)))
+    try:
+        given = list(np.ravel(np.asarray(ax, dtype=object)))
+    except Exception:  # of whatever the conversion of an unknown object raises
+        given = [ax]
     if other := [one for one in given if not hasattr(one, "plot")]:
         raise SpecError(f"plot: ax holds {shown(other[0])}, which is no Axes; give those of matplotlib")
     if len(given) != count:

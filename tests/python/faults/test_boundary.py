@@ -9,6 +9,25 @@ import pytest
 ROOT = Path(__file__).parents[3]
 REC = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t)", duration=10.0, intervals=64, nsr=0.1, seed=0)
 TF2 = mf.TransferFunction(poles=2, zeros=0)
+T = 0.1 * np.arange(65)
+
+
+class Refusing:
+    def __array__(self, *_):
+        raise ValueError("no array of me")
+
+
+def ode():
+    return mf.Equation("y' + a*y = u").model({"a": 1.0})
+
+
+def controller():
+    return mf.timelag.DelaySystem(A={0: 1.0}, B={1.0: 1.0}).place([-1.0]).controller(0.1)
+
+
+def study():
+    words = {"duration": 10.0, "intervals": 64, "nsr": [0.1, 0.2], "estimators": ["ls"], "replicates": 2}
+    return mf.MonteCarlo(system=mf.tf([5], [1, 3, 8]), input="sin(t)", **words).run(progress=False)
 
 
 pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
@@ -84,6 +103,52 @@ FOUND = {
         lambda: mf.FrequencyResponse(omega=[1.0], magnitude_db=[1e5], phase_deg=[0.0]),
         "finite gains",
     ),
+    "pieces of float32 seconds": (lambda: REC.split(every=np.float32(1e-44)), "pieces need"),
+    "a step in float32": (lambda: mf.signals.doublet("de", dt=np.float32(3e38), width=5.0), "whole number"),
+    "slopes beyond floats": (
+        lambda: mf.tf([1], [1, 1]).simulate(u=1e150 * np.sin(np.arange(9.0)), dt=1e-170),
+        "slopes beyond floating point",
+    ),
+    "slopes beyond floats in an equation": (
+        lambda: ode().simulate(u=1e150 * np.sin(np.arange(9.0)), dt=1e-170),
+        "slopes beyond floating point",
+    ),
+    "poles beyond memory": (lambda: mf.select_order(REC, poles=10**30), "from 1 to 100"),
+    "an array of no dimension": (lambda: mf.tf([1], [np.array(None), 1]), "den"),
+    "times next to each other": (lambda: mf.Record(y=REC.y[0], t=1e-200 * np.arange(65)), "out of range"),
+    "a seed beyond 64 bits": (
+        lambda: mf.simulate(mf.tf([1], [1, 1]), input="1", duration=1.0, intervals=9, seed=2**64),
+        "seed",
+    ),
+    "a local polynomial without end": (lambda: mf.frf(REC, degree=10**9), "degree"),
+    "instants in words": (lambda: ode().simulate(u="t", t=["a", "b"]), "t="),
+    "a state in words": (lambda: ode().simulate(u="t", dt=0.1, intervals=9, x0="rest"), "x0="),
+    "intervals of equations beyond memory": (
+        lambda: ode().simulate(u="t", dt=0.1, intervals=10**30),
+        "from 0 to 10000000",
+    ),
+    "a start that names more": (
+        lambda: mf.rivals.output_error(TF2, start={"a1": 1, "a2": 1, "b0": 1, "b9": 1})(REC),
+        "names b9",
+    ),
+    "a start in words": (
+        lambda: mf.rivals.output_error(TF2, start={"a1": "x", "a2": 1, "b0": 1})(REC),
+        "start",
+    ),
+    "a matrix in words": (lambda: mf.reduce(([["a"]], [[1]], [[1]]), 1), "A="),
+    "weights that are nan": (
+        lambda: mf.reduce(mf.tf([1], [1, 1]).frequency_response([1.0, 2.0]), 1, weight=[np.nan, 1.0]),
+        "finite",
+    ),
+    "a sample of another system": (lambda: controller().step([1.0, 2.0]), "one a state"),
+    "a past of another system": (lambda: controller().reset(u=[np.nan]), "finite samples"),
+    "a step beyond floats": (
+        lambda: mf.tf([1], [1, 1]).simulate(u=np.arange(9.0), dt=np.float64(1e308)),
+        "out of range",
+    ),
+    "a masked entry": (lambda: mf.StateSpace([[np.ma.masked, 1], ["a", "b"]]), "give a number"),
+    "a column that is none": (lambda: mf.read({"t": T, "y": Refusing()}, outputs="y"), "'y' cannot be read"),
+    "an array for a cell": (lambda: study().replicate(0, nsr=np.arange(3)), "nsr=array"),
 }
 
 
@@ -95,6 +160,16 @@ def test_what_was_found_stays_mended(case):
         return
     with pytest.raises((mf.SpecError, mf.DataError), match=words):
         call()
+
+
+def test_times_that_are_infinite_are_said_in_the_note():
+    table = mf.columns({"t": np.where(T > 6, np.inf, T), "y": T})
+    assert "does not increase" in table["note"][0]
+
+
+def test_all_lines_are_as_many_as_there_are():
+    few, many = (mf.sinusoids(np.cos(T), 1, dt=0.1, lines=lines) for lines in (33, 10**9))
+    assert np.array_equal(few.params, many.params)
 
 
 def test_what_raises_although_arguments_fit_stays_raw():
