@@ -26,7 +26,7 @@ C128 = NDArray[np.complex128]
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
 _WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}
-_RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
+_RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError)
 
 
 # One argument --------------------------------------------------------------------------------------
@@ -137,7 +137,7 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
         elif parameter.kind is parameter.VAR_KEYWORD:
             values = bound[key]
         for own, value in values.items():
-            if not _fits(value, parameter.annotation):
+            if not _surely_fits(value, parameter.annotation):
                 raise SpecError(
                     f"{name}: {own}={shown(value)} is of type {type(value).__name__}; it takes "
                     f"{_written(written.parameters[key].annotation)}"
@@ -155,6 +155,13 @@ class _Names(dict[str, Any]):
         import modfun
 
         return getattr(builtins, name, None) or getattr(modfun, name, Any)
+
+
+def _surely_fits(value: Any, kind: Any) -> bool:
+    try:
+        return _fits(value, kind)
+    except Exception:  # of whatever an unknown object raises when it is looked at
+        return False
 
 
 def _fits(value: Any, kind: Any) -> bool:

@@ -179,7 +179,7 @@ def band_edges(what: str, band: Any) -> tuple[float, float]:
 def _weights(what: str, given: Any) -> tuple[Any, ...]:
     weights = reals(what, "output_weights", given)
     matrix = weights.ndim == 2 and weights.shape[0] == weights.shape[1]
-    if not (weights.ndim == 1 or matrix) or not np.all(np.isfinite(weights)):
+    if not (weights.ndim == 1 or matrix) or not weights.size or not np.all(np.isfinite(weights)):
         raise SpecError(
             f"{what}: output_weights={given!r} must be one number an output (1/variance of its noise), or "
             "the inverse covariance matrix"

@@ -22,7 +22,8 @@ from .polynomials import roots_of
 from .prepared import plain_words
 from .records import Record
 from .results import Fit
-from .structures import MOST_POLES, TransferFunction
+from .structure_words import MOST_POLES
+from .structures import TransferFunction
 from .tables import Table
 
 __all__ = ["OrderSelection", "select_order"]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import shown
 from .errors import DataError, SpecError
 from .masking import refuse_own_noise
-from .observer import observe
 from .records import Record
 from .validation import free_response, regress, trend_columns
 
@@ -120,6 +120,8 @@ def sample_weights(rec: Record, output: int) -> F64 | None:
 
 def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
     """Initial state of a fitted model by an observer run backwards in time, the trend beside it."""
+    from .observer import observe
+
     if rec.dt is None:
         raise DataError(
             "initial_state: an observer needs even sampling, and this record's steps are uneven; "
@@ -151,9 +153,9 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
         return np.zeros(n)
     try:
         state = np.asarray(initial_state, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # of whatever the conversion of an unknown object raises
         raise SpecError(
-            f'predict: initial_state must be "zero" or {n} numbers, got {initial_state!r}'
+            f'predict: initial_state must be "zero" or {n} numbers, got {shown(initial_state)}'
         ) from None
     if state.shape != (n,) or not np.all(np.isfinite(state)):
         raise SpecError(

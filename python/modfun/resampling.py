@@ -17,7 +17,6 @@ from .many import FitMany, collect
 from .options import Options
 from .progress import Progress
 from .records import Record
-from .resampled_noise import white, wild
 from .results import Fit
 from .tables import Table, nearest
 
@@ -226,6 +225,8 @@ def bootstrap(
     >>> mf.bootstrap(fit, replicates=200, kind="wild").conf_int(0.9).shape
     (3, 2)
     """
+    from .resampled_noise import white, wild
+
     records = _records(fit)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")

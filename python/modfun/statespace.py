@@ -286,8 +286,10 @@ def _entry(where: str, given: Any) -> Entry:
         if isinstance(given, bool) or given is np.ma.masked:
             raise TypeError
         number = float(given)
-    except (TypeError, ValueError):
-        raise SpecError(f"StateSpace: {where} is {given!r}; give a number, a name or an expression") from None
+    except Exception:  # of whatever the conversion of an unknown object raises
+        raise SpecError(
+            f"StateSpace: {where} is {shown(given)}; give a number, a name or an expression"
+        ) from None
     if not np.isfinite(number):
         raise SpecError(f"StateSpace: {where} is {number}; entries are finite")
     return number

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf, isfinite
-from numbers import Integral
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import is_sequence, public, real, reals, whole
+from .arguments import is_sequence, public, reals, whole
 from .errors import SpecError
 from .free import Free
 from .layout import Layout, routes
 from .lti import LTI, tf
 from .samples import numbered
+from .structure_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of
 from .tables import nearest
 
-__all__ = ["MOST_POLES", "TransferFunction", "system_of"]
+__all__ = ["TransferFunction", "system_of"]
 
 
-MOST_POLES = 100
 DENOMINATORS = ("common", "separate")
 Degrees = int | None
-Delay = float | Free
 
 
 @public
@@ -93,7 +91,7 @@ class TransferFunction:
             )
         orders: int | tuple[int, ...]
         if is_sequence(poles):
-            orders = tuple(_order(n) for n in poles)  # type: ignore[union-attr]
+            orders = tuple(order_of(n) for n in poles)  # type: ignore[union-attr]
             if not orders:
                 raise SpecError("TransferFunction: poles=[] names no output; give a number, or one an output")
             if denominator != "separate":
@@ -102,45 +100,45 @@ class TransferFunction:
                     'denominator="separate"'
                 )
         else:
-            orders = _order(poles)
+            orders = order_of(poles)
         most = max(orders) if isinstance(orders, tuple) else orders
         degrees: Any = orders - 1 if isinstance(orders, int) else None
         if zeros is not None:
-            degrees = _nested("zeros", zeros, lambda value: _degree(value, most))
-        late = _nested("delay", delay, _delay)
+            degrees = nested("zeros", zeros, lambda value: degree_of(value, most))
+        late = nested("delay", delay, delay_of)
         object.__setattr__(self, "poles", orders)
         object.__setattr__(self, "zeros", degrees)
         object.__setattr__(self, "delay", late)
         object.__setattr__(self, "denominator", denominator)
-        object.__setattr__(self, "params", _params(params))
+        object.__setattr__(self, "params", params_of(params))
         for what, counts in (("outputs", self._outputs()), ("inputs", self._inputs())):
             if len(counts) > 1:
                 raise SpecError(
-                    f"TransferFunction: poles, zeros={_shown(self.zeros)} and delay={_shown(self.delay)} are "
+                    f"TransferFunction: poles, zeros={plain(self.zeros)} and delay={plain(self.delay)} are "
                     f"for different numbers of {what} ({', '.join(map(str, sorted(counts)))}); give all for "
                     "the same, or one number for all"
                 )
         if denominator is None and self._outputs() - {1}:
             raise SpecError(
-                f"TransferFunction: zeros={_shown(self.zeros)}, delay={_shown(self.delay)} name several "
+                f"TransferFunction: zeros={plain(self.zeros)}, delay={plain(self.delay)} name several "
                 "outputs (output, input); say whether they share their poles: "
                 'denominator="common" or "separate"'
             )
-        rows = self.zeros if _depth(self.zeros) == 2 else [self.zeros]
+        rows = self.zeros if depth(self.zeros) == 2 else [self.zeros]
         for row in rows:  # type: ignore[union-attr]
             if isinstance(row, tuple) and all(z is None for z in row):
                 raise SpecError(
-                    f"TransferFunction: zeros={_shown(self.zeros)} leaves an output no input with a path; "
+                    f"TransferFunction: zeros={plain(self.zeros)} leaves an output no input with a path; "
                     "give the degree of at least one numerator"
                 )
 
     def _outputs(self) -> set[int]:
-        counts = {len(given) for given in (self.zeros, self.delay) if _depth(given) == 2}  # type: ignore[arg-type]
+        counts = {len(given) for given in (self.zeros, self.delay) if depth(given) == 2}  # type: ignore[arg-type]
         return counts | ({len(self.poles)} if isinstance(self.poles, tuple) else set())
 
     def _inputs(self) -> set[int]:
-        rows = [row for given in (self.zeros, self.delay) if _depth(given) == 2 for row in given]  # type: ignore[union-attr]
-        rows += [given for given in (self.zeros, self.delay) if _depth(given) == 1]
+        rows = [row for given in (self.zeros, self.delay) if depth(given) == 2 for row in given]  # type: ignore[union-attr]
+        rows += [given for given in (self.zeros, self.delay) if depth(given) == 1]
         return {len(row) for row in rows}  # type: ignore[arg-type]
 
     @property
@@ -325,9 +323,9 @@ class TransferFunction:
     def __repr__(self) -> str:
         poles = list(self.poles) if isinstance(self.poles, tuple) else self.poles
         words = [f"poles={poles}"]
-        words += [] if self.zeros is None else [f"zeros={_shown(self.zeros)}"]
+        words += [] if self.zeros is None else [f"zeros={plain(self.zeros)}"]
         late = self.delay if isinstance(self.delay, tuple) else (self.delay,)
-        words += [f"delay={_shown(self.delay)}"] if any(d != 0 for d in late) else []
+        words += [f"delay={plain(self.delay)}"] if any(d != 0 for d in late) else []
         words += [] if self.denominator is None else [f"denominator={self.denominator!r}"]
         words += [f"params={dict(self.params)}"] if self.params else []
         return f"TransferFunction({', '.join(words)})"
@@ -381,14 +379,16 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
     if structure.zeros is None:
         numerators = tuple((n - 1,) * k for n in orders)
     else:
-        numerators = _table(structure.zeros, q, k)
+        numerators = table_of(structure.zeros, q, k)
     for row, n in zip(numerators, orders, strict=True):
         if any(z is not None and z > n for z in row):
             raise SpecError(
-                f"TransferFunction: zeros={_shown(structure.zeros)} holds more zeros than the {n} poles of "
+                f"TransferFunction: zeros={plain(structure.zeros)} holds more zeros than the {n} poles of "
                 "an output; lower zeros= or raise poles="
             )
-    paths, routed = routes(_table(structure.delay, q, k), inputs, outputs, shared=_depth(structure.delay) < 2)
+    paths, routed = routes(
+        table_of(structure.delay, q, k), inputs, outputs, shared=depth(structure.delay) < 2
+    )
     common = structure.denominator == "common" or q == 1
     names: list[str] = []
     if common:
@@ -414,9 +414,9 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
             else:
                 fixed[at] = given
         else:
-            late = given if isinstance(given, Free) else _delay(given)
+            late = given if isinstance(given, Free) else delay_of(given)
             paths = tuple(
-                type(path)(path.input, _delay(late), path.name) if path.name == name else path
+                type(path)(path.input, delay_of(late), path.name) if path.name == name else path
                 for path in paths
             )
     if all(value is not None for value in fixed):
@@ -439,117 +439,3 @@ def _numbered(letter: str, count: int) -> tuple[str, ...]:
     return numbered(
         letter, whole("TransferFunction.model", {"u": "inputs", "y": "outputs"}[letter], count, 0, 100)
     )
-
-
-def _depth(value: Any) -> int:
-    return 0 if not isinstance(value, tuple) else 2 if any(isinstance(one, tuple) for one in value) else 1
-
-
-def _nested(name: str, value: Any, one: Callable[[Any], Any]) -> Any:
-    """A number, a row or a table of what `one` accepts, as tuples."""
-    if not is_sequence(value):
-        return one(value)
-    rows = [is_sequence(item) for item in value]
-    if not rows:
-        raise SpecError(f"TransferFunction: {name}=[] names no input; give one number, or one an input")
-    if any(rows) and not all(rows):
-        raise SpecError(
-            f"TransferFunction: {name}={value!r} mixes numbers and lists; give a list an output, each with a "
-            "number an input"
-        )
-    if not any(rows):
-        return tuple(one(item) for item in value)
-    if any(len(row) == 0 or any(is_sequence(item) for item in row) for row in value):
-        raise SpecError(f"TransferFunction: {name}={value!r} must be nested as [output][input], no deeper")
-    return tuple(tuple(one(item) for item in row) for row in value)
-
-
-def _table(value: Any, outputs: int, inputs: int) -> tuple[tuple[Any, ...], ...]:
-    """[output][input] from what may be given for all, an input or a path."""
-    if _depth(value) == 2:
-        return tuple(value)
-    row = value if isinstance(value, tuple) else (value,) * inputs
-    return (row,) * outputs
-
-
-def _shown(value: Any) -> Any:
-    if not isinstance(value, tuple):
-        return value
-    return [_shown(one) for one in value]
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool | np.bool_)
-
-
-def _order(value: Any) -> int:
-    if not _is_count(value) or value < 1:
-        raise SpecError(f"TransferFunction: poles={value!r} must be a whole number of at least 1")
-    if value > MOST_POLES:
-        raise SpecError(
-            f"TransferFunction: poles={value} is more than {MOST_POLES}; no record determines so many"
-        )
-    return int(value)
-
-
-def _degree(value: Any, poles: int) -> int | None:
-    if value is None:
-        return None
-    if not _is_count(value) or value < 0:
-        raise SpecError(
-            f"TransferFunction: zeros holds {value!r}; give whole numbers of at least 0, or None for an "
-            "input without a path"
-        )
-    if value > poles:
-        raise SpecError(
-            f"TransferFunction: {value} zeros with {poles} poles; a system that can be sampled has at most "
-            "as many zeros as poles: lower zeros= or raise poles="
-        )
-    return int(value)
-
-
-def _delay(value: Any) -> float | Free:
-    if isinstance(value, Free):
-        if not (isfinite(value.max) and value.max > 0):
-            raise SpecError(
-                f"TransferFunction: delay={value!r} needs a max, in s: the window starts so much later; as "
-                "mf.Free(0.1, min=0, max=0.5)"
-            )
-        if isfinite(value.min) and value.min < 0:
-            raise SpecError(f"TransferFunction: delay={value!r} must not be below 0 s: raise its min")
-        return value
-    try:
-        late = real("TransferFunction", "delay", value, finite=False)
-    except SpecError:
-        raise SpecError(
-            f"TransferFunction: delay={value!r} is no number; give known delays in seconds, or mf.Free(...)"
-        ) from None
-    if not (np.isfinite(late) and late >= 0):
-        raise SpecError(f"TransferFunction: delay={value!r} s must be finite and at least 0")
-    return late
-
-
-def _params(given: Any) -> tuple[tuple[str, float | Free], ...]:
-    if given is None:
-        return ()
-    if isinstance(given, tuple) and all(isinstance(pair, tuple) and len(pair) == 2 for pair in given):
-        given = dict(given)  # as the structure keeps them
-    if not isinstance(given, Mapping):
-        raise SpecError(f'TransferFunction: params={given!r} must map names to values, as {{"a2": 0.0}}')
-    found: list[tuple[str, float | Free]] = []
-    for name, value in given.items():
-        if isinstance(value, Free):
-            found.append((str(name), value))
-            continue
-        try:
-            if isinstance(value, bool | str):
-                raise TypeError
-            number = float(value)
-        except (TypeError, ValueError):
-            raise SpecError(
-                f"TransferFunction: params[{name!r}]={value!r} must be a number (held there) or mf.Free(...)"
-            ) from None
-        if not isfinite(number):
-            raise SpecError(f"TransferFunction: params[{name!r}]={value!r} must be finite")
-        found.append((str(name), number))
-    return tuple(found)

@@ -205,7 +205,7 @@ def listed(names: Sequence[str]) -> str:
 
 def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
     try:
-        plain = list(values)
+        plain = [None if value is np.ma.masked else value for value in values]
     except Exception:  # of whatever an unknown object raises
         raise SpecError(f"Table: {shown(values)} is no column; give a list of values") from None
     try:

@@ -37,7 +37,7 @@ def equations(
         raise SpecError('timelag.equation: A and B map lags to matrices, as {0: [["a"]], "h": [["c"]]}')
     first = _table("A", next(iter(a.values())), None)
     n = len(first)
-    width = 0 if b is None else len(_table("B", next(iter(b.values())), n)[0])
+    width = 0 if not b else len(_table("B", next(iter(b.values())), n)[0])
     own = channel_names("timelag.equation", "states", states, n, "x", always=True)
     drives = channel_names("timelag.equation", "inputs", inputs, width, "u")
     lines = [[] for _ in range(n)]  # type: list[list[str]]
@@ -55,6 +55,8 @@ def _table(name: str, given: Any, rows: int | None, columns: int | None = None) 
     if isinstance(given, str) or np.ndim(given) == 0:
         given = [given]
     table = [[row] if isinstance(row, str) or np.ndim(row) == 0 else list(row) for row in given]
+    if not table:
+        raise SpecError(f"timelag.equation: {name} has a matrix without rows; leave it out")
     rows = len(table) if rows is None else rows
     columns = columns if columns is not None else rows if name == "A" else len(table[0])
     if len(table) != rows or any(len(row) != columns for row in table):

@@ -136,7 +136,7 @@ def multistep(
     what = "multistep"
     try:
         widths = [float(w) for w in pulses]
-    except (TypeError, ValueError):
+    except Exception:  # of whatever the conversion of unknown objects raises
         widths = []
     if not widths or isinstance(pulses, str) or not all(np.isfinite(w) and w > 0 for w in widths):
         raise SpecError(f"multistep: pulses={pulses!r} must be widths above 0 in units, as [3, 2, 1, 1]")

@@ -148,6 +148,11 @@ FOUND = {
     ),
     "a masked entry": (lambda: mf.StateSpace([[np.ma.masked, 1], ["a", "b"]]), "give a number"),
     "a column that is none": (lambda: mf.read({"t": T, "y": Refusing()}, outputs="y"), "'y' cannot be read"),
+    "a state that refuses": (lambda: mf.fit(REC, TF2).predict(REC, initial_state=Refusing()), "2 numbers"),
+    "pulses that refuse": (lambda: mf.signals.multistep("u", [Refusing()], dt=0.1, unit=1.0), "widths"),
+    "no weights": (lambda: mf.Estimator(TF2, output_weights=[]), "output_weights"),
+    "a matrix without rows": (lambda: mf.timelag.equation({0: "a"}, {0: []}), "without rows"),
+    "names in a square": (lambda: TF2.param_names(memoryview(np.zeros((2, 2)))), "inputs=<memory"),
     "an array for a cell": (lambda: study().replicate(0, nsr=np.arange(3)), "nsr=array"),
 }
 
@@ -165,6 +170,14 @@ def test_what_was_found_stays_mended(case):
 def test_times_that_are_infinite_are_said_in_the_note():
     table = mf.columns({"t": np.where(T > 6, np.inf, T), "y": T})
     assert "does not increase" in table["note"][0]
+
+
+def test_a_masked_cell_is_empty():
+    assert mf.Table({"a": [1.0, np.ma.masked]})["a"].tolist() == [1.0, None]
+
+
+def test_delay_equations_without_inputs_may_say_so():
+    assert mf.timelag.equation({0: "a"}, {}).inputs == ()
 
 
 def test_all_lines_are_as_many_as_there_are():
