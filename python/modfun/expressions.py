@@ -211,8 +211,8 @@ class _Text:
         self.allowed = f"allowed are {', '.join(names)}, {_ALLOWED}"
         if len(text) > _MAX_LENGTH:
             raise SpecError(
-                f"reading a signal text: it has {len(text)} characters, at most {_MAX_LENGTH} are read; "
-                "pass a function of t or an array instead"
+                f"reading the {what}: it has {len(text)} characters, at most {_MAX_LENGTH} are read; "
+                "pass a function instead"
             )
         try:
             tree = ast.parse(text.strip(), mode="eval")
@@ -231,8 +231,7 @@ class _Text:
     def check(self, node: ast.expr, depth: int) -> None:
         if depth > _MAX_DEPTH:
             raise SpecError(
-                f"reading a signal text: it is nested more than {_MAX_DEPTH} deep; "
-                "pass a function of t or an array instead"
+                f"reading the {self.what}: it is nested more than {_MAX_DEPTH} deep; pass a function instead"
             )
         match node:
             case ast.Constant(value=bool()) | ast.Constant(value=complex()):
@@ -241,7 +240,7 @@ class _Text:
                 try:
                     float(number)
                 except OverflowError:
-                    raise SpecError("reading a signal text: it has a number above 1e308") from None
+                    raise SpecError(f"reading the {self.what}: it has a number above 1e308") from None
             case ast.Name(id=name):
                 if name in _FUNCTIONS:
                     raise self.refuse(node, f"is a function: write {name}(...)")

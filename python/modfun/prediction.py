@@ -12,6 +12,7 @@ from .arguments import shown
 from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .records import Record
+from .samples import LARGEST
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
@@ -161,6 +162,11 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
         raise SpecError(
             f"predict: initial_state has shape {state.shape}, the model has {n} states: give y, y', ... "
             "of the free response at the first sample, as finite numbers"
+        )
+    if np.abs(state).max(initial=0.0) > LARGEST:
+        raise SpecError(
+            f"predict: initial_state reaches {np.abs(state).max():.3g}, whose square is no number; take "
+            "other units"
         )
     return state
 

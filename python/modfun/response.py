@@ -209,7 +209,19 @@ class FrequencyResponse:
         return self.take(keep)
 
     def take(self, keep: NDArray[Any]) -> FrequencyResponse:
-        """The gains at these positions of `omega`."""
+        """The gains at these positions of `omega`.
+
+        Raises
+        ------
+        SpecError
+            Positions that are not there.
+        """
+        try:
+            where = self.omega[keep]
+        except IndexError as error:
+            raise SpecError(
+                f"FrequencyResponse.take: {error}; there are {self.omega.size} frequencies, counted from 0"
+            ) from None
 
         def last(array: Any) -> Any:
             return None if array is None else array[..., keep]
@@ -218,7 +230,7 @@ class FrequencyResponse:
             return None if array is None else array[keep]
 
         return FrequencyResponse(
-            self.omega[keep],
+            where,
             last(self.response),
             cov=first(self.cov),
             noise_cov=first(self.noise_cov),

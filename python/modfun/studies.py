@@ -11,6 +11,8 @@ import numpy as np
 from .arguments import public, whole
 from .errors import SpecError
 from .estimation import threads_of
+from .lti import LTI
+from .nonlinear import NonlinearModel
 from .options import Options
 from .records import Record
 from .signals import Signals
@@ -323,7 +325,7 @@ def _simulated(
 def _driven(system: Any) -> bool:
     """Whether a system has inputs (True for what is no system)."""
     each = list(system.values()) if isinstance(system, Mapping) else [system]
-    return any(getattr(one, "shape", (1, 1))[-1] for one in each)
+    return any(not isinstance(one, LTI | NonlinearModel) or one.shape[1] > 0 for one in each)
 
 
 def _known_names(truth: Any, made: Sequence[Contender]) -> None:

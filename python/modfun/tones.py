@@ -16,7 +16,7 @@ from .many import STATUS
 from .options import MOST_THREADS
 from .progress import Progress
 from .records import Record
-from .samples import FEWEST
+from .samples import FEWEST, LARGEST
 from .tables import nearest
 from .tone_results import KINDS, Sinusoids, SinusoidsMany
 
@@ -263,10 +263,17 @@ def _samples(data: Record | Batch | ArrayLike, dt: float | None) -> tuple[NDArra
         raise DataError(
             f"sinusoids: sample {where} is {y[where]}; cut it off, fill it, or mask it in a Record"
         )
+    if np.abs(y).max() > LARGEST:
+        raise DataError(
+            f"sinusoids: the samples reach {np.abs(y).max():.3g}, whose square is no number; give them in "
+            "another unit"
+        )
     if dt is None or not real("sinusoids", "dt", dt) > 0:
         raise SpecError(
             f"sinusoids: dt={dt!r}; an array needs its sampling interval in seconds, a positive number"
         )
+    if not 1e-150 < dt < 1e150:
+        raise SpecError(f"sinusoids: a step of {dt!r} s is out of range; give time in another unit")
     return y[None], np.ones(y.size), float(dt)
 
 

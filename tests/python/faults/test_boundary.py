@@ -153,6 +153,23 @@ FOUND = {
     "no weights": (lambda: mf.Estimator(TF2, output_weights=[]), "output_weights"),
     "a matrix without rows": (lambda: mf.timelag.equation({0: "a"}, {0: []}), "without rows"),
     "names in a square": (lambda: TF2.param_names(memoryview(np.zeros((2, 2)))), "inputs=<memory"),
+    "a system that is a number": (
+        lambda: mf.MonteCarlo(system=np.array(5), input="t", duration=1.0, intervals=9, estimators=["ls"]),
+        "system is a ndarray",
+    ),
+    "a step of tones beyond floats": (lambda: mf.sinusoids(np.cos(T), 1, dt=1e-200), "out of range"),
+    "tones whose squares overflow": (
+        lambda: mf.sinusoids(1e299 * np.cos(T), 1, dt=0.1),
+        "whose square is no number",
+    ),
+    "a state whose squares overflow": (
+        lambda: mf.fit(REC, TF2).predict(REC, initial_state=[1e200, 0]),
+        "whose square is no number",
+    ),
+    "gains that are not there": (
+        lambda: mf.tf([1], [1, 1]).frequency_response([1.0, 2.0]).take([7]),
+        "there are 2 frequencies",
+    ),
     "an array for a cell": (lambda: study().replicate(0, nsr=np.arange(3)), "nsr=array"),
 }
 
