@@ -22,7 +22,7 @@ class Competitor:
     records: tuple[int, int]
     given: str
     package: str = "modfun"
-    licence: str = "MIT"
+    licence: str = "BSD-3-Clause"
     options: dict = field(default_factory=dict)
     states: bool = False  # whether its records hold all states
     quick: bool = False
@@ -86,20 +86,20 @@ COMPETITORS = (
     Competitor(
         "SciPy output error", "modfun_fit:OutputError", (300, 50),
         "`mf.rivals.output_error`: exact response and derivatives, initial state estimated; starts at `ls`.",
-        package="scipy", licence="BSD-3-Clause", quick=True,
+        package="scipy", quick=True,
     ),
     Competitor(
         "SRIVC, NumPy", "srivc_numpy:Srivc", (300, 50),
         "Own, with the free responses of 1/A; linear input on eq. (24).", package="numpy",
-        licence="BSD-3-Clause", quick=True,
+        quick=True,
     ),
     Competitor(
         "SRIVC, dsmc", "srivc_dsmc:Batch", (1000, 200),
-        "Rust; assumes a system at rest; linear input on eq. (24).", package="dsmc",
+        "Rust; assumes a system at rest; linear input on eq. (24).", package="dsmc", licence="MIT",
     ),
     Competitor(
         "SRIVC, dsmc, late", "srivc_dsmc:Batch", (1000, 200),
-        "The same, the first fifth of the record left out of its sums.", package="dsmc",
+        "The same, the first fifth of the record left out of its sums.", package="dsmc", licence="MIT",
         options={"late": 0.2},
     ),
     Competitor(
@@ -110,15 +110,15 @@ COMPETITORS = (
     Competitor(
         "aeroid", "oe_aeroid:Aeroid", (5, 2),
         "Output error with JAX gradients, initial state as parameters; starts .8 and 1.25 times the truth.",
-        package="aeroid",
+        package="aeroid", licence="MIT",
     ),
     Competitor(
         "pysib", "oe_pysib:Pysib", (30, 2), DISCRETE + "output error, assumes a system at rest.",
-        package="pysib",
+        package="pysib", licence="MIT",
     ),
     Competitor(
         "pysid", "oe_pysid:Pysid", (20, 2), DISCRETE + "output error, assumes a system at rest.",
-        package="pysid",
+        package="pysid", licence="MIT",
     ),
     Competitor(
         "SIPPY OE", "oe_sippy:SippyOE", (20, 2),
@@ -132,6 +132,6 @@ COMPETITORS = (
     Competitor(
         "pySINDy weak", "weak_pysindy:Weak", (20, 8),
         "Needs every state: given all of them measured at the same NSR, a linear library, no threshold.",
-        package="pysindy", states=True,
+        package="pysindy", licence="MIT", states=True,
     ),
 )  # fmt: skip
