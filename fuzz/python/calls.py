@@ -45,7 +45,7 @@ def _call(
     known = inspect.signature(function).parameters.values()
     named = tuple(p.name for p in known if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
     if name.split(".")[-1] in TAKES_OPTIONS:
-        named += tuple(mf.Estimator.__init__.__annotations__) and OPTIONS
+        named += OPTIONS
     return Call(name, function, given, named, cost)
 
 

@@ -1,5 +1,6 @@
 """Public calls with spoilt arguments end in finite numbers or in a ModfunError: fuzz/python/boundary.py."""
 
+import signal
 from pathlib import Path
 
 import modfun as mf
@@ -39,7 +40,21 @@ def boundary(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "fuzz" / "python"))
     import boundary
 
-    return boundary
+    before = signal.signal(signal.SIGALRM, boundary._alarm)  # else a case too long ends the process
+    yield boundary
+    signal.signal(signal.SIGALRM, before)
+
+
+def test_a_case_that_does_not_end_is_a_defect(boundary, monkeypatch):
+    def endless(size):
+        while True:
+            pass
+
+    monkeypatch.setattr(boundary, "SECONDS", 0.2)
+    call = boundary.Call("endless", endless, lambda: {"size": 1}, ("size",), 1.0)
+    counts, defects = boundary.run([call], 1, seed=1)
+    assert counts["endless"] == {"defect": 1}
+    assert [text for _, text in defects.values()] == ["not done after 0.2 s"]
 
 
 def test_a_few_thousand_spoilt_calls(boundary):
