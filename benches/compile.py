@@ -3,12 +3,16 @@
 import os
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
 
+import gallery
 import modfun as mf
 import sympy
 
 MOST = 0.5  # s, what an equation may take
-PREY = ["x' = a*x - b*x*z", "z' = -c*z + d*x*z"]
 FITZHUGH = ["v' = c*(v - v**3/3 + r) + u", "r' = -(v - a + b*r)/c"]
 LORENZ = ["x' = s*(z - x)", "z' = x*(r - w) - z", "w' = x*z - b*w"]
 TANKS = ["h1' = -k1*sqrt(h1) + k2*u", "h2' = k1*sqrt(h1) - k3*sqrt(h2)"]
@@ -21,27 +25,21 @@ CHAIN = ["x1' = -k1*x1 + k2*u", "x2' = k1*x1 - k3*x2", "x3' = k3*x2 - k4*x3", "x
 LATE = {"h": mf.Free(0.5, min=0, max=1)}
 FULL = [[f"a{i}{j}" for j in range(4)] for i in range(4)]
 
-MODELS = {
-    "Duffing": lambda: mf.Equation("y'' + d*y' + a*y + b*y**3 = u"),
-    "Van der Pol": lambda: mf.Equation("y'' - mu*(1 - y**2)*y' + k*y = b*u"),
-    "Hammerstein": lambda: mf.Equation("y'' + a1*y' + a2*y = b*(u + c2*u**2 + c3*u**3)"),
-    "Wiener": lambda: mf.Equation("(y + c*y**3)'' + a1*(y + c*y**3)' + a2*(y + c*y**3) = b*u"),
-    "bilinear": lambda: mf.Equation("y' + a*y + c*y*u = b*u"),
-    "Lotka-Volterra": lambda: mf.Equation(PREY, outputs=["x", "z"]),
-    "Lotka-Volterra, prey only": lambda: mf.Equation(PREY, outputs=["x"]),
-    "logistic": lambda: mf.Equation("y' = r*y*(1 - y/K)"),
-    "pendulum": lambda: mf.Equation("y'' + d*y' + k*sin(y) = b*u"),
-    "ship roll": lambda: mf.Equation(
-        ["phi' = p", "p' + d1*p + d2*p*abs(p) + k1*phi + k3*phi**3 = u"], outputs=["phi", "p"]
-    ),
-    "Michaelis-Menten": lambda: mf.Equation("y' = -V*y/(K + y)"),
-    "quadratic drag": lambda: mf.Equation("v' = u - k*v*abs(v)", outputs=["v"]),
-    "parabolic damping": lambda: mf.Equation("y'' + c(t)*y' + k*y = b*u", varying={"c": ["1", "t", "t**2"]}),
-    "delay": lambda: mf.Equation("y' + a*y + c*y(t - h) = b*u", params=LATE),
+
+def made(script: Path) -> mf.Equation:
+    """The equation of a script of the gallery."""
+    names: dict[str, Any] = {"mf": mf}
+    code = gallery.equation(script.read_text(encoding="utf-8"))
+    exec(code, names)
+    model: mf.Equation = names[code.split()[0]]
+    return model
+
+
+MODELS: dict[str, Callable[[], Any]] = {
+    **{script.stem: partial(made, script) for script in gallery.SCRIPTS},
     "Mackey-Glass": lambda: mf.Equation("y' = b*y(t - h)/(1 + y(t - h)**10) - a*y", params=LATE),
-    "FitzHugh-Nagumo": lambda: mf.Equation(FITZHUGH, outputs=["v", "r"]),
     "FitzHugh-Nagumo, v only": lambda: mf.Equation(FITZHUGH, outputs=["v"]),
-    "unsteady aerodynamics": lambda: mf.Equation(FLOW, outputs=["alpha", "q"], inputs=["de"]),
+    "hidden flow": lambda: mf.Equation(FLOW, outputs=["alpha", "q"], inputs=["de"]),
     "Lorenz without w": lambda: mf.Equation(LORENZ, outputs=["x", "z"]),
     "tanks, second only": lambda: mf.Equation(TANKS, outputs=["h2"]),
     "four compartments": lambda: mf.Equation(CHAIN, outputs=["x4"]),

@@ -8,6 +8,7 @@ import runpy
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 HEAD = """
 Equations of sixteen kinds, each simulated, fitted and compared with what it was made of. A script stands in
 `examples/gallery` and has no more than forty lines; `tests/python/test_gallery.py` runs all of them. Standard
@@ -18,14 +19,18 @@ stand equation, truth and estimate; the rest is `mf.simulate(equation.model(trut
 ROW = "| `{}` | {:g} | {:.4g} ± {:.2g} | {:+.1f} |"
 
 
+def equation(text):
+    """The lines of a script that make its Equation."""
+    return re.search(r"^\w+ = mf\.Equation\(.*?^(?=truth)", text, re.DOTALL | re.MULTILINE)[0].strip()
+
+
 def main():
     """Write the page."""
     parts = ["# Gallery\n\n", " ".join(HEAD.split()), "\n"]
-    for script in sorted((ROOT / "examples" / "gallery").glob("*.py")):
+    for script in SCRIPTS:
         text = script.read_text(encoding="utf-8")
         title, story = text.split('"""')[1].split("\n\n", 1)
         title = title.strip().rstrip(".").replace("\n", " ")
-        equation = re.search(r"^\w+ = mf\.Equation\(.*?^(?=truth)", text, re.DOTALL | re.MULTILINE)[0].strip()
         names = runpy.run_path(str(script))
         fit, truth, rec = names["fit"], names["truth"], names["rec"]
         nsr = re.search(r"nsr=([\d.]+)", text)[1]
@@ -36,7 +41,7 @@ def main():
         score = ", ".join(f"{level:.0f}" for level in fit.score()["signal_to_error"])
         parts.append(
             f"\n## {title}\n\n`examples/gallery/{script.name}`. {' '.join(story.split())}\n\n"
-            f"```python\nimport modfun as mf\n\n{equation}\n```\n\n"
+            f"```python\nimport modfun as mf\n\n{equation(text)}\n```\n\n"
             f"{rec.intervals + 1} samples over {rec.duration:g} s, nsr {nsr}; lines up to "
             f"{fit.band[1]:.3g} rad/s; simulation and record agree to {score} dB.\n\n"
             "| parameter | true | found | errors off |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"

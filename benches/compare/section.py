@@ -1,4 +1,4 @@
-"""Sections of docs/performance.md that benches write, each its own and nothing else."""
+"""Sections of pages that benches write, each its own and nothing else."""
 
 import re
 from pathlib import Path
