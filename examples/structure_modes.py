@@ -1,7 +1,9 @@
 """Modes of a steel structure: responses without a model, then a model of each resonance.
 
 The record is the flexible structure of DaISy (two shakers, two accelerometers, 1024 Hz, four seconds), of
-which only MODFUN_DATA has a copy. Run: MODFUN_DATA=... python examples/structure_modes.py
+which the project has no copy.
+
+python examples/structure_modes.py [FOLDER]     # of daisy_flexible_structure_2x2; default: $MODFUN_DATA
 """
 
 from __future__ import annotations
@@ -49,12 +51,6 @@ def modes(folder: Path, count: int = 10) -> mf.Table:
     return mf.Table({name: [row[name] for row in rows] for name in rows[0]})
 
 
-def main() -> None:
-    folder = os.environ.get("MODFUN_DATA")
-    if not folder:
-        sys.exit("set MODFUN_DATA to the folder of records")
-    print(modes(Path(folder)))
-
-
 if __name__ == "__main__":
-    main()
+    folder = sys.argv[1] if sys.argv[1:] else os.environ.get("MODFUN_DATA")
+    print(modes(Path(folder or sys.exit("give the folder of the records, or set MODFUN_DATA"))))

@@ -65,4 +65,5 @@ def main(folder: Path) -> tuple[mf.Fit, float]:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if sys.argv[1:] else os.environ["MODFUN_DATA"]))
+    folder = sys.argv[1] if sys.argv[1:] else os.environ.get("MODFUN_DATA")
+    main(Path(folder or sys.exit("give the folder of the records, or set MODFUN_DATA")))
