@@ -363,10 +363,10 @@ def _why(sampling: Table) -> str:
     rows = {(r["intervals"], r["estimator"]): r["error"] for r in sampling.rows}
     return (
         "A bias that does not depend on the noise is an error of the model or of its conversion. With one "
-        "numerator coefficient, b u(t), as many unknowns as the system has, the same PEM is off by "
+        "numerator coefficient, b u(t), half an interval out of time, the same PEM is off by "
         f"{rows[INTERVALS, 'pem, b u(t)']:.1f} % at 25.6 Hz without noise, falling only as 1/rate: an "
-        "error of this kind would look as the report describes its PEM in Figs. 1(c) and 2; that it was this "
-        "one is a guess."
+        "error of this kind would look as the report describes its PEM in Figs. 1(c) and 2; which one it was "
+        "is not known."
     )
 
 
