@@ -118,6 +118,10 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
         if not folder.is_dir():
             pytest.skip(f"the records are not there ({folder}): set MODFUN_DATA to their folder")
     monkeypatch.chdir(folder)
+    if page.name == "README.md" and "flight.csv" in code:
+        from modfun.cli import main
+
+        assert main(["sample", "flight.csv"]) == 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         exec(compile("\n" * (line - 1) + code, str(page), "exec"), {"__name__": "__main__"})
@@ -184,7 +188,7 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_files_named_exist(page):
     """Paths in code type that start in a folder of the project."""
-    folders = "rust|python|tests|docs|examples|benches"
+    folders = "rust|python|tests|docs|examples|benches|fuzz|packaging"
     for path in re.findall(rf"`((?:{folders})/[\w./-]*)`", prose(page)):
         assert (ROOT / path).exists(), f"{page.name}: {path}"
 
