@@ -104,7 +104,8 @@ pub fn estimate(
         _ => w.progress.active = Wide::ZERO,
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
-    let status = std::array::from_fn(|k| status(w, k));
+    let asked = o.wanted == Wanted::Covariance;
+    let status = std::array::from_fn(|k| status(w, k, asked));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             w.forget_covariance(k);
@@ -113,9 +114,20 @@ pub fn estimate(
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }
 
-fn status(w: &Workspace, k: usize) -> Status {
+fn status(w: &Workspace, k: usize, with_covariance: bool) -> Status {
     let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    outcome_of(k, &w.theta, data, &w.progress, w.dependent[k])
+    let dependent = w.dependent[k]
+        || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
+    outcome_of(k, &w.theta, data, &w.progress, dependent)
+}
+
+/// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as
+/// no number.
+fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize, k: usize) -> bool {
+    let variance = |cov: &[Wide], i: usize| cov[i * (parameters + 1)].0[k];
+    let mut variances =
+        covariances.iter().flat_map(|cov| (0..parameters).map(|i| variance(cov, i)));
+    variances.any(|v| v.is_nan() || v < 0.0)
 }
 
 /// How lane `k` ended: with finite numbers, else by whether its data were.

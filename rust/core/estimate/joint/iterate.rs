@@ -9,7 +9,7 @@ use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::iterate::{Rule, unsound};
 use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::estimate::{Options, Outcome, Wanted, outcome_of};
+use crate::estimate::{Options, Outcome, Wanted, lost_in_rounding, outcome_of};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -92,7 +92,8 @@ pub(crate) fn estimate(
     if o.wanted != Wanted::Theta {
         uncertainty::finish(isa, d, w, live, o.wanted == Wanted::Covariance);
     }
-    let status = std::array::from_fn(|k| status(w, k));
+    let asked = o.wanted == Wanted::Covariance;
+    let status = std::array::from_fn(|k| status(w, k, asked));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             for c in w.cov_hc3.iter_mut().chain(&mut w.cov_nonrobust) {
@@ -103,9 +104,11 @@ pub(crate) fn estimate(
     Ok(Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) })
 }
 
-fn status(w: &JointSpace, k: usize) -> Status {
+fn status(w: &JointSpace, k: usize, with_covariance: bool) -> Status {
     let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    outcome_of(k, &w.theta, data, &w.progress, w.dependent[k])
+    let dependent = w.dependent[k]
+        || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
+    outcome_of(k, &w.theta, data, &w.progress, dependent)
 }
 
 /// How far a call of the vector code came.
