@@ -26,9 +26,9 @@ DISAGREE = 2.5
 CONDITION = 1e6
 UNLIKELY = 0.01  # p-value below which a test speaks
 LEVEL = 1.5  # ratio of noise levels
-# A constant has no harmonics, but quadrature leaves some 1e-7 of it: at 10⁴ times the variation a fraction of
-# a standard error of 256 samples, at 10⁵ more than the signal.
-OFFSET = 3000.0
+# A constant has no harmonics, but quadrature leaves a little of it in each: at a thousand times the variation
+# the estimates of a wide band move, at 10⁵ times those of any.
+OFFSET = 1000.0
 
 
 def message(fit: Fit) -> str:
