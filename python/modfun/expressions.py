@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -291,7 +292,8 @@ class _Text:
             case ast.Compare(left=left, ops=ops, comparators=others):
                 values = [self.value(part, given) for part in [left, *others]]
                 true = [_COMPARE[type(op)](a, b) for op, a, b in zip(ops, values, values[1:], strict=False)]
-                return np.logical_and.reduce(true).astype(np.float64)
+                # One by one: numbers among signals are of another shape.
+                return reduce(np.logical_and, true).astype(np.float64)
             case ast.Call(func=ast.Name(id=name), args=args):
                 return _FUNCTIONS[name][1](*(self.value(part, given) for part in args))
         raise AssertionError(f"unchecked node {type(node).__name__}")

@@ -17,6 +17,7 @@ T = np.linspace(0.0, 10.0, 257)
         ("-2*exp(-t/3)*cos(2*pi*t) + 1", -2 * np.exp(-T / 3) * np.cos(2 * np.pi * T) + 1),
         ("step(t - 2) - step(t - 5)", ((T >= 2) & (T < 5)).astype(float)),
         ("(1 < t < 3)*t", np.where((T > 1) & (T < 3), T, 0.0)),
+        ("(1 < 2 < t)*t", np.where(T > 2, T, 0.0)),
         ("where(t > 4, sqrt(t), abs(-t))", np.where(T > 4, np.sqrt(T), T)),
         ("min(t, 3) + max(t % 2, 1) + sign(t - 5)", np.minimum(T, 3) + np.maximum(T % 2, 1) + np.sign(T - 5)),
         ("tanh(log(t + e)) + tan(0.1)", np.tanh(np.log(T + np.e)) + np.tan(0.1)),
