@@ -68,7 +68,7 @@ pub enum Outcome {
 /// [`Error::Spec`] where sizes do not go together; [`Error::Cancelled`] where the work is to stop.
 pub fn integrate(problem: &Problem<'_>, tableau: &Tableau<'_>) -> Result<Outcome, Error> {
     let mut run = Run::new(problem, tableau)?;
-    let Problem { grid, count, .. } = *problem;
+    let grid = problem.grid;
     let size = problem.starts.len();
     let mut out = Vec::with_capacity(size * grid.len());
     out.extend_from_slice(problem.starts);
@@ -110,7 +110,7 @@ pub fn integrate(problem: &Problem<'_>, tableau: &Tableau<'_>) -> Result<Outcome
         }
         out.extend_from_slice(&run.x);
     }
-    debug_assert_eq!(out.len(), count * size / count.max(1) * grid.len());
+    debug_assert_eq!(out.len(), size * grid.len().max(1));
     Ok(Outcome::Done(out))
 }
 
@@ -134,15 +134,17 @@ impl<'a> Run<'a> {
         let count = problem.count.max(1);
         let (states, parameters) = (problem.starts.len() / count, problem.theta.len() / count);
         let intervals = problem.grid.len().saturating_sub(1);
-        let drives = problem.drives.len().checked_div(intervals * problem.terms).unwrap_or(0);
+        let pieces = intervals.saturating_mul(problem.terms);
+        let drives = problem.drives.len().checked_div(pieces).unwrap_or(0);
         let inputs = 1 + states + drives + parameters;
-        let fits = tableau.a.len() == stages * stages
+        let fits = (1..=problem.starts.len().max(1)).contains(&problem.count)
+            && tableau.a.len() == stages * stages
             && tableau.b.len() == stages
             && tableau.fifth.len() == stages + 1
             && tableau.third.len() == stages + 1
             && problem.starts.len() == count * states
             && problem.theta.len() == count * parameters
-            && problem.drives.len() == drives * intervals * problem.terms
+            && problem.drives.len() == drives * pieces
             && problem.absolute.len() == states
             && problem.tape.results() == states
             && problem.tape.inputs() == inputs;

@@ -63,7 +63,7 @@ pub struct Piece {
 impl Piece {
     /// Lines used around a frequency.
     fn width(&self) -> usize {
-        2 * self.half + 1
+        self.half.saturating_mul(2).saturating_add(1)
     }
 
     /// Highest line.
@@ -75,7 +75,9 @@ impl Piece {
     /// differences are of neighbours), shifted where the lines end.
     fn lines(&self, omega: f64, gapless: bool, out: &mut Vec<i64>) {
         let (half, top) = (self.half as i64, self.top() as i64);
-        let centre = (omega / self.omega0).round() as i64;
+        // No frequency lies farther out than the lines and their mirror images.
+        let near = (omega / self.omega0).round();
+        let centre = near.clamp((half - top) as f64, top as f64) as i64;
         let to = (centre + half).min(top);
         let from = to - 2 * half;
         out.clear();
@@ -175,12 +177,12 @@ fn check(settings: Settings, pieces: &[Piece]) -> Result<usize, Error> {
         ));
     };
     let (outputs, inputs) = (first.y.len(), first.u.len());
-    let terms = settings.degree + 1;
+    let terms = settings.degree.saturating_add(1);
     let own = match settings.family {
         Family::Rational => settings.degree,
         _ => 0,
     };
-    let unknowns = own + terms * inputs;
+    let unknowns = terms.saturating_mul(inputs).saturating_add(own);
     let mut rows = 0;
     for piece in pieces {
         let fits = piece.y.len() == outputs && piece.u.len() == inputs;

@@ -8,6 +8,9 @@ use crate::quadrature::gauss_legendre;
 /// Gauss–Legendre nodes inside each sample of a smooth input.
 pub const NODES: usize = 6;
 
+/// Intervals that no machine holds the samples of.
+const MOST: usize = 1 << 36;
+
 /// How an input runs between the samples; all arrays (input, time), row by row.
 #[derive(Debug, Clone, Copy)]
 pub enum Input<'a> {
@@ -44,6 +47,9 @@ pub fn simulate(
     let samples = match input {
         Input::Zoh(u) | Input::Foh(u) | Input::Smooth(u, _) => u,
     };
+    if intervals > MOST {
+        return Err(Error::Data(format!("simulating: {intervals} intervals; take at most {MOST}")));
+    }
     fits("the initial state", x0.len(), n)?;
     fits("the input", samples.len(), inputs * (intervals + 1))?;
     if let Input::Smooth(_, nodes) = input {

@@ -26,6 +26,8 @@ use source::{Between, Eight, One, Records, Source, Taps};
 pub const FOLDED_HARMONICS: usize = 64;
 /// Part of a sample that rounding explains when a delay is divided by the step.
 const ROUNDING: f64 = 1e-9;
+/// Samples of a record that no machine holds.
+const MOST: usize = 1 << 36;
 
 /// How the samples of a channel stand for a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,6 +135,11 @@ impl CoefficientPlan {
         delay: f64,
         lead: usize,
     ) -> Result<CoefficientPlan, Error> {
+        if intervals.max(lead) > MOST {
+            return Err(Error::Data(format!(
+                "coefficients of {intervals} intervals that start {lead} samples late; take a shorter record"
+            )));
+        }
         // A held signal is the plain sum of its values, whatever happens inside the cells.
         let weights = match kind {
             Kind::Rule(rule) => Weights::new(rule, intervals)?,

@@ -56,7 +56,8 @@ impl Structure {
     /// Number of unknown coefficients, the # of the report.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        self.order + self.numerators.iter().flatten().map(|d| d + 1).sum::<usize>()
+        let each = self.numerators.iter().flatten();
+        each.fold(self.order, |sum, d| sum.saturating_add(*d).saturating_add(1))
     }
 
     /// Power of s that each parameter multiplies, and its signal (0 the output, 1 + k input k),

@@ -99,7 +99,7 @@ impl Plan {
         let good =
             weights.iter().filter(|w| **w > 0.0).count() * if options.complex { 2 } else { 1 };
         let needs = unknowns(&options, options.count);
-        if good < needs + 1 {
+        if good <= needs {
             return Err(Error::Data(format!(
                 "sinusoids: {} tones and the trend have {needs} unknowns, and there are {good} real numbers to find \
                  them from; look for fewer tones, or give a longer record",
@@ -243,5 +243,6 @@ impl Plan {
 
 /// Real unknowns of `count` tones and the trend.
 fn unknowns(options: &Options, count: usize) -> usize {
-    count * if options.damped { 4 } else { 3 } + options.trend * if options.complex { 2 } else { 1 }
+    let tones = count.saturating_mul(if options.damped { 4 } else { 3 });
+    tones.saturating_add(options.trend.saturating_mul(if options.complex { 2 } else { 1 }))
 }

@@ -99,11 +99,13 @@ impl Fitter {
             return Err(Error::Data("fitting: no record was given".into()));
         }
         let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
-        if o.structure.parameters() > most {
+        if o.structure.parameters().max(o.structure.transient) > most {
             // Said before anything of that size is laid out.
             return Err(Error::Data(format!(
-                "fitting: {} parameters from at most {most} samples a record; take fewer poles and zeros",
-                o.structure.parameters()
+                "fitting: {} parameters and {} transient terms from at most {most} samples a record; take fewer poles \
+                 and zeros",
+                o.structure.parameters(),
+                o.structure.transient
             )));
         }
         let plan = |(samples, time): &(usize, Time<'_>)| {

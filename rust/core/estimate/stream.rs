@@ -101,13 +101,13 @@ impl<F: Slider> Stream<F> {
         })
     }
 
-    /// Takes one sample of every channel, outputs first.
+    /// Takes one sample of every channel, outputs first; a channel that is missing reads as NaN.
     pub fn push(&mut self, channels: &[f64]) {
         for ((last, stood), sample) in self.last.iter_mut().zip(channels) {
             (*last, *stood) = (*sample, if sample == last { *stood + 1 } else { 1 });
         }
         for (channel, windows) in &mut self.slides {
-            let mut sample = channels[*channel];
+            let mut sample = channels.get(*channel).copied().unwrap_or(f64::NAN);
             for window in windows {
                 // What comes to the window before is the sample that stands at this one's beginning.
                 let before = window.samples() - 1 - window.intervals();

@@ -16,6 +16,17 @@ impl Window {
     /// For inputs that act at most `longest` seconds late: it starts so late that they are known in all of it.
     pub fn new(samples: usize, time: Time<'_>, longest: f64) -> Result<Window, Error> {
         let (lead, duration_of) = match time {
+            Time::Even(dt) if !(dt > 0.0 && dt.is_finite()) => {
+                return Err(Error::Data(format!(
+                    "fitting: samples that are {dt} s apart; give a step that is positive and finite"
+                )));
+            }
+            Time::Uneven(t) if t.len() != samples => {
+                return Err(Error::Data(format!(
+                    "fitting: {} instants of {samples} samples; give one for each",
+                    t.len()
+                )));
+            }
             Time::Even(dt) => ((longest / dt - 1e-9).ceil().max(0.0) as usize, dt),
             Time::Uneven(t) => {
                 if longest > 0.0 {
@@ -27,7 +38,7 @@ impl Window {
                 (0, span / (samples.max(2) - 1) as f64)
             }
         };
-        let intervals = samples.saturating_sub(1 + lead);
+        let intervals = samples.saturating_sub(lead.saturating_add(1));
         if intervals < 8 {
             return Err(Error::Data(format!(
                 "fitting: {samples} samples, {lead} of them spent on the delay, leave {intervals} intervals; \
@@ -43,10 +54,10 @@ impl Window {
         let top = self.intervals / 2;
         match band {
             Band::Default => Ok(None),
-            Band::Harmonics(m) if m + n > top => Err(Error::Spec(format!(
+            Band::Harmonics(m) if m.saturating_add(n) > top => Err(Error::Spec(format!(
                 "fitting with harmonics={m}: M + n = {} exceeds N/2 = {top} (report, eq. 22); \
                  give at most {} for this record",
-                m + n,
+                m.saturating_add(n),
                 top.saturating_sub(n)
             ))),
             Band::Harmonics(m) => Ok(Some((0, m + n))),

@@ -72,7 +72,8 @@ fn balance(n: usize, a: &[f64]) -> (Vec<f64>, Vec<f64>) {
             while c < 0.5 * row {
                 (f, c) = (2.0 * f, 4.0 * c);
             }
-            while c >= 2.0 * row {
+            // What quadrupling made infinite stays so.
+            while c.is_finite() && c >= 2.0 * row {
                 (f, c) = (0.5 * f, 0.25 * c);
             }
             if (c + row) / f < 0.95 * (column + row) {

@@ -33,7 +33,7 @@ impl StateSpace<'_> {
         let all =
             [("A", self.a, n, n), ("B", self.b, n, p), ("C", self.c, q, n), ("D", self.d, q, p)];
         for (name, matrix, rows, columns) in all {
-            if matrix.len() != rows * columns {
+            if Some(matrix.len()) != rows.checked_mul(columns) {
                 return Err(Error::Spec(format!(
                     "{name} must be {rows} × {columns} for {n} states, {p} inputs and {q} outputs, got {} entries; give matrices that fit each other",
                     matrix.len()

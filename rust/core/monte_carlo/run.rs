@@ -67,6 +67,12 @@ impl Plan {
         thread_count: usize,
         progress: &mut dyn FnMut(usize, usize) -> Control,
     ) -> Result<Vec<Vec<Cell>>, Error> {
+        if run.first.checked_add(run.replicates as u64).is_none() {
+            return Err(Error::Spec(format!(
+                "running a study: {} replicates from {} on leave the numbers there are; begin earlier",
+                run.replicates, run.first
+            )));
+        }
         let chunks = run.replicates.div_ceil(CHUNK);
         let counted: Vec<Mutex<Counted>> = self.groups.iter().map(|_| Mutex::default()).collect();
         let work = |w: &mut Option<Worker>, index: usize| {

@@ -205,7 +205,7 @@ impl Sliding {
     pub fn coefficients(&self, re: &mut [f64], im: &mut [f64]) {
         let (n, size) = (self.intervals as u64, self.ring.len() as u64);
         // The middle part's first sample has the phase of its number in the stream.
-        let begin = (self.count + self.first as u64) - size;
+        let begin = (self.count + self.first as u64).saturating_sub(size);
         let phase = (begin % n) as usize;
         let mut at = 0;
         for (m, (sum, gain)) in self.window.iter().zip(&self.gain).enumerate() {

@@ -44,6 +44,36 @@ pub struct JointOptions {
     pub options: Options,
 }
 
+impl JointOptions {
+    /// Checks what does not depend on data.
+    fn check(&self) -> Result<(), Error> {
+        let (outputs, paths) = (self.structure.orders.len(), &self.structure.paths);
+        let inputs = self.intersample.len();
+        if let Some(path) = paths.iter().find(|p| p.input >= inputs) {
+            return Err(Error::Spec(format!(
+                "fitting: a path begins at input {} where there are {inputs}, counted from 0",
+                path.input
+            )));
+        }
+        let square = |given: &Option<Vec<f64>>, size: usize| {
+            given.as_ref().is_none_or(|all| all.len() == size * size)
+        };
+        let all =
+            |spectra: &Vec<Vec<f64>>| spectra.is_empty() || spectra.len() == outputs + paths.len();
+        let noise = &self.noise;
+        if square(&noise.outputs, outputs)
+            && square(&noise.inputs, paths.len())
+            && noise.spectra.iter().all(all)
+        {
+            return Ok(());
+        }
+        Err(Error::Spec(format!(
+            "fitting: covariances or spectra of the noise are not those of {outputs} outputs and {} paths",
+            paths.len()
+        )))
+    }
+}
+
 /// One record's samples.
 #[derive(Debug, Clone)]
 pub struct JointRecord<'a> {
@@ -149,6 +179,7 @@ impl JointFitter {
                     .into(),
             ));
         }
+        o.check()?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
         }
@@ -187,7 +218,20 @@ impl JointFitter {
                 Colour::Given => range.1,
             };
             let plans = coefficient_plans(&channels, *time, window, highest)?;
+            let spectra = o.noise.spectra.get(k).into_iter().flatten();
+            if let Some(short) = spectra.map(Vec::len).find(|lines| *lines <= highest) {
+                return Err(Error::Data(format!(
+                    "fitting with spectra of the noise: one has {short} lines where {} are needed",
+                    highest + 1
+                )));
+            }
             let uneven = match variances.get(k) {
+                Some(all) if !all.is_empty() && all.len() != outputs => {
+                    return Err(Error::Data(format!(
+                        "fitting with uneven noise: variances of {} outputs for {outputs}",
+                        all.len()
+                    )));
+                }
                 Some(all) if !all.is_empty() => uneven(all, *samples, *time, window, o.rule)?,
                 _ => Vec::new(),
             };

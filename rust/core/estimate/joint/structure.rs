@@ -2,6 +2,9 @@
 
 use crate::error::Error;
 
+/// Coefficients that no record tells apart.
+const MOST: usize = 1 << 20;
+
 /// Delay of an input on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Delay {
@@ -105,6 +108,11 @@ impl JointStructure {
             }
         }
         let count = self.coefficients();
+        if count > MOST {
+            return wrong(format!(
+                "{count} coefficients; give fewer poles and zeros, at most {MOST}"
+            ));
+        }
         if self.fixed.is_empty() {
             self.fixed = vec![None; count];
         }
@@ -142,9 +150,9 @@ impl JointStructure {
     /// Number of coefficients, held ones included.
     #[must_use]
     pub fn coefficients(&self) -> usize {
-        let denominators =
-            if self.common { self.orders[0] } else { self.orders.iter().sum::<usize>() };
-        denominators + self.numerators.iter().flatten().flatten().map(|d| d + 1).sum::<usize>()
+        let own = if self.common { &self.orders[..1] } else { &self.orders };
+        let numerators = self.numerators.iter().flatten().flatten().map(|d| d.saturating_add(1));
+        own.iter().copied().chain(numerators).fold(0, usize::saturating_add)
     }
 
     /// Coefficients that are estimated.

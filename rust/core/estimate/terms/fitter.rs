@@ -139,6 +139,11 @@ impl TermsFitter {
         let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
         let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (samples, time)) in sampling.iter().enumerate() {
+            if order > *samples {
+                return Err(Error::Data(format!(
+                    "fitting: derivatives up to order {order} from {samples} samples a record; take fewer"
+                )));
+            }
             let window = crate::estimate::window::Window::new(*samples, *time, e.longest_lag())?;
             let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
