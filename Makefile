@@ -7,9 +7,10 @@ PACKAGING := .venv/packaging/bin
 TRIED := target/sdist-tried
 CRATES := $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*
 MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux2014)
+FUZZED := $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz fuzz-texts deny counts wheel sdist try-sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz fuzz-texts fuzz-guided fuzz-core valgrind deny counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -78,6 +79,25 @@ deny:
 ## Texts of equations and files with bytes changed: N= how many, SEED= which; what ends in neither is printed.
 fuzz-texts: .venv/dev
 	$(BIN)/python -W ignore fuzz/python/texts.py --cases $(or $(N),100000) --seed $(or $(SEED),0)
+
+## The same texts and files, guided by coverage: SECONDS= for each kind.
+fuzz-guided: .venv/dev fuzz/requirements.txt
+	$(BIN)/python -m pip install --quiet -r fuzz/requirements.txt
+	for kind in equation signal csv npz mat fit study; do \
+		$(BIN)/python -W ignore fuzz/python/guided.py $$kind --seconds $(or $(SECONDS),60) || exit 1; done
+
+## The core alone, guided by coverage and under AddressSanitizer: SECONDS= for each target. Needs a nightly
+## toolchain and cargo-fuzz (cargo install cargo-fuzz). What is found is written to fuzz/artifacts.
+fuzz-core:
+	cd fuzz && for target in $(FUZZED); do mkdir -p target/corpus/$$target && \
+		cargo +nightly fuzz run $$target target/corpus/$$target corpus/$$target -- -max_total_time=$(or $(SECONDS),60) \
+		-timeout=20 -rss_limit_mb=3000 -max_len=1024 -len_control=0 || exit 1; done
+
+## Tests of the core under valgrind, which knows no AVX-512: minutes.
+valgrind:
+	MODFUN_ISA=plain PROPTEST_CASES=1 \
+	CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="valgrind --quiet --error-exitcode=9 --suppressions=$(CURDIR)/fuzz/valgrind.supp" \
+		cargo test --release --package modfun --test estimators --test joint --test terms -- --test-threads=1
 
 ## Instructions a replicate, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created
