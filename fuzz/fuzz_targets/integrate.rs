@@ -63,7 +63,7 @@ fuzz_target!(|bytes: &[u8]| {
     let tableau = Tableau { a: &A, b: &WEIGHTS, c: &INSTANTS, fifth: &weights, third: &ERROR };
     let Some(outcome) = told(integrate(&problem, &tableau)) else { return };
     if let Outcome::Done(x) = &outcome {
-        assert_eq!(x.len(), problem.starts.len() * grid.len());
+        assert_eq!(x.len(), problem.starts.len() * grid.len().max(1));
     }
     same(&Some(outcome), &told(integrate(&problem, &tableau)));
 });
