@@ -22,7 +22,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("covariance", &["error", "simd", "spectrum"]),
     ("model", &["error", "linalg", "math"]),
     ("simulate", &["error", "model", "quadrature"]),
-    ("integrate", &["error", "tape"]),
+    ("integrate", &["error", "tape", "threads"]),
     ("tones", &["error", "linalg", "math", "simd", "spectrum", "threads"]),
     ("response", &["error", "simd", "threads"]),
     (
