@@ -70,8 +70,11 @@ def warnings_of(fit: Fit) -> list[str]:
 
 def _offset(fit: Fit) -> str | None:
     for record in fit.records or ():
-        for name in (*record.outputs, *record.inputs):
-            values = record[name]
+        for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
+            total = values.sum()
+            # Nearly always this is all that is asked, in microseconds: mean² within 1 % of the mean square.
+            if not total * total > 0.99 * values.size * (values @ values):
+                continue
             mean, spread = float(values.mean()), float(values.std())
             if abs(mean) > OFFSET * spread > 0:
                 cure = "subtract it first" if fit.has_poles else "write the equation for deviations from it"
