@@ -51,6 +51,9 @@ def address(call: Any) -> str:
         It cannot: a lambda, a function inside of a function, an instance.
     """
     module, name = getattr(call, "__module__", None), getattr(call, "__qualname__", None)
+    if isinstance(call, np.ufunc):  # NumPy 1.26 gives it neither
+        name = call.__name__
+        module = "numpy" if getattr(np, name, None) is call else None
     if isinstance(module, str) and isinstance(name, str) and "<" not in name:
         return f"{module}:{name}"
     raise SpecError(

@@ -10,8 +10,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
+from numpy.lib.format import write_array
 from numpy.typing import NDArray
 
 from .. import whole
@@ -112,7 +114,10 @@ def swept(folder: Path) -> None:
 def packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     """Arrays by name as bytes, the same for the same arrays."""
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
+    with ZipFile(buffer, "w") as archive:  # np.savez of NumPy before 2.1 takes allow_pickle for an array
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                write_array(file, np.asanyarray(array), allow_pickle=False)
     return buffer.getvalue()
 
 

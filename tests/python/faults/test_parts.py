@@ -9,8 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import modfun as mf
+import numpy as np
 import pytest
 from modfun.study import shards
+from modfun.study.files import packed, unpacked
 from study_cases import same, small_parts, study
 
 GIVEN = {"replicates": 3 * 512, "estimators": ["ls"], "harmonics": 6}
@@ -136,3 +138,13 @@ def test_a_note_that_was_cut_short_is_passed_over(place: Path) -> None:
     study(**GIVEN).run(directory=place, progress=False)
     assert same(study(**GIVEN).run(directory=place, progress=False), study(**GIVEN).run(progress=False))
     assert shards.status(place).complete
+
+
+def test_arrays_of_any_name_come_back_and_objects_are_refused() -> None:
+    given = {"file": np.arange(3.0), "allow_pickle": np.eye(2, dtype=np.int64), "0": np.array(7)}
+    found = unpacked(packed(given))
+    assert list(found) == list(given)  # and no other
+    for name, array in given.items():
+        np.testing.assert_array_equal(found[name], array, strict=True)
+    with pytest.raises(ValueError, match="Object arrays cannot be saved"):
+        packed({"y": np.array([object()])})
