@@ -26,7 +26,7 @@ PART = [
 FIRST_PAGE = ["tests/python/test_docs.py", "-k", "README and python_blocks"]
 TOOLS = ["pytest>=8.3", "pytest-xdist>=3.6"]
 # Needs of the oldest extras that must be as old as these to work with them: pyparsing and click warn of what
-# matplotlib 3.8 and typer 0.16 call, and a warning fails a test.
+# matplotlib 3.8 and typer 0.18 call, and a warning fails a test.
 OLD_NEEDS = ["pyparsing<3.3", "click<8.5"]
 
 

@@ -93,8 +93,8 @@ def test_one_record_is_too_few(fits):
 
 
 def test_plots(fits):
+    pytest.importorskip("matplotlib").use("Agg")
     plt = pytest.importorskip("matplotlib.pyplot")
-    plt.switch_backend("Agg")
     table = mf.compare({"one": fits[0], "two": fits[1]}, record(1))
     ax = table.plot()
     drawn = ax.get_lines()

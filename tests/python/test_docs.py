@@ -117,6 +117,8 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
         folder = Path(os.environ.get("MODFUN_DATA") or ROOT.parent / "shared" / "data").resolve()
         if not folder.is_dir():
             pytest.skip(f"the records are not there ({folder}): set MODFUN_DATA to their folder")
+    if "from distributed import" in code:  # needed by no extra
+        pytest.importorskip("distributed")
     monkeypatch.chdir(folder)
     if page.name == "README.md" and "flight.csv" in code:
         from modfun.cli import main

@@ -284,8 +284,8 @@ def test_the_rank_test_refuses_what_it_cannot_use():
 
 
 def test_the_plot_shows_levels_and_criterion():
+    pytest.importorskip("matplotlib").use("Agg")
     plt = pytest.importorskip("matplotlib.pyplot")
-    plt.switch_backend("Agg")
     found = mf.select_order(record((2, 0), 2), poles=range(1, 4))
     upper, lower = found.plot()
     np.testing.assert_array_equal(upper.get_lines()[0].get_ydata(), found.table["residual"])

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .coefficients import coefficients, unit_variance
+from .differences import central
 
 
 class Differenced:
@@ -129,10 +130,14 @@ def levenberg_marquardt(problem):
     """Maximum likelihood by SciPy on the whitened residual, its Jacobian by differences; returns θ."""
     gamma, target = problem.regressors()
     start = awls(problem) / problem.unit
+
+    def residual(x):
+        return problem.whitener(x) @ (gamma @ x - target)
+
     found = least_squares(
-        lambda x: problem.whitener(x) @ (gamma @ x - target),
+        residual,
         start,
-        jac="3-point",
+        jac=central(residual),
         method="lm",
         x_scale=np.abs(start),
         xtol=1e-15,

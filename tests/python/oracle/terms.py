@@ -25,6 +25,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .coefficients import coefficients, unit_variance, weights
+from .differences import central
 
 
 @dataclass
@@ -272,7 +273,7 @@ def minimum(problem, start):
 
     size = np.abs(np.asarray(start, float))
     found = least_squares(
-        residual, start / size, jac="3-point", method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+        residual, start / size, jac=central(residual), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     return found.x * size
 
