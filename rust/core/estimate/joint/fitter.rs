@@ -184,7 +184,7 @@ impl JointFitter {
             return Err(Error::Data("fitting: no record was given".into()));
         }
         let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
-        if s.parameters() > most * s.orders.len() {
+        if s.parameters() > most.saturating_mul(s.orders.len()) {
             return Err(Error::Data(format!(
                 "fitting: {} parameters from at most {most} samples a record; take fewer poles and zeros",
                 s.parameters()
