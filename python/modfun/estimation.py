@@ -287,8 +287,6 @@ def answered(
     noise = found.get("noise")
     if noise is None:
         noise = np.array([[found["sigma"] ** 2]])
-    # In the record's own units an estimate may leave the range of floating point.
-    out_of_range = found["status"] in ("ok", "maxiter") and not np.all(np.isfinite(found["theta"]))
     return Fit(
         structure=structure,
         layout=made.layout,
@@ -301,7 +299,7 @@ def answered(
         cost=found["cost"],
         noise_cov=noise,
         df_resid=found["df_resid"],
-        status="nonfinite" if out_of_range else found["status"],
+        status=found["status"],
         nit=found["nit"],
         lines=tuple(found["lines"]),
         omega0=tuple(found["omega0"]),

@@ -28,7 +28,6 @@ F64 = NDArray[np.float64]
 STATUS = ("ok", "maxiter", "rank", "nonfinite")
 _WORDS = np.array(STATUS)
 _NONFINITE = STATUS.index("nonfinite")
-_USABLE = STATUS.index("rank")  # those before leave an estimate
 SHOWN = ("fitting", "records")  # of their progress
 
 
@@ -187,8 +186,6 @@ def _equations(
 
 def _made(found: dict[str, Any], names: tuple[str, ...], structure: Any, options: Options) -> FitMany:
     (low, high), omega0 = found["lines"][0], found["omega0"][0]
-    # In the record's own units an estimate may leave the range of floating point.
-    found["status"][(found["status"] < _USABLE) & ~np.isfinite(found["theta"]).all(axis=1)] = _NONFINITE
     return FitMany(
         params=found["theta"],
         bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],

@@ -1,9 +1,9 @@
-//! Arguments from Rust that no record can serve: refused in words, before anything of their size is laid out.
+//! Arguments and numbers from Rust that no record can serve: refused in words before anything of their size is laid
+//! out, or a status.
 #![allow(clippy::unwrap_used)]
 
-use modfun::Error;
 use modfun::estimate::joint::{Delay, JointFitter, JointOptions, JointStructure, NoiseModel, Path};
-use modfun::estimate::{Band, FitOptions, Fitter, Options, Time, Wanted};
+use modfun::estimate::{Band, FitOptions, Fitter, Options, RecordView, Time, Wanted};
 use modfun::integrate::{Problem, Tableau, integrate};
 use modfun::model::StateSpace;
 use modfun::model::discretise::phi;
@@ -16,6 +16,7 @@ use modfun::structure::{Method, Noise, Structure, Trend};
 use modfun::tape::Tape;
 use modfun::threads::Control;
 use modfun::tones;
+use modfun::{Error, Status};
 
 const N: usize = 65;
 const OPTIONS: Options = Options { tol: 1e-9, maxiter: 9, wanted: Wanted::Covariance };
@@ -197,4 +198,16 @@ fn frequencies_beyond_all_lines_are_those_of_the_last() {
     let omega = [-1e300, 1e300, f64::INFINITY, f64::NAN];
     let found = responses(Isa::Plain, 1, settings, &[piece], &omega, go_on).unwrap();
     assert_eq!(found.response.len(), 4);
+}
+
+#[test]
+fn an_estimate_beyond_numbers_is_not_ok() {
+    let fitter =
+        Fitter::new(options(0.0, Band::Harmonics(8)), &[(129, Time::Even(0.1))], Isa::Plain)
+            .unwrap();
+    let u: Vec<f64> = (0..129).map(|k| 1e-160 * libm::sin(0.002 * f64::from(k * k))).collect();
+    let y: Vec<f64> = (0..129).map(|k| 1e150 * libm::cos(0.05 * f64::from(k))).collect();
+    let fit = fitter.fit(&[RecordView { y: &y, u: vec![&u] }]).unwrap();
+    assert!(!fit.theta[2].is_finite());
+    assert_eq!(fit.status, Status::NonFinite);
 }

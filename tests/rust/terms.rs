@@ -96,8 +96,12 @@ fn duffing() -> Equations {
 }
 
 fn fitter(band: Band, level: Option<f64>, isa: Isa) -> TermsFitter {
+    TermsFitter::new(options(band, level), &[(N + 1, Time::Even(DT))], &[], isa).unwrap()
+}
+
+fn options(band: Band, level: Option<f64>) -> TermsOptions {
     let options = Options { tol: 1e-9, maxiter: 50, wanted: Wanted::Covariance };
-    let o = TermsOptions {
+    TermsOptions {
         equations: duffing(),
         rule: Rule::Gregory,
         method: Method::Ml,
@@ -107,8 +111,7 @@ fn fitter(band: Band, level: Option<f64>, isa: Isa) -> TermsFitter {
         levels: level.map(|s| vec![s]),
         levels_matter: true,
         options,
-    };
-    TermsFitter::new(o, &[(N + 1, Time::Even(DT))], &[], isa).unwrap()
+    }
 }
 
 fn noisy(y: &[f64], sigma: f64, replicate: u64) -> Vec<f64> {
@@ -191,4 +194,12 @@ fn equations_that_do_not_fit_together_are_refused() {
     assert!(o(&|e| e.noisy = vec![7]).contains("channels do not fit"));
     assert!(o(&|e| e.bounds.clear()).contains("starts and bounds"));
     assert!(o(&|e| e.signals[0].lag = Lag::Parameter(0)).contains("delays"));
+    let few = [vec![vec![1.0; N]]];
+    let fitter = TermsFitter::new(
+        options(Band::Default, None),
+        &[(N + 1, Time::Even(DT))],
+        &few,
+        Isa::Plain,
+    );
+    assert!(fitter.err().unwrap().to_string().contains("variances of"));
 }

@@ -105,7 +105,7 @@ pub fn estimate(
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
     let asked = o.wanted == Wanted::Covariance;
-    let status = std::array::from_fn(|k| status(w, k, asked));
+    let status = std::array::from_fn(|k| within_range(status(w, k, asked), w.theta(d, k)));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             w.forget_covariance(k);
@@ -119,6 +119,14 @@ fn status(w: &Workspace, k: usize, with_covariance: bool) -> Status {
     let dependent = w.dependent[k]
         || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
     outcome_of(k, &w.theta, data, &w.progress, dependent)
+}
+
+/// The status, unless an estimate leaves the range of floating point in the user's units.
+fn within_range(status: Status, mut theta: impl Iterator<Item = f64>) -> Status {
+    match status {
+        Status::Ok | Status::MaxIter if !theta.all(f64::is_finite) => Status::NonFinite,
+        other => other,
+    }
 }
 
 /// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as

@@ -36,9 +36,11 @@ impl Lines {
     /// `reach` lines on each side of each tone; of real records neither 0 nor half the sampling rate.
     pub fn around(tones: &[Tone], reach: usize, length: usize, complex: bool) -> Lines {
         let mut indices: Vec<i64> = Vec::new();
+        // As many on each side are all of them.
+        let reach = reach.min(length) as i64;
         for tone in tones {
             let below = (tone.frequency * length as f64).floor() as i64;
-            indices.extend(below + 1 - reach as i64..=below + reach as i64);
+            indices.extend(below + 1 - reach..=below + reach);
         }
         if complex {
             indices.iter_mut().for_each(|m| *m = m.rem_euclid(length as i64));

@@ -237,7 +237,12 @@ impl JointDesign {
                 super::Delay::Known(delay) => (delay, delay),
             },
         };
-        (low / self.parameter_scale(k), high / self.parameter_scale(k))
+        // A unit beyond the range of numbers has no bounds: ∞/∞ and 0/0.
+        let own = |bound: f64, none: f64| match bound / self.parameter_scale(k) {
+            x if x.is_nan() => none,
+            x => x,
+        };
+        (own(low, f64::NEG_INFINITY), own(high, f64::INFINITY))
     }
 
     /// Whether any parameter is bounded.

@@ -9,7 +9,7 @@ use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::iterate::{Rule, unsound};
 use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::estimate::{Options, Outcome, Wanted, lost_in_rounding, outcome_of};
+use crate::estimate::{Options, Outcome, Wanted, lost_in_rounding, outcome_of, within_range};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -93,7 +93,7 @@ pub(crate) fn estimate(
         uncertainty::finish(isa, d, w, live, o.wanted == Wanted::Covariance);
     }
     let asked = o.wanted == Wanted::Covariance;
-    let status = std::array::from_fn(|k| status(w, k, asked));
+    let status = std::array::from_fn(|k| within_range(status(w, k, asked), w.theta(d, k)));
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             for c in w.cov_hc3.iter_mut().chain(&mut w.cov_nonrobust) {
