@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, nan, sqrt
+from math import comb, inf, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .noise import Noise
 from .polynomials import roots_of
 from .validation import Whiteness, colour_of_lines, correlation_of_lines
 
@@ -24,11 +25,14 @@ __all__ = [
     "disagreement",
     "fewest_samples",
     "growth",
+    "high_band_df",
     "lags",
+    "level_p",
     "surely_stable",
 ]
 
 F64 = NDArray[np.float64]
+PIECE = 1 << 15  # intervals of which long records' levels are made
 
 
 @dataclass(frozen=True)
@@ -49,22 +53,25 @@ class Diagnosis:
     Attributes
     ----------
     chi2_p : float
-        Probability of a chi-square as large, at the noise level of the high band.
+        Probability of a chi-square as large, at the noise level of the high band, whose own scatter is
+        counted (`level_p`). `check` objects below .01, and above .99 where the ratio is below 1/1.5.
     level_ratio : float
         Noise level of the fit over that of the high band.
     correlation, colour : Whiteness
-        Neighbouring lines; level over the band. Of several outputs the worst, its p-value times their number.
+        Neighbouring lines (Ljung-Box); level over the band (Kolmogorov-Smirnov). Of several outputs the
+        worst, its p-value times their number. `check` objects below .01.
     correlated, coloured : str
         Which output that is.
     colour_ratio : float
         Level of the lower over that of the upper half of the band.
     lags : tuple of Lag
+        `check` objects below .01.
     growing : float
-        Largest real part of the poles, rad/s.
+        Largest real part of the poles, rad/s. `check` objects above 0.
     disagreement : float
-        Largest ratio of HC3 and classical standard errors, either way up.
+        Largest ratio of HC3 and classical standard errors, either way up. `check` objects above 2.5.
     samples : float
-        Fewest samples a period of the highest harmonic used.
+        Fewest samples a period of the highest harmonic used. `check` objects below 8.
     """
 
     chi2_p: float
@@ -82,8 +89,6 @@ class Diagnosis:
 
 def diagnose(fit: Fit) -> Diagnosis:
     """All tests of a fit with finite parameters."""
-    from scipy.special import chdtrc
-
     with np.errstate(divide="ignore", invalid="ignore"):
         # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
         ratio = float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
@@ -92,7 +97,7 @@ def diagnose(fit: Fit) -> Diagnosis:
     correlations = [correlation_of_lines(pieces)[0] for pieces in found]
     dim, close = _worst([colour for colour, _ in colours]), _worst(correlations)
     return Diagnosis(
-        chi2_p=float(chdtrc(fit.df_resid, fit.chi2)) if np.isfinite(fit.chi2) else float("nan"),
+        chi2_p=level_p(fit),
         level_ratio=ratio,
         correlation=_corrected(correlations, close),
         correlated=fit.row_names[close],
@@ -104,6 +109,49 @@ def diagnose(fit: Fit) -> Diagnosis:
         disagreement=disagreement(fit),
         samples=fewest_samples(fit),
     )
+
+
+def level_p(fit: Fit) -> float:
+    """Probability of a chi-square as large as the fit's if the model is right; nan where there is none.
+
+    Chi-square's own law where the level was given. A level seen in the high band scatters itself, and
+    independently of the residuals: it comes from other lines. Then chi-square a degree of freedom has an F
+    law with `df_resid` and the level's degrees of freedom, as many times these as outputs (equations) have
+    independent noise: p outputs whose noise is correlated by r count as p^2/sum(r^2).
+    """
+    from scipy.special import chdtrc, fdtrc
+
+    chi2, df = fit.chi2, float(fit.df_resid)
+    if not (np.isfinite(chi2) and df > 0):
+        return 0.0 if chi2 == inf else nan
+    if isinstance(fit.options.noise, Noise):
+        return float(chdtrc(df, chi2))
+    rows = independent = float(len(fit.row_names))
+    if rows > 1 and fit.options.noise == "output" and fit.noise_cov.shape == (rows, rows):
+        level = np.sqrt(np.diag(fit.noise_cov))
+        independent = rows**2 / float(np.sum((fit.noise_cov / np.outer(level, level)) ** 2))
+        df *= independent / rows
+    return float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
+
+
+def high_band_df(fit: Fit) -> float:
+    """Degrees of freedom of the high band's noise level of one output, 2 mean^2/variance of its square.
+
+    Of a record: the mean over L lines that were differenced q times, whose squares are correlated as
+    (C(2q, q + k)/C(2q, q))^2 at distance k. The mean over records of equal noise: r^2/sum(1/df).
+    """
+    q = max(fit.layout.orders, default=0) + 2
+    each = [_level_df(intervals, q) for intervals in fit.intervals]
+    return len(each) ** 2 / sum(1 / df for df in each)
+
+
+def _level_df(intervals: int, q: int) -> float:
+    # Long records are cut into pieces, as in rust/core/noise_level.rs.
+    piece = intervals if intervals < 2 * PIECE else min(max(8 * q, PIECE), intervals)
+    lines = max(piece // 2 - -(-piece // 4) - q + 1, 1)
+    centre, near = comb(2 * q, q), min(q, lines - 1)
+    spread = sum((1 - abs(k) / lines) * (comb(2 * q, q + k) / centre) ** 2 for k in range(-near, near + 1))
+    return 2 * lines * (intervals // piece) / spread
 
 
 def _worst(tests: Sequence[Whiteness]) -> int:

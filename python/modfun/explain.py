@@ -27,7 +27,7 @@ FEW_SAMPLES = 8.0  # a period of the highest harmonic
 DISAGREE = 2.5
 CONDITION = 1e6
 UNLIKELY = 0.01  # p-value below which a test speaks
-LEVEL = 1.5  # ratio of noise levels
+LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 # A constant has no harmonics, but quadrature leaves a little of it in each: at a thousand times the variation
 # the estimates of a wide band move, at 10⁵ times those of any.
 OFFSET = 1000.0
@@ -159,7 +159,12 @@ def _disagreement(fit: Fit) -> str | None:
 
 def _too_large(d: Diagnosis) -> bool:
     """Whether the residuals are more than the noise of the high band explains."""
-    return d.chi2_p < UNLIKELY or d.level_ratio > LEVEL
+    return d.chi2_p < UNLIKELY
+
+
+def _too_small(d: Diagnosis) -> bool:
+    """Whether they are far less."""
+    return d.chi2_p > 1 - UNLIKELY and d.level_ratio < 1 / LEVEL
 
 
 def check(fit: Fit) -> Findings:
@@ -172,11 +177,11 @@ def check(fit: Fit) -> Findings:
     if _too_large(d):
         found.append(
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
-            f"{fit.df_resid} degrees of freedom. Either the model misses something, or the record was "
-            "low-pass filtered and the high band is empty of noise, as flight records often "
+            f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}). Either the model misses something, or "
+            "the record was low-pass filtered and the high band is empty of noise, as flight records often "
             f"are.{_weights(fit)}"
         )
-    elif d.level_ratio < 1 / LEVEL:
+    elif _too_small(d):
         found.append(
             f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at high "
             "frequency, or there is signal there."
@@ -402,10 +407,10 @@ def _chi2(fit: Fit) -> str:
         "residuals above the high band's level: model too simple, or filtered record"
         if _too_large(d)
         else "residuals below the high band's level"
-        if d.level_ratio < 1 / LEVEL
+        if _too_small(d)
         else "as it should be"
     )
-    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom: {verdict}"
+    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}): {verdict}"
 
 
 def parameters(fit: Fit, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import comb, inf, isfinite, log, nan, sqrt
+from math import inf, isfinite, log, nan, sqrt
 from typing import Any, Unpack
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from . import _core, html
 from .arguments import public, whole
 from .derived import cancelling
+from .diagnosis import high_band_df
 from .errors import FitError, SpecError
 from .estimation import fit_quietly, records_of
 from .masking import refuse_own_noise
@@ -46,8 +47,9 @@ class OrderSelection:
         A row a candidate, over the same real equations for all: poles, zeros, unknowns (parameters and
         the transient coefficients that the order needs), cost, residual (root mean square of the weighted
         residuals, in units of the output: the report's residual norm), chi2 and p_value (cost in units of
-        the noise of the high band), aicc, bic, calibrated_bic, cancelling (standard errors between the
-        pole and the zero that are nearest to cancelling), stable (all poles left of the axis) and status.
+        the noise of the high band; the p-value counts the scatter of that level), aicc, bic,
+        calibrated_bic, cancelling (standard errors between the pole and the zero that are nearest to
+        cancelling), stable (all poles left of the axis) and status.
     best : Fit
         The candidate with the lowest criterion, fitted by itself.
     fits : tuple of Fit
@@ -292,7 +294,7 @@ def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
 
 
 def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> OrderSelection:
-    from scipy.special import chdtrc
+    from scipy.special import fdtrc
 
     usable = np.array([row["usable"] for row in rows])
     if not usable.any():
@@ -326,7 +328,7 @@ def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -
         "cost": cost.tolist(),
         "residual": np.sqrt(cost / n).tolist(),
         "chi2": chi2.tolist(),
-        "p_value": chdtrc(free, chi2).tolist(),
+        "p_value": fdtrc(free, high_band_df(race.fits[-1]), chi2 / free).tolist(),
         "aicc": aicc.tolist(),
         "bic": bic.tolist(),
         "calibrated_bic": calibrated.tolist(),
@@ -382,13 +384,6 @@ def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, f
         return high, nan, (text,)
     pooled = sqrt((df * last["sigma"] ** 2 + free * high**2) / (df + free))
     return high, pooled, (f"Noise level {pooled:.3g}, of the high band and the residuals together.",)
-
-
-def high_band_df(fit: Fit) -> float:
-    """Degrees of freedom of the high band's noise level: lines differenced q times are correlated."""
-    q = fit.order + 2
-    spread = comb(4 * q, 2 * q) / comb(2 * q, q) ** 2
-    return sum(2 * max(n // 2 - -(-n // 4) - q + 1, 1) for n in fit.intervals) / spread
 
 
 def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, n: int) -> str:

@@ -335,7 +335,16 @@ class Fit:
         return rows[0] if len(rows) == 1 else rows
 
     def check(self) -> Findings:
-        """What is wrong or doubtful about the fit, in sentences with numbers."""
+        """What is wrong or doubtful about the fit, in sentences with numbers.
+
+        Tests object where their p-value is below .01: residuals above the noise level of the high band
+        (chi-square, which counts the scatter of that level) or below 1/1.5 of it, neighbouring lines
+        correlated, not one level over the band, residuals that go with an input. With white noise each
+        objects to about one right model in a hundred (neighbouring lines up to two), some one to one in twenty.
+        Besides: a pole with a real part above 0; HC3 and classical standard errors apart by a factor above
+        2.5; fewer than 8 samples a period; a condition number above 10^6; two minima; a parameter on its
+        bound.
+        """
         return explain.check(self)
 
     def standard_errors(self) -> dict[str, F64]:

@@ -238,8 +238,10 @@ def correlation_of_lines(residuals: Sequence[C128], lags: int | None = None) -> 
         [sum(float(np.sum((e[k:] * e[:-k].conj()).real)) for e in residuals) for k in range(1, lags + 1)]
     )
     r /= power
-    # Re of a product of independent circular lines has variance 1/2 in units of their power.
-    q = 2 * count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
+    # Re of a product of independent circular lines has variance 1/2 in units of their power, and the mean
+    # square of the sum of n powers is n(n + 1): n + 2 is for real numbers.
+    pairs = [sum(max(e.size - k, 0) for e in residuals) for k in range(1, lags + 1)]
+    q = 2 * count * (count + 1) * float(np.sum(r**2 / np.array(pairs)))
     return Whiteness(q, float(chdtrc(lags, q)), count), r
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from core_fit import fit, standard_errors
 from modfun import derived
-from modfun.order import high_band_df
+from modfun.diagnosis import high_band_df
 from oracle import banded, lines, rank
 from sample_records import random_record
 

@@ -146,6 +146,6 @@ def _residuals(fit: Fit) -> Iterable[Block]:
 def _tests(fit: Fit) -> Iterable[Block]:
     yield plain_table(("asked", "of", "found", "answer"), words.tests(fit), "Tests of the residual lines")
     yield Words(
-        f"A test objects where its p-value is below {UNLIKELY}: of right models one in a hundred does so by "
-        "chance, in each test."
+        f"A test objects where its p-value is below {UNLIKELY}: of right models one or two in a hundred "
+        "do so by chance, in each test, where the noise is white."
     )
