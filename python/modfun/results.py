@@ -340,7 +340,8 @@ class Fit:
         Tests object where their p-value is below .01: residuals above the noise level of the high band
         (chi-square, which counts the scatter of that level) or below 1/1.5 of it, neighbouring lines
         correlated, not one level over the band, residuals that go with an input. With white noise each
-        objects to about one right model in a hundred (neighbouring lines up to two), some one to one in twenty.
+        objects to about one right model in a hundred (neighbouring lines: up to two), and all together to
+        about one in twenty.
         Besides: a pole with a real part above 0; HC3 and classical standard errors apart by a factor above
         2.5; fewer than 8 samples a period; a condition number above 10^6; two minima; a parameter on its
         bound.
