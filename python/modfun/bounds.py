@@ -182,10 +182,13 @@ def crlb(
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
     given: list[Any] = list(experiment) if isinstance(experiment, list | tuple) else [experiment]
-    if not given or not all(isinstance(one, Record | Signals) for one in given):
+    odd = [one for one in given if not isinstance(one, Record | Signals)]
+    if odd or not given:
+        kind = type(experiment).__name__
+        if kind in ("list", "tuple"):
+            kind += f" with a {type(odd[0]).__name__} in it" if given else " of nothing"
         raise SpecError(
-            f"crlb: the experiment is a {type(experiment).__name__}; give a Record, mf.signals, or a list of "
-            "these"
+            f"crlb: the experiment is a {kind}; give a Record, mf.signals, or a list of these, one or more"
         )
     known = valued(sys, params, model, given[0])
     records = [record_for(known, one) for one in given]

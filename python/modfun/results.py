@@ -80,7 +80,8 @@ class Fit:
     noise_scale : float
         Variance of the noise over what was given (`Noise`) or seen (errors in variables); else nan.
     at_bound : tuple of str
-        Parameters that ended on a bound; their standard error is 0, the others' holds given them.
+        Parameters that ended on a bound: 0 in the covariance, so that the others' errors hold given them;
+        nan in `conf_int` and `table`, as their own is not known.
     options : Options
         How it was fitted.
     records : tuple of Record or None
@@ -171,9 +172,14 @@ class Fit:
             return np.asarray(self.cov_params() / np.outer(errors, errors))
 
     def conf_int(self, level: float = 0.95) -> F64:
-        """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
+        """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom.
+
+        nan for a parameter on its bound, whose error is not known.
+        """
         level = probability("conf_int", level)
-        return np.column_stack(self.interval(self.params, self.bse, level, self.degrees))
+        free = [name not in self.at_bound for name in self.param_names]
+        errors = np.where(free, self.bse, np.nan)
+        return np.column_stack(self.interval(self.params, errors, level, self.degrees))
 
     @property
     def degrees(self) -> Any:
@@ -182,6 +188,11 @@ class Fit:
 
     def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
         """Lower and upper limits of estimates with these standard errors (Student's t)."""
+        level = probability("interval", level)
+        if np.any(np.asarray(errors) < 0):
+            raise SpecError(
+                f"interval: standard errors are not negative, these go down to {np.min(errors):.4g}"
+            )
         return student_interval(values, errors, self.df_resid if degrees is None else degrees, level)
 
     def estimates(self) -> dict[str, float]:
@@ -377,7 +388,8 @@ class Fit:
         -------
         Table
             Columns parameter, value, unit (where given), se HC3, se classical, t (value over standard
-            error) and both ends of the interval; t and interval are those of `cov_type`.
+            error) and both ends of the interval; t and interval are those of `cov_type`. A parameter on its
+            bound has nan for errors, t and interval, and the title says so.
 
         Raises
         ------

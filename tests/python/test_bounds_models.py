@@ -336,7 +336,7 @@ def test_what_cannot_be_meant_is_refused():
     refused("start='zero' is text; give real numbers", SHORT_PERIOD, DE, params=VALUES, start="zero", **sigma)
     growing = mf.signals.doublet("de", width=0.5, dt=0.1, duration=500)
     refused("grows without bound", mf.tf([1], [1, -3, 8]), growing, error=mf.DataError, **sigma)
-    refused("the experiment is a list", SHORT_PERIOD, [], params=VALUES, **sigma)
+    refused("the experiment is a list of nothing", SHORT_PERIOD, [], params=VALUES, **sigma)
     refused("give the noise", SHORT_PERIOD, DE, params=VALUES)
     refused("2 of them, one an output", SHORT_PERIOD, DE, params=VALUES, sigma=[0.1, 0.2, 0.3])
     refused("must be a number above 0", SHORT_PERIOD, DE, params=VALUES, nsr=[0.1, 0.0])

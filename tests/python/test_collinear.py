@@ -37,7 +37,7 @@ def test_the_numbers_are_those_of_the_dense_columns(order, zeros, inputs):
         rest = columns[:, j] - others @ np.linalg.lstsq(others, columns[:, j], rcond=None)[0]
         explained = 100 * (1 - rest @ rest)
         assert found.table["collinearity"][j] == pytest.approx(explained, abs=1e-4)
-    np.testing.assert_allclose(found.table["bse"], np.sqrt(np.diag(found.fit.cov_nonrobust)))
+    np.testing.assert_allclose(found.table["se classical"], np.sqrt(np.diag(found.fit.cov_nonrobust)))
 
 
 def closed_loop(size, noise=0.0, seed=0):
@@ -56,7 +56,7 @@ def test_feedback_names_the_combination_at_fault():
     (finding,) = found.findings
     assert finding.startswith("a1 and a2 can hardly be told apart")
     # moving along the direction changes the fit less than the same moves of one parameter alone
-    moves = found.directions[0] * found.table["bse"]
+    moves = found.directions[0] * found.table["se classical"]
     rec = closed_loop(0.02)
 
     def cost(theta):

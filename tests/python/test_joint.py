@@ -202,6 +202,12 @@ def test_held_and_bounded_parameters():
     assert low.at_bound == ("a2",)
     assert low["a2"] == 4.5
     assert low.bse[1] == 0
+    assert np.all(np.isnan(low.conf_int()[1]))
+    assert np.all(np.isfinite(np.delete(low.conf_int(), 1, axis=0)))
+    table = low.table()
+    assert "a2 on a bound" in str(table)
+    for column in table.columns[2:]:
+        assert np.isnan(table[column][1]), column
     assert "ended on a bound" in str(low.check())
     wide = mf.fit(rec, mf.TransferFunction(poles=2, zeros=[1, 0], params={"a2": mf.Free(min=3.0, max=5.0)}))
     assert wide.at_bound == ()
