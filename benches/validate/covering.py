@@ -53,11 +53,12 @@ def section(scale: float = 1.0, figure: Path | None = FIGURE) -> Section:
         "Share of records whose 95 % intervals hold the truth [nominal 95.0]: mean over the parameters, in brackets "
         "the least and the greatest, ± the Monte Carlo standard error of one parameter at 95 %. *Classical* "
         'intervals (`cov_type="nonrobust"`) believe in white noise of one level; *HC3*, the default, in no '
-        "colour, and is cautious where few lines carry the information.",
+        "colour, and errs to either side where few lines carry the information "
+        "([uncertainty](explanation/uncertainty.md#is-it-true)).",
         f"A row is off where a parameter is covered by more than {100 * MARGIN:.0f} point less than 95 %, or by "
         f"classical intervals more, and {z:.2f} Monte Carlo standard errors besides (Bonferroni over all "
         f"parameters of the table: right intervals raise a false alarm in {100 * FALSE_ALARM:.0f} % of tables). "
-        "HC3 that covers more is called cautious.",
+        "HC3 that covers more is called cautious; it is wider than it need be.",
         "![Coverage](figures/validation_coverage.png)",
     )
     shown = []

@@ -49,7 +49,7 @@ class Lag:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Tests of one fit.
+    """Tests of one fit; `Fit.check` speaks where a p-value is below .01.
 
     Attributes
     ----------
