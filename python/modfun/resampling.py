@@ -55,8 +55,10 @@ class Bootstrap(FitMany):
 
     @property
     def sd_mcse(self) -> F64:
-        """√((m₄ − m₂²)/R)/2sd with the central moments of R replicates (delta method)."""
+        """√((m₄ − m₂²)/R)/2sd with the central moments of R replicates (delta method); nan of two."""
         about = self._good(2) - self._good(2).mean(axis=0)
+        if len(about) == 2:  # m₄ = m₂² whatever they are
+            return np.full(about.shape[1], np.nan)
         spread = np.mean(about**4, axis=0) - np.mean(about**2, axis=0) ** 2
         return np.asarray(np.sqrt(np.maximum(spread, 0.0) / len(about)) / (2 * self.sd))
 

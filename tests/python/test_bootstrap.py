@@ -252,6 +252,11 @@ def test_looks(boot: Any) -> None:
     assert boot.table()["parameter"].tolist() == ["a1", "a2", "b0"]
 
 
+def test_two_refits_do_not_tell_the_error_of_their_spread(fit: mf.Fit) -> None:
+    assert np.isnan(mf.bootstrap(fit, replicates=2, progress=False).sd_mcse).all()
+    assert np.all(mf.bootstrap(fit, replicates=3, progress=False).sd_mcse > 0)
+
+
 def test_failures_are_counted_and_left_out(fit: mf.Fit) -> None:
     short = mf.bootstrap(mf.fit(fit.records[0], TF2, harmonics=12, maxiter=20, tol=1e-9), replicates=50)
     object.__setattr__(short, "status", np.array(["ok"] * 48 + ["maxiter", "rank"]))

@@ -246,6 +246,8 @@ def test_rivals_take_part() -> None:
         ({"estimators": ["ml", "ml"]}, "dict from names"),
         ({"estimators": [mf.Estimator(TF2)]}, "give a dict"),
         ({"estimators": {"x": 3}}, "function of"),
+        ({"estimators": {" ": "ml"}}, "names of estimators"),
+        ({"estimators": {1: "ml"}}, "names of estimators"),
         ({"estimators": {"x": mf.Estimator(TF2)}, "harmonics": 6}, "mf.Estimator"),
         ({"model": SYSTEM}, "structure"),
         ({"harmonic": 6}, "harmonics"),

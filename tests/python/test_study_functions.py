@@ -72,7 +72,8 @@ def test_the_builtin_study_written_by_hand_has_its_numbers() -> None:
         np.testing.assert_array_equal(other.coverage, built.coverage)
         np.testing.assert_allclose(other.median, built.median, rtol=1e-3, atol=1e-6)  # of histograms
     assert np.isnan(hand.crlb).all()
-    np.testing.assert_array_equal(noise.crlb, built.crlb)
+    assert np.isnan(noise.crlb).all()
+    assert np.isfinite(built.crlb).all()
 
 
 def test_metrics_change_no_other_figure() -> None:

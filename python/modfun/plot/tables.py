@@ -165,7 +165,8 @@ def study(res: Results, ax: Any = None) -> Any:
                 )  # fmt: skip
             if figure == "sd":
                 bound = figures["crlb"][here & (figures["estimator"] == res.estimators[0])]
-                drawn.plot(x, bound, color="0.3", linestyle=":", label="Cramér–Rao bound")
+                if np.any(np.isfinite(bound)):
+                    drawn.plot(x, bound, color="0.3", linestyle=":", label="Cramér–Rao bound")
             drawn.set_ylabel(f"{text} (% of the true values)")
             drawn.set_title(", ".join(map(str, cell)), fontsize="medium")
             drawn.set_ylim(bottom=0.0)

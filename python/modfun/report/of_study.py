@@ -40,7 +40,11 @@ def page_of(results: Results, directory: str | os.PathLike[str] | None, title: s
         section(
             "relative",
             "Relative to the true parameters",
-            lambda: Grid.of(results.relative(), "Root mean square over the parameters, % of the true values"),
+            lambda: Grid.of(
+                results.relative(),
+                "Root mean square over the parameters, % of the true values. Of a bias it is never "
+                "0, but about sd/√R where there is none",
+            ),
         ),
         section("figure", "Bias and standard deviation", lambda: _figure(results)),
         section(
@@ -59,7 +63,8 @@ def page_of(results: Results, directory: str | os.PathLike[str] | None, title: s
     ]
     said = (
         f"{results.replicates:,} replicates in each of {cells} cell{'s' if cells > 1 else ''}; _mcse is the "
-        "Monte Carlo standard error of the figure before it, crlb the Cramér–Rao bound."
+        "Monte Carlo standard error of the figure before it, crlb the Cramér–Rao bound under white noise "
+        "(nan where the noise or the records are the user's own)."
     )
     return Page(title or named, tuple(facts), said, "plain", tuple(_findings(results)), made)
 
@@ -79,14 +84,23 @@ def _findings(results: Results) -> Iterable[str]:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.abs(results.bias[..., k, :]) / results.sd[..., k, :]
         held = results.coverage[..., k, :]
+        unsettled = int(results.status["maxiter"][..., k].sum())
+        if unsettled:
+            said += f"; {unsettled:,} estimates in the figures did not settle (maxiter)"
         if np.any(np.isfinite(share)):
             said += f"; largest bias {np.nanmax(share[np.isfinite(share)]):.3g} standard deviations"
         if np.any(np.isfinite(held)):
             said += (
-                f"; 95 % intervals hold the truth in {100 * np.nanmin(held):.1f} to "
+                f"; 95 % intervals{_kind(results, k)} hold the truth in {100 * np.nanmin(held):.1f} to "
                 f"{100 * np.nanmax(held):.1f} % of replicates"
             )
         yield f"{said}."
+
+
+def _kind(results: Results, k: int) -> str:
+    """Whose intervals were counted, of an estimator that is no function."""
+    own = results._plan.contenders[k].estimators
+    return f" ({'HC3' if own[0].options.cov_type == 'HC3' else 'classical'})" if own else ""
 
 
 def _figure(results: Results) -> Block:
@@ -95,7 +109,7 @@ def _figure(results: Results) -> Block:
         drawn(partial(plot.study, results), rows, columns=2, height=3.4, sharex=True),
         "Bias on the left and standard deviation on the right, of each estimator.",
         "Root mean squares over the parameters, % of the true values. Bars are ± 2 Monte Carlo standard "
-        "errors, the dotted line is the Cramér–Rao bound.",
+        "errors, the dotted line is the Cramér–Rao bound under white noise, where there is one.",
     )
 
 

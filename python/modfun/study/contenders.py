@@ -122,6 +122,9 @@ def contenders(
                 "one method give a dict from names to mf.Estimator(structure, method=…, …)"
             )
         given = {word: word for word in given}
+    for name in given:
+        if not isinstance(name, str) or not name.strip():
+            raise SpecError(f"MonteCarlo: estimators has the name {name!r}; names of estimators are texts")
     if options and not any(isinstance(value, str) for value in given.values()):
         raise SpecError(
             f"MonteCarlo: {', '.join(options)} would apply to method names, and there are none; write the "

@@ -42,7 +42,9 @@ class Results:
 
     The axes of the cells are those given as a dict or a list, in the order system, input, initial_state,
     nsr; `axes` names them all. Estimates that were found (status "ok", or "maxiter": the iteration did not
-    settle) enter the figures, the others are counted in `failures`.
+    settle) enter the figures, the others are counted in `failures`. A few that did not settle may make most
+    of a spread; tables that have any count them in a column `maxiter`. A standard error that the replicates
+    are too few to tell is nan.
 
     Attributes
     ----------
@@ -62,9 +64,10 @@ class Results:
         Median error, of counts in bins 0.4 to 0.8 % of the error wide; nan beyond 2²⁰ times the truth.
         Standard error 1.2533 sd/√R, as for normal estimates.
     coverage, coverage_mcse : ndarray
-        Share c of 95 % intervals that hold the truth, those of each estimator's `cov_type`, HC3 by default.
-        Standard error √(c̃(1 − c̃)/R) with half a case added
-        on both sides, c̃ = (cR + ½)/(R + 1), so that it is not 0 where all or none do.
+        Share c of 95 % intervals that hold the truth: those of each estimator's `cov_type`, HC3's unless
+        "nonrobust" was asked for; of functions, those of the Fit that they returned. Standard error
+        √(c̃(1 − c̃)/R) with half a case added on both sides, c̃ = (cR + ½)/(R + 1), so that it is not 0 where
+        all or none do.
     failures : ndarray of int, (cell…, estimator)
         Replicates without an estimate.
     status : dict of str to ndarray of int, (cell…, estimator)
@@ -151,18 +154,18 @@ class Results:
 
     @cached_property
     def crlb(self) -> F64:
-        """Cramér–Rao bound as standard deviations, (cell…, estimator, parameter).
+        """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
-        With the initial state (and the estimator's trend) unknown, from all samples; nan where the
-        structure does not hold the system, the initial state of equations is drawn, or the records are the
-        user's. No estimator need reach it in a narrow band, and a biased one may pass it.
+        With the initial state (and the estimator's trend) unknown, from all samples; nan where the noise or
+        the records are the user's, the structure does not hold the system, or the initial state of equations
+        is drawn. No estimator need reach it in a narrow band, and a biased one may pass it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
         known: dict[Any, F64] = {}
         for g in plan.groups:
-            if not isinstance(g, Group):
-                continue  # there is no system
+            if not isinstance(g, Group) or g.noise is not None:
+                continue  # there is no system, or noise whose covariance nobody knows
             rec = g.record(g.rest.y)
             for k, c in enumerate(plan.contenders):
                 key = (g.index, c.structures[g.index], c.trend)
@@ -178,13 +181,17 @@ class Results:
     # Tables ----------------------------------------------------------------------------------------
 
     def table(self) -> Table:
-        """Every figure with its Monte Carlo standard error: a row a cell, estimator and parameter."""
+        """Every figure with its Monte Carlo standard error: a row a cell, estimator and parameter.
+
+        `maxiter`, where there are any, counts estimates that did not settle and are in the figures.
+        """
         columns: dict[str, list[Any]] = {name: [] for name in self.axes}
         figures = ("bias", "sd", "rmse", "median", "coverage")
         columns["true"] = []
         for name in figures:
             columns |= {name: [], f"{name}_mcse": []}
-        columns |= {"crlb": [], "failures": []}
+        counted = self._counted()
+        columns |= {"crlb": [], **{name: [] for name in counted}}
         for where, labels in self._rows():
             for k, name in enumerate(self.param_names):
                 if np.isnan(self.sd[where][k]) and np.isnan(self.truth[where][k]):
@@ -196,7 +203,8 @@ class Results:
                     columns[figure].append(getattr(self, figure)[where][k])
                     columns[f"{figure}_mcse"].append(getattr(self, f"{figure}_mcse")[where][k])
                 columns["crlb"].append(self.crlb[where][k])
-                columns["failures"].append(int(self.failures[where]))
+                for name, counts in counted.items():
+                    columns[name].append(int(counts[where]))
         return Table(columns, title=self._title())
 
     def relative(self) -> Table:
@@ -205,7 +213,7 @@ class Results:
         The report's footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. A row a cell
         and estimator. Without any bias the figure is not 0 but about sd/√R, its Monte Carlo noise. The
         standard errors are those of the delta method with fully correlated parameters, so at most too
-        large.
+        large. `maxiter` as in `table`.
         """
         columns: dict[str, list[Any]] = {name: [] for name in self.axes if name != "parameter"}
         figures = ("bias", "sd", "rmse", "crlb")
@@ -213,7 +221,8 @@ class Results:
             columns[name] = []
             if name != "crlb":
                 columns[f"{name}_mcse"] = []
-        columns["failures"] = []
+        counted = self._counted()
+        columns |= {name: [] for name in counted}
         for where, labels in self._rows():
             for axis, label in zip(self.axes, labels, strict=False):
                 columns[axis].append(label)
@@ -222,8 +231,14 @@ class Results:
                 columns[figure].append(value)
                 if figure != "crlb":
                     columns[f"{figure}_mcse"].append(error)
-            columns["failures"].append(int(self.failures[where]))
+            for name, counts in counted.items():
+                columns[name].append(int(counts[where]))
         return Table(columns, title=f"{self._title()}; % of the true parameters")
+
+    def _counted(self) -> dict[str, I64]:
+        """Outcomes that tables count: failures, and what did not settle where anything did not."""
+        unsettled = self.status["maxiter"]
+        return {"failures": self.failures} | ({"maxiter": unsettled} if np.any(unsettled) else {})
 
     def _relative(self, figure: str, where: tuple[int, ...]) -> tuple[float, float]:
         truth = self.truth[where]

@@ -20,6 +20,8 @@ from ..errors import ModfunWarning, SpecError
 from ..memory import available as _available
 from ..progress import Progress
 from .engine import engine, tallies
+from .generated import Generated
+from .groups import Group
 from .plan import Plan
 from .results import Results
 from .tally import STATUS, USED, Tally
@@ -130,7 +132,31 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
                 ModfunWarning,
                 stacklevel=5,
             )
+    if _identical(plan, total):
+        warnings.warn(
+            "run: every replicate gave the same estimates, so that sd and all Monte Carlo errors are 0 and "
+            "say nothing; draw what is to differ between them from the rng that your functions are given",
+            ModfunWarning,
+            stacklevel=5,
+        )
     return found
+
+
+def _identical(plan: Plan, total: Tally) -> bool:
+    """Whether replicates that functions of the user made never differ, in any cell that has noise."""
+    if not plan.functions:
+        return False
+    noisy = np.array(
+        [np.full(total.status.shape[1], True) if _varies(g) else plan.sigma(g) > 0 for g in plan.groups]
+    )
+    moments = total.moments[noisy][..., : len(plan.parameters), :]
+    many = moments[..., 0] > 1
+    return bool(many.any() and not moments[many][:, 2].any())
+
+
+def _varies(group: Group | Generated) -> bool:
+    """Whether the user, or a random state, makes replicates differ where there is no noise."""
+    return isinstance(group, Generated) or group.state is not None or group.drawn or len(group.free) > 0
 
 
 def far_from(total: Tally, plan: Plan, until: Mapping[str, float]) -> float:

@@ -98,7 +98,11 @@ class Tally:
         return replace(self.merge(others), samples=samples)
 
     def figures(self, truth: F64) -> dict[str, F64]:
-        """Figures (group, level, estimator, parameter) with their standard errors, `*_mcse`."""
+        """Figures (group, level, estimator, parameter) with their standard errors, `*_mcse`.
+
+        An error that the replicates cannot tell is nan, not the 0 that its formula gives: that of an rmse of
+        one, and of an sd of two, whose fourth moment is the square of the second.
+        """
         shape = truth.shape
         found = {
             name: values.reshape(shape)
@@ -115,9 +119,9 @@ class Tally:
                 "bias": known * found["bias"],
                 "bias_mcse": found["bias_mcse"],
                 "sd": found["sd"],
-                "sd_mcse": found["sd_mcse"],
+                "sd_mcse": np.where(count > 2, found["sd_mcse"], np.nan),
                 "rmse": known * found["rmse"],
-                "rmse_mcse": known * found["rmse_mcse"],
+                "rmse_mcse": np.where(count > 1, known * found["rmse_mcse"], np.nan),
                 "median": known * median,
                 "median_mcse": np.sqrt(np.pi / 2) * found["bias_mcse"],
                 "coverage": covered,
