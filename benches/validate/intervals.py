@@ -13,6 +13,7 @@ from scipy.stats import t as student
 
 TF2 = mf.TransferFunction(poles=2, zeros=0)
 EQ24 = {"system": mf.tf([5], [1, 3, 8]), "input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
+LONG = {"duration": 60.0, "intervals": 1024, "nsr": 0.1}
 KINDS = {"HC3": "HC3", "nonrobust": "classical"}
 
 
@@ -253,29 +254,36 @@ def bootstrap(scale: float) -> list[Row]:
 
 
 def responses(scale: float) -> list[Row]:
-    """Circles about the gains of a light mode, held white input."""
-    system = mf.tf([9.0], [1.0, 0.3, 9.0])
-    omega = np.array([1.0, 2.0, 2.6, 3.0, 3.3, 4.0, 6.0])
+    """Circles about the gains of a light mode and of eq. (24), held white input."""
+    light = mf.tf([9.0], [1.0, 0.3, 9.0]), 4096, 0.05, [1.0, 2.0, 2.6, 3.0, 3.3, 4.0, 6.0]
+    eq24 = EQ24["system"], 1024, 0.1, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     out = []
-    for method in ("lpm", "lrm"):
+    for name, (system, intervals, dt, omega), method, width in (
+        ("lpm", light, "lpm", None),
+        ("lrm", light, "lrm", None),
+        ("eq. (24), lpm", eq24, "lpm", None),
+        ("eq. (24), lrm", eq24, "lrm", None),
+        ("eq. (24), lpm, halfwidth=12", eq24, "lpm", 12),
+        ("eq. (24), lrm, halfwidth=12", eq24, "lrm", 12),
+    ):
+        exact = system.frequency_response(np.array(omega)).response[0, 0]
         inside = []
         for k in range(int(1000 * scale)):
-            u = np.random.default_rng([49, k]).standard_normal(4097)
+            u = np.random.default_rng([49, k]).standard_normal(intervals + 1)
             rec = mf.simulate(
                 system,
                 input=u,
-                duration=204.8,
-                intervals=4096,
+                duration=intervals * dt,
+                intervals=intervals,
                 nsr=0.1,
                 seed=49,
                 replicate=k,
                 intersample="zoh",
             )
-            found = mf.frf(rec, omega, method=method, progress=False)
-            exact = system.frequency_response(omega).response[0, 0]
+            found = mf.frf(rec, omega, method=method, halfwidth=width, progress=False)
             inside.append(np.abs(found.response[0, 0] - exact) <= found.radius(0.95)[0, 0])
         out.append(
-            Row(f"frequency response, {method}, classical", "classical", np.mean(inside, axis=0), len(inside))
+            Row(f"frequency response, {name}, classical", "classical", np.mean(inside, axis=0), len(inside))
         )
     return out
 
@@ -322,6 +330,9 @@ def efficiency(scale: float) -> list[tuple[str, np.ndarray, np.ndarray, int]]:
         "eq. (24), N = 1024, NSR .2": {"nsr": 0.2, "intervals": 1024},
         "light mode (ζ .075), NSR .1": {"nsr": 0.1, "system": mf.tf([4], [1, 0.3, 4])},
         "third order with a zero, NSR .05": {"nsr": 0.05, "system": mf.tf([6, 12], [1, 2.2, 10.2, 9])},
+        "eq. (24), sin(2t) + sin(5t), 60 s, N = 1024, NSR .1": {"input": "sin(2*t) + sin(5*t)", **LONG},
+        "eq. (24), sin(2t), 60 s, N = 1024, NSR .1": {"input": "sin(2*t)", **LONG},
+        "eq. (24), sin(1.7t), 100 s, N = 1024, NSR .1": {"input": "sin(1.7*t)", **LONG, "duration": 100.0},
     }
     for name, words in cases.items():
         setting = {**EQ24, **words}
