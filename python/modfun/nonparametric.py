@@ -73,7 +73,9 @@ def frf(
         Of B, T and A, default 2.
     halfwidth : int, optional
         Lines of the longest record on each side of a frequency. Default: at each frequency, of six sizes, the
-        one that predicts the lines nearby best when each is left out ("modulating": the narrowest).
+        one that predicts the lines nearby best when each is left out ("modulating": the narrowest). This
+        choice, on the same record, is not counted in the intervals: those of 95 % then hold 92 to 94 %, of
+        one that is given 95 % unless it is too wide for the system.
     weighting : {"ls", "awls", "ml"}
         Of the rows of "lrm": none; by `1/|A|²` of the last of four estimates, which is less biased by noise
         in neighbourhoods wider than those chosen by default; or Gauss-Newton from there, the best with three
