@@ -143,8 +143,8 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
 
 
 def _identical(plan: Plan, total: Tally) -> bool:
-    """Whether replicates that functions of the user made never differ, in any cell that has noise."""
-    if not plan.functions:
+    """Whether estimates of records made by functions of the user never differ, in any cell with noise."""
+    if not any(isinstance(g, Generated) or g.functions for g in plan.groups):
         return False
     noisy = np.array(
         [np.full(total.status.shape[1], True) if _varies(g) else plan.sigma(g) > 0 for g in plan.groups]
