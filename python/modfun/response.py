@@ -211,6 +211,11 @@ class FrequencyResponse:
     def take(self, keep: NDArray[Any]) -> FrequencyResponse:
         """The gains at these positions of `omega`.
 
+        Parameters
+        ----------
+        keep : array_like of int or bool, or slice
+            Positions, counted from 0.
+
         Raises
         ------
         SpecError

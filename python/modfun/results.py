@@ -175,6 +175,11 @@ class Fit:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom.
 
         nan for a parameter on its bound, whose error is not known.
+
+        Parameters
+        ----------
+        level : float, default 0.95
+            Between 0 and 1.
         """
         level = probability("conf_int", level)
         free = [name not in self.at_bound for name in self.param_names]
