@@ -143,9 +143,9 @@ impl FitOptions {
 
     /// Real unknowns of the default rule's guideline: parameters and trend terms.
     fn unknowns(&self) -> usize {
-        self.structure.parameters()
-            + usize::from(self.trend != Trend::None)
-            + usize::from(self.trend == Trend::Linear)
+        let trend =
+            usize::from(self.trend != Trend::None) + usize::from(self.trend == Trend::Linear);
+        self.structure.parameters().saturating_add(trend)
     }
 
     /// Whether the default rule looks at the samples.

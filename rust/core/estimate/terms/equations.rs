@@ -114,6 +114,9 @@ impl Equations {
         if self.starts.len() != p || self.bounds.len() != p {
             return wrong("starts and bounds");
         }
+        if self.free_lags().any(|(_, k)| self.bounds[k].1.is_nan() || self.bounds[k].1 < 0.0) {
+            return wrong("bounds of delays");
+        }
         if self.sensitivities.is_empty() {
             return Err(Error::Spec(
                 "fitting equations: no term has a noisy signal, so that there is nothing to weigh"
