@@ -124,6 +124,9 @@ fn inputs_and_noise_that_a_joint_structure_does_not_have() {
     assert!(text.contains("4 lines where 11 are needed"), "{text}");
     let text = refused(joint(2, 0), &[vec![vec![1.0; N]]]);
     assert!(text.contains("variances of 1 outputs for 2"), "{text}");
+    let reversed = JointStructure { bounds: vec![(1.0, -1.0); 6], ..joint(2, 0).structure };
+    let text = said(reversed.checked());
+    assert!(text.contains("bounds from 1 to -1"), "{text}");
 }
 
 #[test]

@@ -129,6 +129,10 @@ impl JointStructure {
         if self.fixed.iter().flatten().any(|v| !v.is_finite()) {
             return wrong("a held coefficient is not finite".into());
         }
+        let reversed = |(low, high): &&(f64, f64)| low.is_nan() || high.is_nan() || low > high;
+        if let Some((low, high)) = self.bounds.iter().find(reversed) {
+            return wrong(format!("bounds from {low} to {high}; give the lower one first"));
+        }
         for path in &self.paths {
             let sound = match path.delay {
                 Delay::Known(delay) => delay >= 0.0 && delay.is_finite(),
