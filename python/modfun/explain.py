@@ -1,49 +1,23 @@
-"""A fit in words: its message, its check, its summary, and what it warns of."""
+"""A fit in words: its message, its line, its summary. What is doubtful about it: `doubts`."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import html
-from .diagnosis import (
-    Diagnosis,
-    diagnose,
-    disagreement,
-    fewest_samples,
-    growth,
-    overlapping,
-    surely_stable,
-)
+from .diagnosis import diagnose
+from .doubts import numbers, too_large, too_small
 from .errors import SpecError
 from .noise import Noise
-from .tables import Findings, Table, nearest
+from .tables import Table, nearest
 
 if TYPE_CHECKING:
     from .results import Fit
 
-__all__ = ["UNLIKELY", "Summary", "check", "facts", "message", "one_line", "parameters", "warnings_of"]
-
-FEW_SAMPLES = 8.0  # a period of the highest harmonic
-# Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight
-# passes 2 and one in sixty 2.5. Where few lines matter (a held square wave) HC3 is large for its own
-# reasons and one record in four passes 2.5; coloured flight records start at 2.8. Hence the words.
-DISAGREE = 2.5
-CONDITION = 1e6
-UNLIKELY = 0.01  # p-value below which a test speaks
-LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
-# A constant has no harmonics, but quadrature leaves a little of it in each: at a thousand times the variation
-# the estimates of a wide band move, at 10⁵ times those of any.
-OFFSET = 1000.0
-BLOCK = 2**16  # samples
-# Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
-# nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
-LITTLE = 0.5
+__all__ = ["Summary", "facts", "message", "one_line", "parameters"]
 
 
 def message(fit: Fit) -> str:
@@ -72,231 +46,6 @@ def message(fit: Fit) -> str:
     )
 
 
-def warnings_of(fit: Fit) -> list[str]:
-    """What deserves a warning when the fit is made."""
-    far = _offset(fit)
-    if not fit.success:
-        return [f"fit: {text}" for text in (fit.message, far) if text]
-    found = [
-        text
-        for text in (far, _repeated(fit), _few_samples(fit), _unstable(fit), _minima(fit), _condition(fit))
-        if text
-    ]
-    if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
-        found.append(text + (_weights(fit) if fit.chi2 > LEVEL**2 * fit.df_resid else ""))
-    return [f"fit: {text}" for text in found]
-
-
-def _offset(fit: Fit) -> str | None:
-    for record in fit.records or ():
-        for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
-            total = values.sum()
-            # Nearly always this is all that is asked, in microseconds: mean² within 1 % of the mean square.
-            if not total * total > 0.99 * values.size * (values @ values):
-                continue
-            mean = float(values.mean())
-            spread = _rms(values, mean)
-            if abs(mean) > OFFSET * spread > 0:
-                cure = "subtract it first" if fit.has_poles else "write the equation for deviations from it"
-                return (
-                    f"Channel {name!r} stands at {mean:.6g} and moves by {spread:.2g} (rms) about it, "
-                    f"{abs(mean) / spread:.2g} times less: so large an offset costs digits; {cure}."
-                )
-    return None
-
-
-def _rms(values: NDArray[np.float64], mean: float) -> float:
-    """Standard deviation; `std` makes a copy, as large as the record."""
-    parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
-    return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
-
-
-def _repeated(fit: Fit) -> str | None:
-    """That samples are counted twice: records that overlap, or outputs that are the same."""
-    records = fit.records or ()
-    for name, other in combinations(fit.outputs, 2):
-        if records and all(np.array_equal(rec[name], rec[other]) for rec in records):
-            return (
-                f"Outputs {name!r} and {other!r} are the same samples: they count as two measurements, and "
-                "the errors are too small; leave one out."
-            )
-    pair = overlapping([rec.y for rec in records])
-    if pair is None:
-        return None
-    first, second, count = pair
-    return (
-        f"Records {first} and {second} share {count} samples of the outputs: they count as new data, and the "
-        "errors are too small. Give each sample once; cut windows without overlap."
-    )
-
-
-def _few_samples(fit: Fit) -> str | None:
-    samples = fewest_samples(fit)
-    if samples >= FEW_SAMPLES:
-        return None
-    return (
-        f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "
-        f"{FEW_SAMPLES:.0f} quadrature errors grow: lower the band or sample faster."
-    )
-
-
-def _unstable(fit: Fit) -> str | None:
-    every = range(1 if fit.layout.common else len(fit.outputs))
-    if not fit.has_poles:
-        return None
-    if hasattr(fit.layout, "places") and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
-        return None
-    growing = growth(fit)
-    if growing <= 0:
-        return None
-    return (
-        f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
-        f"{np.log(2) / growing:.3g} s). Right for an unstable system, else a sign of too many poles or a "
-        "band without signal."
-    )
-
-
-def _minima(fit: Fit) -> str | None:
-    rule = fit.band_rule
-    if rule is None or not hasattr(fit.layout, "places"):
-        return None
-    wide, narrow = rule["cost_wide"], rule["cost_narrow"]
-    # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
-    apart = 1e-6 * min(wide, narrow) if len(fit.outputs) == 1 else 0.01
-    if not (np.isfinite(wide) and np.isfinite(narrow)) or abs(wide - narrow) <= apart:
-        return None
-    return (
-        f"Two minima were found over the wide band, with costs {min(wide, narrow):.6g} and "
-        f"{max(wide, narrow):.6g}; the lower one was taken. Often a delay is missing from the structure, or "
-        "it has too many poles."
-    )
-
-
-def _condition(fit: Fit) -> str | None:
-    if fit.condition_bound <= CONDITION or fit.cond <= CONDITION:
-        return None
-    return (
-        f"The regressors are nearly dependent (condition number {fit.cond:.2g}): take fewer poles or zeros, "
-        "or a record with more excitation."
-    )
-
-
-def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
-    """That the two kinds of standard errors differ, and which of them the residual tests favour.
-
-    In white noise nine in ten records of a light mode pass these tests, and classical intervals held the
-    truth in 96 % of them; in AR(.6) and AR(.95) noise none of 300 each did.
-    """
-    ratio = disagreement(fit)
-    if not ratio > DISAGREE:
-        return None
-    d = d or diagnose(fit)
-    tests = (d.colour.p_value, d.correlation.p_value)
-    said = f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}"
-    if min(tests) < UNLIKELY or _too_large(d):
-        learnt = hasattr(fit.layout, "places") and fit.options.noise == "output" and fit.records is not None
-        other = ', noise="coloured"' if learnt else ""
-        return (
-            f"{said}, and the residual tests object: the noise is not white over the band or the model too "
-            f"simple, and classical errors do not hold. Take HC3{other} or a narrower band (now up to "
-            f"{fit.band[1]:.4g} rad/s)."
-        )
-    if not all(p >= UNLIKELY for p in tests):
-        return (
-            f"{said}: the noise is not white, the model too simple, or few lines carry the information and "
-            "HC3 is off. The band has too few lines to test which; take the larger."
-        )
-    return (
-        f"{said}, and the residual tests see neither colour nor misfit: few lines carry the information, and "
-        'HC3 is the one that is off. Take the classical ones, cov_type="nonrobust", unless you know that '
-        "the noise is coloured."
-    )
-
-
-def _biased(fit: Fit) -> str | None:
-    """That one-shot estimates are biased by noise, unless the high band shows next to none."""
-    method = fit.options.method
-    if method not in ("ls", "wls") or fit.options.noise == "equation" or fit.records is None:
-        return None
-    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        noise = 100 * float(np.max(fit.high_band_levels / spread))
-    if noise < LITTLE:
-        return None
-    seen = (
-        f" (here noise of {noise:.2g} % of the output is seen in the unused high band)" if noise > 0 else ""
-    )
-    return (
-        f'method="{method}" is biased by noise on the output{seen}, the more the wider the band, and no '
-        'standard error counts that: compare with method="ml".'
-    )
-
-
-def _too_large(d: Diagnosis) -> bool:
-    """Whether the residuals are more than the noise of the high band explains."""
-    return d.chi2_p < UNLIKELY
-
-
-def _too_small(d: Diagnosis) -> bool:
-    """Whether they are far less."""
-    return d.chi2_p > 1 - UNLIKELY and d.level_ratio < 1 / LEVEL
-
-
-def check(fit: Fit) -> Findings:
-    """What is wrong or doubtful about a fit; see `Fit.check`."""
-    title = f"Check of {one_line(fit)}"
-    if fit.status in ("rank", "nonfinite") or not np.all(np.isfinite(fit.params)):
-        return Findings(title, [fit.message])
-    d = diagnose(fit)
-    found: list[str | None] = [None if fit.success else fit.message, _biased(fit), _unstable(fit)]
-    if _too_large(d):
-        found.append(
-            f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
-            f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}). Either the model misses something, or "
-            "the record was low-pass filtered and the high band is empty of noise, as flight records often "
-            f"are.{_weights(fit)}"
-        )
-    elif _too_small(d):
-        found.append(
-            f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at high "
-            "frequency, or there is signal there."
-        )
-    if d.colour.p_value < UNLIKELY:
-        found.append(
-            f"The residual lines{_of(fit, d.coloured)} are not of one level over the band (lower half "
-            f"{d.colour_ratio:.3g} times the upper half, p = {d.colour.p_value:.2g}): the noise is coloured "
-            "or the model misses part of the band; classical standard errors do not hold, HC3 does."
-        )
-    if d.correlation.p_value < UNLIKELY:
-        found.append(
-            f"Neighbouring residual lines{_of(fit, d.correlated)} are correlated (Ljung-Box "
-            f"{d.correlation.statistic:.3g}, p = {d.correlation.p_value:.2g}): something short in "
-            "time is not explained, such as a gust, a step of another input or clipping; look at "
-            "plot_response()."
-        )
-    for lag in d.lags:
-        if lag.p_value >= UNLIKELY:
-            continue
-        if lag.path:
-            found.append(
-                f"The residuals correlate with {lag.channel}: {'more' if lag.amount > 0 else 'less'} delay "
-                f"by about {abs(lag.amount):.3g} s (standard error {lag.bse:.2g}, p = {lag.p_value:.2g}) or "
-                "one more zero would reduce them."
-            )
-        else:
-            found.append(
-                f"The residuals correlate with {lag.channel} (p = {lag.p_value:.2g}), which has no path in "
-                "the structure: give it zeros."
-            )
-    if fit.at_bound:
-        found.append(
-            f"{', '.join(fit.at_bound)} ended on a bound: the data would have it elsewhere, and "
-            "the other standard errors hold only if the bound is right."
-        )
-    found += [_repeated(fit), _disagreement(fit, d), _minima(fit), _few_samples(fit), _condition(fit)]
-    return Findings(title, [text for text in found if text])
-
-
 def one_line(fit: Fit) -> str:
     """A fit on one line."""
     numbers = ", ".join(
@@ -309,39 +58,6 @@ def one_line(fit: Fit) -> str:
 def _path(fit: Fit) -> str:
     names = ", ".join(fit.outputs)
     return f"{', '.join(fit.inputs)} -> {names}" if fit.inputs else f"free motion of {names}"
-
-
-def _of(fit: Fit, output: str) -> str:
-    return f" of {output}" if len(fit.row_names) > 1 else ""
-
-
-def _weights(fit: Fit) -> str:
-    """What to do where equations weigh outputs by levels that are not those of their misfit."""
-    if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
-        return ""
-    which = "0" if len(fit.intervals) > 1 else ""
-    masked = fit.records is not None and any(rec.mask is not None for rec in fit.records)
-    spread = f"np.nanstd(fit.errors({which}), axis=1)" if masked else f"fit.errors({which}).std(axis=1)"
-    return (
-        f" {', '.join(fit.outputs)} count by the noise of the unused high band, not by their errors here: "
-        f"weigh them by these, noise=mf.Noise(y={spread}), and so again until nothing changes."
-    )
-
-
-def _numbers(values: Any) -> str:
-    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(values))
-
-
-def _reference(fit: Fit) -> str:
-    """The level that residuals are compared with."""
-    if isinstance(fit.options.noise, Noise):
-        return "the noise that was given"
-    if fit.options.noise == "errors-in-variables":
-        return "the noise seen in the unused high band"
-    return (
-        f"the noise level of the unused high band ({_numbers(fit.sigma)} against "
-        f"{_numbers(fit.high_band_sigma)})"
-    )
 
 
 class Summary:
@@ -390,7 +106,7 @@ def facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Model", f"{_path(fit)}: {fit.structure}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
-        *([("Weights", f"of the records: {_numbers(fit.window_weights)}")] if fit.window_weights else []),
+        *([("Weights", f"of the records: {numbers(fit.window_weights)}")] if fit.window_weights else []),
         ("Method", f"{fit.options.method}; {fit.status}. {fit.message}"),
         ("Band", _band(fit)),
         (
@@ -430,7 +146,7 @@ def _band(fit: Fit) -> str:
 
 def _noise(fit: Fit) -> str:
     if fit.options.noise == "equation":
-        return f"white equation error; level {_numbers(fit.sigma)}"
+        return f"white equation error; level {numbers(fit.sigma)}"
     if fit.options.method in ("ls", "wls"):
         return f"not used by {fit.options.method}; level of the equation error {fit.sigma:.4g}"
     kind = {
@@ -440,7 +156,7 @@ def _noise(fit: Fit) -> str:
     }.get(fit.options.noise if isinstance(fit.options.noise, str) else "", "white")
     if isinstance(fit.options.noise, Noise):
         kind = f"as given, {fit.options.noise!r}"
-    text = f"{kind}; standard deviation on {', '.join(fit.outputs)}: {_numbers(fit.sigma)}"
+    text = f"{kind}; standard deviation on {', '.join(fit.outputs)}: {numbers(fit.sigma)}"
     if len(fit.outputs) > 1:
         level = np.sqrt(np.diag(fit.noise_cov))
         between = fit.noise_cov / np.outer(level, level)
@@ -452,7 +168,7 @@ def _noise(fit: Fit) -> str:
         return f"{text}, {np.sqrt(fit.noise_scale):.3g} times what was expected"
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
         return text
-    return f"{text}; in the unused high band {_numbers(fit.high_band_sigma)}"
+    return f"{text}; in the unused high band {numbers(fit.high_band_sigma)}"
 
 
 def _no_level(fit: Fit) -> str:
@@ -480,9 +196,9 @@ def _chi2(fit: Fit) -> str:
     d = diagnose(fit)
     verdict = (
         "residuals above the high band's level: model too simple, or filtered record"
-        if _too_large(d)
+        if too_large(d)
         else "residuals below the high band's level"
-        if _too_small(d)
+        if too_small(d)
         else "as it should be"
     )
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}): {verdict}"

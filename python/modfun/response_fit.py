@@ -122,7 +122,8 @@ class ResponseFit(Fit):
         """What is wrong or doubtful about the fit, in sentences with numbers."""
         from scipy.special import chdtrc
 
-        from .explain import UNLIKELY, one_line
+        from .doubts import UNLIKELY
+        from .explain import one_line
 
         found = self._failings()
         if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, explain, prediction, validation
+from . import _core, doubts, explain, prediction, validation
 from . import derived as derivations
 from .arguments import public, whole
 from .errors import DataError, FitError, SpecError
@@ -362,7 +362,7 @@ class Fit:
         2.5; fewer than 8 samples a period; a condition number above 10^6; two minima; a parameter on its
         bound.
         """
-        return explain.check(self)
+        return doubts.check(self)
 
     def standard_errors(self) -> dict[str, F64]:
         """The columns of standard errors of the summary."""
@@ -373,7 +373,7 @@ class Fit:
 
     def remarks(self) -> list[str]:
         """What deserves a warning when the fit is made."""
-        return explain.warnings_of(self)
+        return doubts.warnings_of(self)
 
     def facts(self) -> list[tuple[str, str]]:
         """What stands above the parameters in the summary: names and texts."""

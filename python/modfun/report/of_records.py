@@ -7,8 +7,8 @@ from functools import partial
 from itertools import chain
 
 from .. import plot
+from ..doubts import UNLIKELY
 from ..errors import FitError
-from ..explain import UNLIKELY
 from ..records import Record
 from ..results import Fit
 from ..tables import Table

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..doubts import UNLIKELY
 from ..errors import ModfunError
-from ..explain import UNLIKELY
 from ..noise import Noise
 from ..results import Fit
 

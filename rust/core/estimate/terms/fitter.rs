@@ -148,12 +148,6 @@ impl TermsFitter {
             let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
-            if let Some(few) = own.iter().find(|v| v.len() != *samples) {
-                return Err(Error::Data(format!(
-                    "fitting with uneven noise: variances of {} samples for {samples}",
-                    few.len()
-                )));
-            }
             records.push(RecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
             given.push(range);
             narrow.push((range.0, few.min(range.1)));

@@ -117,6 +117,12 @@ impl RecordPlan {
         uneven: Vec<Vec<f64>>,
     ) -> Result<RecordPlan, Error> {
         let window = Window::new(samples, time, e.longest_lag())?;
+        if let Some(few) = uneven.iter().find(|v| v.len() != samples) {
+            return Err(Error::Data(format!(
+                "fitting with uneven noise: variances of {} samples for {samples}",
+                few.len()
+            )));
+        }
         let plan = |(s, signal): (usize, &super::Signal)| match time {
             Time::Uneven(t) => CoefficientPlan::uneven(t, highest, signal.kind),
             Time::Even(dt) => {
