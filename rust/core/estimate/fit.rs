@@ -169,7 +169,7 @@ pub(crate) fn default_lines(
     order: usize,
     intervals: usize,
 ) -> (usize, usize) {
-    let narrow = 3 * unknowns + order;
+    let narrow = unknowns.saturating_mul(3).saturating_add(order);
     let wide = (intervals / 8).max((intervals / 4).min(16));
     match method {
         Method::Ls | Method::Wls => {

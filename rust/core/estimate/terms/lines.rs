@@ -336,7 +336,7 @@ impl RecordPlan {
             plan.run_in(isa, samples, &mut re, &mut im, &mut scratch)?;
             for part in [&mut re, &mut im] {
                 for round in 0..q {
-                    for m in 0..top - round {
+                    for m in 0..top.saturating_sub(round) {
                         part[m] = part[m + 1] - part[m];
                     }
                 }
@@ -346,7 +346,7 @@ impl RecordPlan {
             let loud = |m: &usize| {
                 (m - SPREAD..=m + SPREAD).map(power).sum::<f64>() > LOUD * (2 * SPREAD + 1) as f64
             };
-            let last = (SPREAD..(top - q).saturating_sub(SPREAD)).rev().find(loud);
+            let last = (SPREAD..top.saturating_sub(q + SPREAD)).rev().find(loud);
             edge = edge.max(last.map_or(0, |m| m + q / 2 + SPREAD));
         }
         Ok(edge)
