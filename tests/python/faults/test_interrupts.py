@@ -40,7 +40,7 @@ SETUP = """
 
     def again(call, *given, **options):  # calls that are short enough for Ctrl-C to wait for their end
         while True:
-            with contextlib.suppress(mf.FitError):  # a rival's start is drawn, and one in many does not settle
+            with contextlib.suppress(mf.FitError):  # a rival's start is drawn; one in many does not settle
                 call(*given, **options)
 
     def pushed():
