@@ -14,9 +14,12 @@ from .tables import Findings
 if TYPE_CHECKING:
     from .records import Record
 
-__all__ = ["check_record"]
+__all__ = ["OFFSET", "check_record"]
 
 F64 = NDArray[np.float64]
+# Mean over rms about it. A constant has no harmonics, but quadrature leaves a little of it in each: at a
+# thousand times the variation the estimates of a wide band move, at 10⁵ times those of any.
+OFFSET = 1000.0
 
 
 def check_record(record: Record) -> Findings:
@@ -228,7 +231,7 @@ def _trend(record: Record, name: str) -> Iterator[str]:
             "variance; if the sensor drifts, fit with trend='linear'; if the system integrates, leave it."
         )
     if abs(mean) > 3 * spread:
-        large = "; so large an offset costs digits, subtract it first" if abs(mean) > 1000 * spread else ""
+        large = "; so large an offset costs digits, subtract it first" if abs(mean) > OFFSET * spread else ""
         yield (
             f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
             f"trend='constant' (the default of linear models){large}."

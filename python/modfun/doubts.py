@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .checking import OFFSET
 from .diagnosis import (
     Diagnosis,
     diagnose,
@@ -34,9 +35,6 @@ DISAGREE = 2.5
 CONDITION = 1e6
 UNLIKELY = 0.01  # p-value below which a test speaks
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
-# A constant has no harmonics, but quadrature leaves a little of it in each: at a thousand times the variation
-# the estimates of a wide band move, at 10⁵ times those of any.
-OFFSET = 1000.0
 BLOCK = 2**16  # samples
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
 # nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
