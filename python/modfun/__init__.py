@@ -5,6 +5,7 @@ Units are seconds and rad/s, arrays are (channel, time).
 
 from . import plot, rivals, signals, timelag
 from ._core import __version__
+from .base.tables import Table
 from .batches import Batch
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
@@ -33,7 +34,6 @@ from .storage import load
 from .stream import Stream
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
-from .tables import Table
 from .tone_results import Sinusoids, SinusoidsMany
 from .tones import sinusoids
 from .track import Track

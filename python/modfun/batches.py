@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public
-from .errors import DataError, SpecError
-from .records import Record
-from .samples import (
+from .base.arguments import public
+from .base.samples import (
     F64,
     FEWEST,
     Names,
@@ -23,6 +21,8 @@ from .samples import (
     refuse_duplicates,
     refuse_nonfinite,
 )
+from .errors import DataError, SpecError
+from .records import Record
 
 __all__ = ["Batch"]
 

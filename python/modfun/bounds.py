@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public, reals
+from .base.arguments import public, reals
+from .base.tables import Table, nearest
 from .errors import DataError, SpecError
 from .prediction import sample_weights
 from .records import Record
@@ -17,7 +18,6 @@ from .results import Fit
 from .signals import Signals
 from .slopes import Known
 from .structures import TransferFunction
-from .tables import Table, nearest
 from .valued import noise_of, record_for, valued
 
 __all__ = ["TRENDS", "Bound", "crlb"]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.tables import Findings
 from .masking import runs
-from .tables import Findings
 
 if TYPE_CHECKING:
     from .records import Record

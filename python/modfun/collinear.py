@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from . import html
-from .arguments import public
+from .base import html
+from .base.arguments import public
+from .base.student import root
+from .base.tables import Table
 from .errors import FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of, structure_of
-from .intervals import root
 from .options import Choices, Options
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
-from .tables import Table
 
 if TYPE_CHECKING:
     from .equations import Equation

@@ -12,16 +12,7 @@ import typer
 
 from . import __version__, estimation
 from .command_output import Json, command_line, say, write_json
-from .command_words import (
-    band_of,
-    by_path,
-    degree_of,
-    delay_of,
-    one_or_all,
-    param_of,
-    picked,
-    poles_of,
-)
+from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
 from .commands_study import mc
 from .errors import SpecError
 from .records import Record
@@ -406,7 +397,7 @@ def _records(
 
 def _save(to: Path, draw: Callable[[Any], Any]) -> None:
     """Save the figure that a function makes with pyplot."""
-    from .extras import optional
+    from .base.optional import optional
 
     optional("matplotlib", "plot", "--plot").use("Agg")
     pyplot = optional("matplotlib.pyplot", "plot", "--plot")

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import html
-from .arguments import public
+from .base import html
+from .base.arguments import public
+from .base.student import probability, root
+from .base.tables import Table
 from .errors import SpecError
-from .intervals import probability, root
 from .results import Fit
-from .tables import Table
 
 __all__ = ["CommonPoles", "common_poles"]
 

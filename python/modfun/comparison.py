@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import public
+from .base.arguments import public
+from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
-from .tables import Table
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 

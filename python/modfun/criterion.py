@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import reals
+from .base.arguments import reals
+from .base.tables import nearest
 from .errors import SpecError
 from .gramians import Realisation
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
 from .options import band_edges
-from .tables import nearest
 
 __all__ = ["Criterion", "Target", "Weight", "criterion_of", "lines_criterion", "measured"]
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from .arguments import real
+from .base.arguments import real
+from .base.samples import F64, FEWEST
 from .errors import DataError, ModfunWarning, SpecError
-from .samples import F64, FEWEST
 
 __all__ = ["SLACK", "pieces_every", "pieces_on"]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.tables import listed
 from .errors import DataError
-from .tables import listed
 from .whole import write_text
 
 __all__ = ["Delimited", "number", "read_delimited", "write_delimited"]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.student import root
+from .base.tables import Table
 from .errors import SpecError
 from .expressions import expression
-from .intervals import root
 from .polynomials import roots_of
-from .tables import Table
 
 if TYPE_CHECKING:
     from .results import Fit

@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.tables import Findings
 from .checking import OFFSET
-from .diagnosis import (
-    Diagnosis,
-    diagnose,
-    disagreement,
-    fewest_samples,
-    growth,
-    overlapping,
-    surely_stable,
-)
+from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
 from .noise import Noise
-from .tables import Findings
 
 if TYPE_CHECKING:
     from .results import Fit

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import reals
+from .base.arguments import reals
+from .base.student import root
 from .batches import Batch
 from .errors import DataError, SpecError
 from .gaps import bridged, variances
-from .intervals import root
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState

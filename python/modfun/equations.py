@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public
-from .callables import address, at
+from .base.arguments import public
+from .base.callables import address, at
+from .base.tables import nearest
 from .errors import SpecError
 from .free import Free
 from .symbolic.parser import Text, equation
-from .tables import nearest
 from .written import (
     RESERVED,
     Written,

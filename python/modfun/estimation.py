@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Never, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public, whole
+from .base.arguments import public, whole
 from .batches import Batch
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI

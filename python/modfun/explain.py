@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import html
+from .base import html
+from .base.tables import Table, nearest
 from .diagnosis import diagnose
 from .doubts import numbers, too_large, too_small
 from .errors import SpecError
 from .noise import Noise
-from .tables import Table, nearest
 
 if TYPE_CHECKING:
     from .results import Fit

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import reals
+from .base.arguments import reals
+from .base.samples import LARGEST
 from .errors import DataError, SpecError
-from .samples import LARGEST
 from .signals.signals import Signals
 
 __all__ = ["Source", "evaluate", "expression", "function", "is_samples", "sources"]

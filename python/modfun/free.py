@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
-from .arguments import public, real
+from .base.arguments import public, real
 from .errors import SpecError
 
 __all__ = ["Free"]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from .base.optional import optional
 from .errors import SpecError
-from .extras import optional
 from .lti import LTI, ss, tf
 
 __all__ = ["system_of", "to_control", "to_scipy"]

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public
+from .base.arguments import public
+from .base.samples import EVEN, Origin
+from .base.tables import Table, listed, nearest
 from .errors import DataError, SpecError
 from .masking import Mask, mask_of
 from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
 from .records import Record
-from .samples import EVEN, Origin
 from .sources import Source, Told, open_source
-from .tables import Table, listed, nearest
 
 __all__ = ["columns", "read"]
 

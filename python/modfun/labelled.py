@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .base.optional import optional
 from .errors import DataError, SpecError
-from .extras import optional
 from .sources import ATTRS, Source, Told, from_arrays
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public, real, reals, whole
+from .base.arguments import public, real, reals, whole
+from .base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from .errors import DataError, SpecError
 from .expressions import is_samples, sources
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse
-from .samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]

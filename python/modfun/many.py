@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public
+from .base.arguments import public
+from .base.optional import optional
+from .base.progress import Progress
+from .base.student import probability, student_interval
+from .base.tables import Table, nearest
 from .batches import Batch
 from .errors import DataError, SpecError
-from .extras import optional
-from .intervals import probability, student_interval
 from .options import Options
 from .prepared import prepare, refuse_standing
-from .progress import Progress
 from .records import Record
 from .results import Fit
 from .structures import TransferFunction
-from .tables import Table, nearest
 
 __all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .base.samples import FEWEST, channels_of, floats
 from .errors import DataError
-from .samples import FEWEST, channels_of, floats
 
 if TYPE_CHECKING:
     from .records import Record

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.samples import numbered
+from .base.tables import nearest
 from .errors import DataError, SpecError
 from .mat_files import Opaque, load_mat
 from .naming import SECONDS
-from .samples import numbered
 from .sources import Source, Told, from_arrays
-from .tables import nearest
 
 __all__ = ["open_mat"]
 

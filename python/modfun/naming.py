@@ -7,10 +7,10 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.samples import even_step
+from .base.tables import listed
 from .errors import SpecError
-from .samples import even_step
 from .sources import Source, Told
-from .tables import listed
 
 __all__ = ["SECONDS", "guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]
 

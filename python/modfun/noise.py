@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .arguments import public, reals
+from .base.arguments import public, reals
 from .errors import DataError, SpecError
 
 if TYPE_CHECKING:

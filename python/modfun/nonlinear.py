@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public, reals
+from .base.arguments import public, reals
+from .base.samples import steps_of
 from .errors import DataError, SpecError
 from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
 from .pieces import pieces, refined
 from .propagate import intersample_kinds
-from .samples import steps_of
 from .signals import Signals
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, reals, whole
+from .base.arguments import public, reals, whole
+from .base.progress import Progress
 from .errors import DataError, ModfunWarning, SpecError
 from .options import MOST, MOST_THREADS, Options
-from .progress import Progress
 from .records import Record
 from .regression import spectrum
 from .response import FrequencyResponse

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import complexes
+from .base.arguments import complexes
 from .errors import FitError, SpecError
 
 __all__ = ["Observed", "default_eigenvalues", "observe"]

@@ -8,10 +8,10 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from .arguments import real, reals, whole
+from .base.arguments import real, reals, whole
+from .base.tables import nearest
 from .errors import SpecError
 from .noise import Noise
-from .tables import nearest
 
 __all__ = ["MOST", "MOST_THREADS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]
 

@@ -11,8 +11,10 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core, html
-from .arguments import public, whole
+from . import _core
+from .base import html
+from .base.arguments import public, whole
+from .base.tables import Table
 from .derived import cancelling
 from .diagnosis import high_band_df
 from .errors import FitError, SpecError
@@ -25,7 +27,6 @@ from .records import Record
 from .results import Fit
 from .structure_words import MOST_POLES
 from .structures import TransferFunction
-from .tables import Table
 
 __all__ = ["OrderSelection", "select_order"]
 

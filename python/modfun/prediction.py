@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import shown
+from .base.arguments import shown
+from .base.samples import LARGEST
 from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .records import Record
-from .samples import LARGEST
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .arguments import public, whole
+from .base.arguments import public, whole
+from .base.tables import Table
 from .errors import DataError, SpecError
 from .estimation import records_of
 from .masking import refuse_own_noise
 from .options import MOST, band_edges
 from .records import Record
 from .regression import spectrum
-from .tables import Table
 
 __all__ = ["rank_test"]
 

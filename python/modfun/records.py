@@ -10,14 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import html, spectra
-from .arguments import public
-from .checking import check_record
-from .cutting import SLACK, pieces_every, pieces_on
-from .delimited import write_delimited
-from .errors import DataError, ModfunWarning, SpecError
-from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
-from .samples import (
+from . import spectra
+from .base import html
+from .base.arguments import public
+from .base.samples import (
     F64,
     FEWEST,
     Names,
@@ -31,9 +27,14 @@ from .samples import (
     refuse_nonfinite,
     times_of,
 )
+from .base.tables import Findings, Table, nearest
+from .checking import check_record
+from .cutting import SLACK, pieces_every, pieces_on
+from .delimited import write_delimited
+from .errors import DataError, ModfunWarning, SpecError
+from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .signals.signals import Signals
 from .spectra import Spectrum
-from .tables import Findings, Table, nearest
 
 __all__ = ["Record"]
 

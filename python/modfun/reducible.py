@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import reals
+from .base.arguments import reals
 from .errors import DataError, SpecError
 from .gramians import AXIS, Balanced, Realisation, balance, split
 from .lti import LTI

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import html
-from .arguments import public
+from .base import html
+from .base.arguments import public
+from .base.tables import Table, nearest
 from .errors import SpecError
 from .lti import LTI
 from .structures import TransferFunction
-from .tables import Table, nearest
 
 if TYPE_CHECKING:
     from .reduction_steps import Found

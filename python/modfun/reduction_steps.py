@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.samples import numbered
 from .criterion import Criterion, Target, Weight, criterion_of, lines_criterion
 from .errors import SpecError
 from .gramians import Realisation
@@ -19,7 +20,6 @@ from .norms import Response, h2_norm, hinf_norm, largest_gain
 from .partial_fractions import Fractions, Region
 from .rational import RationalFit, fit_rational
 from .reducible import Lines, Source, realisation
-from .samples import numbered
 from .structures import TransferFunction, system_of
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, reals, whole
+from .base.arguments import public, reals, whole
+from .base.tables import nearest
 from .errors import DataError, SpecError
 from .masking import refuse_own_noise
 from .options import MOST, WORDS
 from .records import Record
 from .structures import TransferFunction
-from .tables import nearest
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import reproduction_figures, rivals
+from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import fit
 from .lti import tf
@@ -23,7 +24,6 @@ from .records import Record
 from .simulation import simulate
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
-from .tables import Table
 
 __all__ = ["Answer", "report"]
 

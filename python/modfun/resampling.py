@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public, whole
+from .base.arguments import public, whole
+from .base.progress import Progress
+from .base.student import probability
+from .base.tables import Table, nearest
 from .batches import Batch
 from .errors import FitError, SpecError
 from .estimation import fit_many, fit_quietly, threads_of
-from .intervals import probability
 from .many import FitMany, collect
 from .options import Options
-from .progress import Progress
 from .records import Record
 from .results import Fit
-from .tables import Table, nearest
 
 __all__ = ["Bootstrap", "bootstrap"]
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import html
-from .arguments import complexes, public, reals
+from .base import html
+from .base.arguments import complexes, public, reals
+from .base.optional import optional
+from .base.samples import frequencies, numbered
+from .base.student import probability
+from .base.tables import Table
 from .errors import DataError, SpecError
-from .extras import optional
-from .intervals import probability
 from .options import Options
-from .samples import frequencies, numbered
-from .tables import Table
 
 __all__ = ["FrequencyResponse"]
 

@@ -9,6 +9,7 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.tables import Findings
 from .errors import DataError, FitError, SpecError
 from .free import Free
 from .layout import Layout
@@ -17,7 +18,6 @@ from .records import Record
 from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction
-from .tables import Findings
 
 __all__ = ["ResponseFit", "fit_response"]
 

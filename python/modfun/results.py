@@ -16,18 +16,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, doubts, explain, prediction, validation
 from . import derived as derivations
-from .arguments import public, whole
+from .base.arguments import public, whole
+from .base.samples import frequencies
+from .base.student import probability, root, student_interval
+from .base.tables import Findings, Table, nearest
 from .errors import DataError, FitError, SpecError
-from .intervals import probability, root, student_interval
 from .layout import Layout
 from .lti import LTI, ss, tf
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
 from .records import Record
-from .samples import frequencies
 from .structures import system_of
-from .tables import Findings, Table, nearest
 from .whole import write_text
 
 __all__ = ["Fit"]

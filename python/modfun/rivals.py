@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public, reals, whole
+from .base.arguments import public, reals, whole
 from .errors import DataError, FitError, SpecError
 from .masking import refuse_own_noise
 from .options import MOST

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, real, reals, whole
+from .base.arguments import public, real, reals, whole
+from .base.samples import MOST_SAMPLES
 from .errors import DataError, SpecError
 from .expressions import evaluate, sources
 from .lti import LTI
 from .nonlinear import NonlinearModel
 from .propagate import intersample_kinds, respond
 from .records import Record
-from .samples import MOST_SAMPLES
 from .signals import Signals
 from .timelag import DelaySystem
 

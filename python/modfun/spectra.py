@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import whole
+from .base.arguments import whole
+from .base.samples import F64, frozen
+from .base.tables import Table, nearest
 from .errors import DataError, SpecError
-from .samples import F64, frozen
-from .tables import Table, nearest
 
 if TYPE_CHECKING:
     from .records import Record

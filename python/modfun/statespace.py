@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import public, shown
+from .base.arguments import public, shown
 from .errors import SpecError
 from .free import Free
 from .lti import LTI, ss

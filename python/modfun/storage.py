@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._core import __version__
-from .arguments import public
+from .base.arguments import public
 from .errors import DataError, SpecError
 from .free import Free
 from .noise import Noise

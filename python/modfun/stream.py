@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, real
+from .base.arguments import public, real
+from .base.progress import Progress
+from .base.samples import Names, intersample_of, names_of
 from .errors import DataError, SpecError
 from .estimation import Estimator, answered, fit_quietly
 from .forgetting import loss, unweighted, weights_of
@@ -20,10 +22,8 @@ from .many import STATUS
 from .noise import Noise
 from .options import Options
 from .prepared import Prepared, prepare_stream, refuse_standing
-from .progress import Progress
 from .records import Record
 from .results import Fit
-from .samples import Names, intersample_of, names_of
 from .structures import TransferFunction
 from .track import Track, joined
 

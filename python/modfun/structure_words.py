@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import is_sequence, real
+from .base.arguments import is_sequence, real
 from .errors import SpecError
 from .free import Free
 

@@ -8,7 +8,8 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from .arguments import public, whole
+from .base.arguments import public, whole
+from .base.tables import nearest
 from .errors import SpecError
 from .estimation import threads_of
 from .lti import LTI
@@ -23,7 +24,6 @@ from .study.generated import Generated, cells, grid_axes
 from .study.groups import Group, groups
 from .study.plan import Plan
 from .study.results import Results
-from .tables import nearest
 
 __all__ = ["MonteCarlo", "Results"]
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import public, real, reals
+from .base.arguments import public, real, reals
+from .base.samples import frequencies
 from .errors import SpecError
-from .samples import frequencies
 
 if TYPE_CHECKING:
     from .delay.design import Design

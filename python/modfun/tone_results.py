@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public
+from .base.arguments import public
+from .base.student import probability, student_interval
+from .base.tables import Table, nearest
 from .errors import SpecError
-from .intervals import probability, student_interval
-from .tables import Table, nearest
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
 

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import public, real, reals, whole
+from .base.arguments import public, real, reals, whole
+from .base.progress import Progress
+from .base.samples import FEWEST, LARGEST
+from .base.tables import nearest
 from .batches import Batch
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS
 from .options import MOST_THREADS
-from .progress import Progress
 from .records import Record
-from .samples import FEWEST, LARGEST
-from .tables import nearest
 from .tone_results import KINDS, Sinusoids, SinusoidsMany
 
 __all__ = ["sinusoids"]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import public
+from .base.arguments import public
+from .base.optional import optional
+from .base.tables import Table, nearest
 from .errors import SpecError
-from .extras import optional
-from .tables import Table, nearest
 
 __all__ = ["Track", "joined"]
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .base.samples import numbered
+from .base.tables import nearest
 from .equations import Equation
 from .errors import DataError, SpecError
 from .lti import LTI
@@ -15,12 +17,10 @@ from .noise import Noise
 from .nonlinear import NonlinearModel
 from .records import Record
 from .results import Fit
-from .samples import numbered
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
 from .statespace import StateSpace
 from .structures import TransferFunction
-from .tables import nearest
 
 __all__ = ["noise_of", "record_for", "valued"]
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import html
+from .base import html
+from .base.optional import optional
+from .base.samples import numbered
+from .base.tables import Table, nearest
 from .errors import SpecError
-from .extras import optional
 from .free import Free
-from .samples import numbered
 from .symbolic.parser import CONSTANTS, FUNCTIONS
-from .tables import Table, nearest
 
 if TYPE_CHECKING:
     from .identifiability import Identifiability

@@ -20,8 +20,8 @@ import pytest
 from study_cases import same, small_parts
 
 pytest.importorskip("typer")
+from modfun.base.progress import clock
 from modfun.cli import main
-from modfun.progress import clock
 from modfun.study import run as study_run
 
 STUDY = """

@@ -451,7 +451,7 @@ def _of_texts(cell: Any, rng: Any) -> mf.Record:
 
 
 def test_partials_and_methods_have_hashes_of_their_own() -> None:
-    from modfun.callables import source
+    from modfun.base.callables import source
 
     assert source(partial(kit.student, rng=1)) != source(partial(kit.student, rng=2))
     assert source(partial(kit.student)) != source(partial(kit.ragged))

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from modfun import SpecError, Table
-from modfun.tables import Findings, nearest
+from modfun.base.tables import Findings, nearest
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import complexes, public, real, reals
+from ..base.arguments import complexes, public, real, reals
+from ..base.tables import Table
 from ..errors import SpecError
-from ..tables import Table
 from .transformation import Transformation, integrals, matrix_exponential, said
 
 __all__ = ["Controller", "Design", "as_design", "placed", "quadratic", "sampled_words", "seconds"]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.student import probability
 from ..equations import Equation
 from ..errors import SpecError
-from ..intervals import probability
 from ..lti import LTI
 from ..nonlinear import NonlinearModel
 from ..timelag import DelaySystem, Uncertainty

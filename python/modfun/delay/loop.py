@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import real, reals
+from ..base.arguments import real, reals
+from ..base.samples import MOST_SAMPLES
 from ..errors import DataError, ModfunWarning, SpecError
 from ..expressions import is_samples, sources
 from ..propagate import intersample_kinds
-from ..samples import MOST_SAMPLES
 from ..signals import Signals
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history

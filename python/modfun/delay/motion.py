@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import reals
+from ..base.arguments import reals
 from ..errors import DataError, SpecError
 from ..expressions import Source, evaluate, is_samples
 from ..propagate import spline

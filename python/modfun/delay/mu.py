@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.tables import Table
 from ..errors import SpecError
-from ..tables import Table
 from .transformation import integrals
 
 if TYPE_CHECKING:

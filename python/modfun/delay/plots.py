@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..plot.axes import frequency_axis, label_axes, returned, take_axes
+from ..base.axes import frequency_axis, label_axes, returned, take_axes
 
 if TYPE_CHECKING:
     from .motion import Trajectory

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.tables import Table
 from ..errors import DataError, ModfunWarning
-from ..tables import Table
 
 __all__ = ["Lagged", "Roots", "characteristic", "count_right", "left_null", "rightmost", "slope", "span"]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import complexes
+from ..base.arguments import complexes
+from ..base.tables import Table
 from ..errors import SpecError
-from ..tables import Table
 from .roots import Lagged, Roots, left_null
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.axes import bridge_gaps, decibels, drawing, frequency_axis, label_axes, returned, take_axes
 from ..signals.signals import Signals
 from ..spectra import Spectrum
-from .axes import bridge_gaps, decibels, drawing, frequency_axis, label_axes, returned, take_axes
 
 if TYPE_CHECKING:
+    from ..base.samples import F64
     from ..records import Record
-    from ..samples import F64
     from ..tone_results import Sinusoids
     from ..track import Track
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.axes import chosen_rows, drawing, frequency_axis, returned, take_axes, take_pairs
 from ..errors import SpecError
-from .axes import chosen_rows, drawing, frequency_axis, returned, take_axes, take_pairs
 from .channels import spectrum
 
 if TYPE_CHECKING:

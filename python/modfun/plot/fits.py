@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
+from ..base.student import root
 from ..errors import SpecError
-from ..intervals import root
-from .axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
 
 if TYPE_CHECKING:
     from ..records import Record

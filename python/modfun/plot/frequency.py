@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arguments import shown
+from ..base.arguments import shown
+from ..base.axes import clip_to_lines, drawing, frequency_axis, returned, take_axes
+from ..base.student import root
 from ..errors import SpecError
-from ..intervals import root
-from .axes import clip_to_lines, drawing, frequency_axis, returned, take_axes
 
 if TYPE_CHECKING:
     from ..reduction import Reduction

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.axes import drawing, label_axes, returned, take_axes, take_grid
 from ..errors import SpecError
-from .axes import drawing, label_axes, returned, take_axes, take_grid
 
 if TYPE_CHECKING:
     from ..comparison import Comparison, CrossValidation

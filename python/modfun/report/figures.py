@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from ..extras import optional
+from ..base.optional import optional
 
 __all__ = ["drawn"]
 

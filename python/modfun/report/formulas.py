@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..html import escape
+from ..base.html import escape
 from ..symbolic.parser import Node, equation, expression
 from .parts import Markup
 

@@ -7,11 +7,11 @@ from functools import partial
 from itertools import chain
 
 from .. import plot
+from ..base.tables import Table
 from ..doubts import UNLIKELY
 from ..errors import FitError
 from ..records import Record
 from ..results import Fit
-from ..tables import Table
 from . import words
 from .figures import drawn
 from .parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section

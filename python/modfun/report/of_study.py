@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from .. import plot
+from ..base.tables import Table
 from ..plot.tables import study_rows
 from ..study.directory import FILE, Directory
 from ..study.results import Results
-from ..tables import Table
 from . import provenance
 from .figures import drawn
 from .parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section

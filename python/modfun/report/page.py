@@ -8,8 +8,8 @@ from importlib.resources import files
 from itertools import count
 from pathlib import Path
 
+from ..base.optional import optional
 from ..errors import SpecError
-from ..extras import optional
 from ..whole import named, write_text
 from .parts import Page
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import html
+from ..base import html
+from ..base.tables import Table
 from ..errors import InternalError, ModfunError
-from ..tables import Table
 
 __all__ = [
     "Block",

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import real, reals
+from ..base.arguments import real, reals
+from ..base.samples import MOST_SAMPLES, numbered
 from ..errors import SpecError
-from ..samples import MOST_SAMPLES, numbered
 
 __all__ = [
     "Names",

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import public, reals
+from ..base.arguments import public, reals
+from ..base.samples import INTERSAMPLE, frozen
+from ..base.tables import Table
 from ..delimited import write_delimited
 from ..errors import DataError, SpecError
-from ..samples import INTERSAMPLE, frozen
-from ..tables import Table
 from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import public
+from ..base.arguments import public
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, number, one_input, samples_of
 from .signals import Signals

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import public, reals
+from ..base.arguments import public, reals
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, number, one_input
 from .signals import Signals

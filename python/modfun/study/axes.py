@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import shown
+from ..base.arguments import shown
+from ..base.tables import nearest
 from ..errors import SpecError
-from ..tables import nearest
 
 __all__ = ["Axis", "axis", "levels"]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
+from ..base.student import student_factor
 from ..errors import ModfunWarning
-from ..intervals import student_factor
 from ..records import Record
 from ..results import Fit
 from .contenders import Contender

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..callables import source
+from ..base.callables import source
+from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
 from ..estimation import Estimator
 from ..layout import Layout
@@ -20,7 +21,6 @@ from ..options import WORDS, Options
 from ..prepared import joint_words, plain_words, prepare, spans
 from ..records import Record
 from ..structures import TransferFunction
-from ..tables import nearest
 from .generated import Generated
 from .groups import Group
 

@@ -8,8 +8,8 @@ from contextlib import nullcontext
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
+from ..base.interrupts import Held
 from ..errors import ModfunError, SpecError
-from ..interrupts import Held
 from .tally import Tally
 from .work import Part, Work, compute
 from .worker import GIVEN_UP, new_run, stop, task

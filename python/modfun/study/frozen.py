@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..callables import address, at
+from ..base.callables import address, at
 from ..equations import Equation
 from ..errors import DataError, SpecError
 from ..estimation import Estimator

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..callables import source
+from ..base.callables import source
 from ..errors import ModfunWarning, SpecError
 from ..records import Record
 from ..structures import TransferFunction

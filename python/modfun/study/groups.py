@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..callables import source
+from ..base.callables import source
+from ..base.samples import numbered
 from ..errors import DataError, SpecError
 from ..lti import LTI
 from ..nonlinear import NonlinearModel
 from ..records import Record
-from ..samples import numbered
 from ..simulation import Experiment, experiment
 from ..structures import TransferFunction
 from .axes import Axis

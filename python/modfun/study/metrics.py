@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.tables import Table, nearest
 from ..errors import SpecError
-from ..tables import Table, nearest
 
 __all__ = ["Metric", "Metrics"]
 

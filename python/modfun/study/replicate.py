@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.tables import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from ..records import Record
-from ..tables import nearest
 from .axes import Axis
 from .called import estimate
 from .functions import Failed

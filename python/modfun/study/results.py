@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import plot
-from ..arguments import public
+from ..base.arguments import public
+from ..base.optional import optional
+from ..base.tables import Table
 from ..bounds import crlb
 from ..errors import DataError, SpecError
-from ..extras import optional
 from ..lti import LTI
 from ..records import Record
-from ..tables import Table
 from ..written import Written
 from .axes import Axis
 from .contenders import Contender

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import shown
-from ..callables import importable
+from ..base.arguments import shown
+from ..base.callables import importable
+from ..base.progress import Progress
 from ..errors import ModfunWarning, SpecError
 from ..memory import available as _available
-from ..progress import Progress
 from .engine import engine, tallies
 from .generated import Generated
 from .groups import Group

@@ -8,10 +8,10 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..arguments import shown
-from ..callables import at
+from ..base.arguments import shown
+from ..base.callables import at
+from ..base.tables import nearest
 from ..errors import SpecError
-from ..tables import nearest
 
 __all__ = [
     "Key",

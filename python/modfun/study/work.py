@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..callables import source
+from ..base.callables import source
 from .called import LEVEL, called
 from .contenders import Contender
 from .generated import Generated

@@ -11,7 +11,7 @@ from functools import partial
 from types import FrameType
 from typing import NamedTuple
 
-from ..interrupts import raises
+from ..base.interrupts import raises
 from .tally import Tally
 from .work import Part, Work, compute
 

@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import sympy
 
-from ..tables import nearest
+from ..base.tables import nearest
 from .compiled import jet, time
 from .jets import Jump, Moving
 from .parser import CONSTANTS, FUNCTIONS, Node, Text

@@ -218,7 +218,7 @@ def test_all_lines_are_as_many_as_there_are():
 
 
 def test_what_raises_although_arguments_fit_stays_raw():
-    from modfun.arguments import public
+    from modfun.base.arguments import public
 
     @public
     def broken(size: int) -> int:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arguments import Thing, public, shown
 from ..errors import SpecError
-from ..extras import optional
-from ..tables import nearest
+from .arguments import Thing, public, shown
+from .optional import optional
+from .tables import nearest
 
 if TYPE_CHECKING:
     from ..records import Record

@@ -17,7 +17,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ModfunError, SpecError
+from ..errors import ModfunError, SpecError
 
 __all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import DataError, SpecError
 from .arguments import real, reals, whole
-from .errors import DataError, SpecError
 from .tables import nearest
 
 F64 = NDArray[np.float64]

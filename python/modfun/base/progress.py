@@ -6,7 +6,7 @@ import sys
 import time
 from typing import Any
 
-from .errors import SpecError
+from ..errors import SpecError
 
 __all__ = ["Progress", "clock"]
 

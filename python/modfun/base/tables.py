@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SpecError
 from . import html
 from .arguments import public, shown
-from .errors import SpecError
-from .extras import optional
+from .optional import optional
 
 __all__ = ["Findings", "Table", "listed", "nearest"]
 

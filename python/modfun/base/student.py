@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SpecError
+from ..errors import SpecError
 
 __all__ = ["probability", "root", "student_factor", "student_interval"]
 
