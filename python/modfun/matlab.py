@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .base.samples import numbered
 from .base.tables import nearest
 from .errors import DataError, SpecError
-from .mat_files import Opaque, load_mat
+from .files.mat_files import Opaque, load_mat
 from .naming import SECONDS
 from .sources import Source, Told, from_arrays
 

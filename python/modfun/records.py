@@ -30,8 +30,8 @@ from .base.samples import (
 from .base.tables import Findings, Table, nearest
 from .checking import check_record
 from .cutting import SLACK, pieces_every, pieces_on
-from .delimited import write_delimited
 from .errors import DataError, ModfunWarning, SpecError
+from .files.delimited import write_delimited
 from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .signals.signals import Signals
 from .spectra import Spectrum

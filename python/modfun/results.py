@@ -21,6 +21,7 @@ from .base.samples import frequencies
 from .base.student import probability, root, student_interval
 from .base.tables import Findings, Table, nearest
 from .errors import DataError, FitError, SpecError
+from .files.writing import write_text
 from .layout import Layout
 from .lti import LTI, ss, tf
 from .noise import Noise
@@ -28,7 +29,6 @@ from .options import Options
 from .prediction import InitialState
 from .records import Record
 from .structures import system_of
-from .whole import write_text
 
 __all__ = ["Fit"]
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from .base.optional import optional
 from .base.tables import nearest
-from .delimited import number, read_delimited
 from .errors import DataError, SpecError
-from .memory import refuse_large
+from .files.delimited import number, read_delimited
+from .files.memory import refuse_large
 
 __all__ = ["ATTRS", "Source", "Told", "from_arrays", "open_source"]
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from ._core import __version__
 from .base.arguments import public
 from .errors import DataError, SpecError
+from .files.writing import named
 from .free import Free
 from .noise import Noise
 from .options import Options
 from .results import Fit
 from .structures import TransferFunction
-from .whole import named
 
 __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 

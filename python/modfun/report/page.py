@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..base.optional import optional
 from ..errors import SpecError
-from ..whole import named, write_text
+from ..files.writing import named, write_text
 from .parts import Page
 
 __all__ = ["check_place", "render", "save"]

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import public, reals
 from ..base.samples import INTERSAMPLE, frozen
 from ..base.tables import Table
-from ..delimited import write_delimited
 from ..errors import DataError, SpecError
+from ..files.delimited import write_delimited
 from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.lib.format import write_array
 from numpy.typing import NDArray
 
-from .. import whole
 from ..errors import ModfunError
-from ..whole import SCRATCH
+from ..files import writing as whole
+from ..files.writing import SCRATCH
 from .work import Part
 
 __all__ = [

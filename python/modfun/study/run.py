@@ -18,7 +18,7 @@ from ..base.arguments import shown
 from ..base.callables import importable
 from ..base.progress import Progress
 from ..errors import ModfunWarning, SpecError
-from ..memory import available as _available
+from ..files.memory import available as _available
 from .engine import engine, tallies
 from .generated import Generated
 from .groups import Group

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.tables import listed
-from .errors import DataError
-from .whole import write_text
+from ..base.tables import listed
+from ..errors import DataError
+from .writing import write_text
 
 __all__ = ["Delimited", "number", "read_delimited", "write_delimited"]
 

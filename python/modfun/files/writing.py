@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from .errors import ModfunError, SpecError
+from ..errors import ModfunError, SpecError
 
 __all__ = ["SCRATCH", "named", "unwritten", "write", "write_text"]
 

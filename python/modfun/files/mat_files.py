@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from .base.optional import optional
-from .errors import DataError
+from ..base.optional import optional
+from ..errors import DataError
 from .memory import refuse_large
 
 __all__ = ["Opaque", "load_mat"]
