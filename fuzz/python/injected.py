@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import modfun as mf
-from modfun import expressions
+from modfun.language import evaluate as expressions
 from modfun.study import toml_file
 
 HARM = (

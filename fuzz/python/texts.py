@@ -26,7 +26,7 @@ from typing import Any
 import modfun as mf
 import numpy as np
 from boundary import SECONDS, _alarm, outcome, place
-from modfun import expressions
+from modfun.language import evaluate as expressions
 from modfun.study import toml_file
 from small_files import STUDIES, archives, fits, matlab, tables
 

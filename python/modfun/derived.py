@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .base.student import root
 from .base.tables import Table
 from .errors import SpecError
-from .expressions import expression
+from .language.evaluate import expression
 from .polynomials import roots_of
 
 if TYPE_CHECKING:

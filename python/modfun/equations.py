@@ -15,7 +15,7 @@ from .base.callables import address, at
 from .base.tables import nearest
 from .errors import SpecError
 from .free import Free
-from .symbolic.parser import Text, equation
+from .language.parser import Text, equation
 from .written import (
     RESERVED,
     Written,
@@ -46,7 +46,7 @@ class Equation(Written):
         Such as ``"y'' + d*y' + a*y + b*y**3 = u"``. Derivatives are primes, on signals, on expressions
         ``(y**2)'`` and on coefficients ``c(t)'``, or ``D(expression, order)``. ``t`` is time in s, ``pi`` and
         ``e`` are numbers, ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and
-        operators are those of input texts (`modfun.expressions.evaluate`). Every other name is a parameter.
+        operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a parameter.
         Text is parsed, never executed.
     outputs, inputs : sequence of str, optional
         Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur. Outputs are

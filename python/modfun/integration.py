@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
-from .expressions import Source, evaluate, function, is_samples
+from .language.evaluate import Source, evaluate, function, is_samples
 from .propagate import spline, too_steep
 
 __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .base.arguments import public, real, reals, whole
 from .base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from .errors import DataError, SpecError
-from .expressions import is_samples, sources
+from .language.evaluate import is_samples, sources
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
 from .response import FrequencyResponse

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from .base.arguments import public, reals
 from .base.samples import steps_of
 from .errors import DataError, SpecError
-from .expressions import Source, is_samples, sources
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
+from .language.evaluate import Source, is_samples, sources
 from .pieces import pieces, refined
 from .propagate import intersample_kinds
 from .signals import Signals

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
-from .expressions import Source, evaluate, is_samples
+from .language.evaluate import Source, evaluate, is_samples
 
 __all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
 

@@ -13,7 +13,7 @@ from . import _core
 from .base.arguments import public, real, reals, whole
 from .base.samples import MOST_SAMPLES
 from .errors import DataError, SpecError
-from .expressions import evaluate, sources
+from .language.evaluate import evaluate, sources
 from .lti import LTI
 from .nonlinear import NonlinearModel
 from .propagate import intersample_kinds, respond

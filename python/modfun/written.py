@@ -16,7 +16,7 @@ from .base.samples import numbered
 from .base.tables import Table, nearest
 from .errors import SpecError
 from .free import Free
-from .symbolic.parser import CONSTANTS, FUNCTIONS
+from .language.parser import CONSTANTS, FUNCTIONS
 
 if TYPE_CHECKING:
     from .identifiability import Identifiability

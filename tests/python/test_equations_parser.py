@@ -9,8 +9,8 @@ import time
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.expressions import evaluate
-from modfun.symbolic.parser import FUNCTIONS, MOST_DEPTH, equation, expression
+from modfun.language.evaluate import evaluate
+from modfun.language.parser import FUNCTIONS, MOST_DEPTH, equation, expression
 
 sympy = pytest.importorskip("sympy")
 

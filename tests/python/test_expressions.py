@@ -5,7 +5,7 @@ import math
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.expressions import evaluate, sources
+from modfun.language.evaluate import evaluate, sources
 
 T = np.linspace(0.0, 10.0, 257)
 

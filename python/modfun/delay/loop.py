@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import real, reals
 from ..base.samples import MOST_SAMPLES
 from ..errors import DataError, ModfunWarning, SpecError
-from ..expressions import is_samples, sources
+from ..language.evaluate import is_samples, sources
 from ..propagate import intersample_kinds
 from ..signals import Signals
 from .design import Controller, as_design, sampled_words, seconds

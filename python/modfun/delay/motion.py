@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import reals
 from ..errors import DataError, SpecError
-from ..expressions import Source, evaluate, is_samples
+from ..language.evaluate import Source, evaluate, is_samples
 from ..propagate import spline
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.html import escape
-from ..symbolic.parser import Node, equation, expression
+from ..language.parser import Node, equation, expression
 from .parts import Markup
 
 __all__ = ["equations", "state_space", "transfer_functions"]

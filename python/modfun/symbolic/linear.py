@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..errors import SpecError
 from ..free import Free
+from ..language.parser import expression
 from .compiled import jet
 from .jets import Moving
 from .meaning import meaning, number, parameter
-from .parser import expression
 from .system import System
 
 if TYPE_CHECKING:

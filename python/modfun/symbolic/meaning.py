@@ -8,9 +8,9 @@ from typing import Any, NoReturn
 import sympy
 
 from ..base.tables import nearest
+from ..language.parser import CONSTANTS, FUNCTIONS, Node, Text
 from .compiled import jet, time
 from .jets import Jump, Moving
-from .parser import CONSTANTS, FUNCTIONS, Node, Text
 
 __all__ = ["meaning", "number", "parameter"]
 

@@ -11,11 +11,11 @@ import sympy
 
 from ..errors import SpecError
 from ..free import Free
+from ..language.parser import Text, expression
 from .compiled import time
 from .jets import Moving, base, order
 from .known import Derivative
 from .meaning import meaning, number, parameter
-from .parser import Text, expression
 
 if TYPE_CHECKING:
     from ..equations import Equation

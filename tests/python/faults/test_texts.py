@@ -15,7 +15,7 @@ from typing import Any
 
 import modfun as mf
 import pytest
-from modfun import expressions
+from modfun.language import evaluate as expressions
 from modfun.study import toml_file
 
 ROOT = Path(__file__).parents[3]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import reals
-from .base.samples import LARGEST
-from .errors import DataError, SpecError
-from .signals.signals import Signals
+from ..base.arguments import reals
+from ..base.samples import LARGEST
+from ..errors import DataError, SpecError
+from ..signals.signals import Signals
 
 __all__ = ["Source", "evaluate", "expression", "function", "is_samples", "sources"]
 
