@@ -15,8 +15,8 @@ from .command_output import Json, command_line, say, write_json
 from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
 from .commands_study import mc
 from .errors import SpecError
+from .pages.page import check_place
 from .records import Record
-from .report.page import check_place
 from .results import Fit
 from .storage import told
 from .structures import TransferFunction

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .page import check_place, save
+from ..pages.page import check_place, save
 
 if TYPE_CHECKING:
     from ..results import Fit

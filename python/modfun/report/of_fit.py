@@ -10,13 +10,14 @@ import numpy as np
 from .. import plot
 from ..equations import Equation
 from ..errors import SpecError
+from ..pages import formulas, provenance
+from ..pages.figures import drawn
+from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
 from ..response_fit import ResponseFit
 from ..results import Fit
 from ..statespace import StateSpace
 from ..written import Written
-from . import formulas, of_gains, of_records, provenance, words
-from .figures import drawn
-from .parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
+from . import of_gains, of_records, words
 
 __all__ = ["page_of"]
 

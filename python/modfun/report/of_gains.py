@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..pages.parts import Block, Facts, Grid, Section, section
 from ..response_fit import ResponseFit
 from ..results import Fit
-from .parts import Block, Facts, Grid, Section, section
 
 __all__ = ["after", "before", "level"]
 

@@ -10,11 +10,11 @@ from .. import plot
 from ..base.tables import Table
 from ..doubts import UNLIKELY
 from ..errors import FitError
+from ..pages.figures import drawn
+from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
 from ..records import Record
 from ..results import Fit
 from . import words
-from .figures import drawn
-from .parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
 
 __all__ = ["after", "before", "level"]
 

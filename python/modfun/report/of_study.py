@@ -12,12 +12,12 @@ import numpy as np
 
 from .. import plot
 from ..base.tables import Table
+from ..pages import provenance
+from ..pages.figures import drawn
+from ..pages.parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section
 from ..plot.tables import study_rows
 from ..study.directory import FILE, Directory
 from ..study.results import Results
-from . import provenance
-from .figures import drawn
-from .parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section
 
 __all__ = ["page_of"]
 
