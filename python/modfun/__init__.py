@@ -6,7 +6,6 @@ Units are seconds and rad/s, arrays are (channel, time).
 from . import plot, rivals, signals, timelag
 from ._core import __version__
 from .base.tables import Table
-from .batches import Batch
 from .bounds import crlb
 from .collinear import Collinearity, collinearity
 from .common import CommonPoles, common_poles
@@ -15,14 +14,15 @@ from .equations import Equation
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .free import Free
-from .io import columns, read
 from .lti import LTI, ss, tf
 from .noise import Noise
 from .nonlinear import NonlinearModel
 from .nonparametric import frf
 from .order import OrderSelection, select_order
 from .rank import rank_test
-from .records import Record
+from .records.batches import Batch
+from .records.reading import columns, read
+from .records.record import Record
 from .reduction import Reduction, reduce
 from .regression import coefficients, regressors
 from .resampling import bootstrap

@@ -13,7 +13,7 @@ from .base.arguments import public, reals
 from .base.tables import Table, nearest
 from .errors import DataError, SpecError
 from .prediction import sample_weights
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .signals import Signals
 from .slopes import Known

@@ -16,7 +16,7 @@ from .base.tables import Table
 from .errors import FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of, structure_of
 from .options import Choices, Options
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .structures import TransferFunction
 

@@ -16,7 +16,7 @@ from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, pa
 from .commands_study import mc
 from .errors import SpecError
 from .pages.page import check_place
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .storage import told
 from .structures import TransferFunction
@@ -111,7 +111,7 @@ def check(
     json_to: Json = None,
 ) -> None:
     """Show the columns of files; with --output, say what is wrong or doubtful about the record."""
-    from .io import columns
+    from .records.reading import columns
 
     answers: list[dict[str, Any]] = []
     for file in files:
@@ -382,7 +382,7 @@ def _records(
     missing: str,
 ) -> list[Record]:
     """A record a file, or, with --on, one each time the marker is on; --only picks some of all these."""
-    from .io import read
+    from .records.reading import read
 
     between = one_or_all(intersample)
     words: Any = {"time": time, "dt": dt, "outputs": output, "inputs": input, "keep": on, "part": part}

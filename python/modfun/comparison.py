@@ -11,7 +11,7 @@ from .base.arguments import public
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .structures import TransferFunction
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.tables import Findings
-from .checking import OFFSET
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
 from .noise import Noise
+from .records.check import OFFSET
 
 if TYPE_CHECKING:
     from .results import Fit

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .base.arguments import reals
 from .base.student import root
-from .batches import Batch
 from .errors import DataError, SpecError
 from .gaps import bridged, variances
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .results import Fit
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .base.arguments import public, whole
-from .batches import Batch
 from .errors import DataError, ModfunWarning, SpecError
 from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
 from .noise import Noise
 from .options import MOST_THREADS, Choices, Options
 from .prepared import Prepared, prepare, refuse_standing
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction

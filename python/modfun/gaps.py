@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError
-from .records import Record
+from .records.record import Record
 
 __all__ = ["bridged", "variances"]
 

@@ -13,7 +13,7 @@ from .linear_state import linear_state
 from .lti import ss
 from .nonlinear import NonlinearModel, model_of
 from .prediction import InitialState, given_state, sample_weights
-from .records import Record
+from .records.record import Record
 
 if TYPE_CHECKING:
     from .results import Fit

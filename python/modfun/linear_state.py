@@ -11,7 +11,7 @@ from .errors import DataError
 from .lti import LTI
 from .prediction import InitialState, sample_weights
 from .propagate import respond
-from .records import Record
+from .records.record import Record
 
 __all__ = ["linear_state"]
 

@@ -14,11 +14,11 @@ from .base.optional import optional
 from .base.progress import Progress
 from .base.student import probability, student_interval
 from .base.tables import Table, nearest
-from .batches import Batch
 from .errors import DataError, SpecError
 from .options import Options
 from .prepared import prepare, refuse_standing
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .results import Fit
 from .structures import TransferFunction
 

@@ -16,7 +16,7 @@ from .errors import DataError, SpecError
 if TYPE_CHECKING:
     from .layout import Layout
     from .options import Options
-    from .records import Record
+    from .records.record import Record
 
 __all__ = ["Noise", "weighting"]
 

@@ -14,7 +14,7 @@ from .base.arguments import public, reals, whole
 from .base.progress import Progress
 from .errors import DataError, ModfunWarning, SpecError
 from .options import MOST, MOST_THREADS, Options
-from .records import Record
+from .records.record import Record
 from .regression import spectrum
 from .response import FrequencyResponse
 

@@ -19,11 +19,11 @@ from .derived import cancelling
 from .diagnosis import high_band_df
 from .errors import FitError, SpecError
 from .estimation import fit_quietly, records_of
-from .masking import refuse_own_noise
 from .options import Choices, Options
 from .polynomials import roots_of
 from .prepared import plain_words
-from .records import Record
+from .records.mask import refuse_own_noise
+from .records.record import Record
 from .results import Fit
 from .structure_words import MOST_POLES
 from .structures import TransferFunction

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .batches import Batch
 from .errors import DataError
 from .gaps import bridged, variances
 from .layout import Layout
 from .noise import weighting
 from .options import Options
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .structures import TransferFunction
 
 __all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]

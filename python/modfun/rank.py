@@ -12,9 +12,9 @@ from .base.arguments import public, whole
 from .base.tables import Table
 from .errors import DataError, SpecError
 from .estimation import records_of
-from .masking import refuse_own_noise
 from .options import MOST, band_edges
-from .records import Record
+from .records.mask import refuse_own_noise
+from .records.record import Record
 from .regression import spectrum
 
 __all__ = ["rank_test"]

@@ -13,9 +13,9 @@ from . import _core
 from .base.arguments import public, reals, whole
 from .base.tables import nearest
 from .errors import DataError, SpecError
-from .masking import refuse_own_noise
 from .options import MOST, WORDS
-from .records import Record
+from .records.mask import refuse_own_noise
+from .records.record import Record
 from .structures import TransferFunction
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]

@@ -20,7 +20,7 @@ from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import fit
 from .lti import tf
-from .records import Record
+from .records.record import Record
 from .simulation import simulate
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
-from .masking import refuse_own_noise
 from .noise import Noise as GivenNoise
 from .prediction import InitialState
-from .records import Record
+from .records.mask import refuse_own_noise
+from .records.record import Record
 from .regression import spectrum
 from .results import Fit
 from .structures import TransferFunction

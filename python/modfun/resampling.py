@@ -12,12 +12,12 @@ from .base.arguments import public, whole
 from .base.progress import Progress
 from .base.student import probability
 from .base.tables import Table, nearest
-from .batches import Batch
 from .errors import FitError, SpecError
 from .estimation import fit_many, fit_quietly, threads_of
 from .many import FitMany, collect
 from .options import Options
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .results import Fit
 
 __all__ = ["Bootstrap", "bootstrap"]

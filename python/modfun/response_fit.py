@@ -14,7 +14,7 @@ from .errors import DataError, FitError, SpecError
 from .free import Free
 from .layout import Layout
 from .options import Options
-from .records import Record
+from .records.record import Record
 from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction

@@ -27,7 +27,7 @@ from .lti import LTI, ss, tf
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
-from .records import Record
+from .records.record import Record
 from .structures import system_of
 
 __all__ = ["Fit"]

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
 from .errors import DataError, FitError, SpecError
-from .masking import refuse_own_noise
 from .options import MOST
 from .propagate import Inputs
-from .records import Record
+from .records.mask import refuse_own_noise
+from .records.record import Record
 from .regression import regressors
 from .sensitivities import Sensitivities, time_unit
 from .structures import TransferFunction

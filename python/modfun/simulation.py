@@ -17,7 +17,7 @@ from .language.evaluate import evaluate, sources
 from .lti import LTI
 from .nonlinear import NonlinearModel
 from .propagate import intersample_kinds, respond
-from .records import Record
+from .records.record import Record
 from .signals import Signals
 from .timelag import DelaySystem
 

@@ -12,7 +12,7 @@ from .errors import SpecError
 from .layout import Layout
 from .nonlinear import NonlinearModel
 from .propagate import Inputs, respond
-from .records import Record
+from .records.record import Record
 from .sensitivities import Sensitivities, time_unit
 from .statespace import StateSpace
 

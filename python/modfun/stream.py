@@ -22,7 +22,7 @@ from .many import STATUS
 from .noise import Noise
 from .options import Options
 from .prepared import Prepared, prepare_stream, refuse_standing
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .structures import TransferFunction
 from .track import Track, joined

@@ -15,7 +15,7 @@ from .estimation import threads_of
 from .lti import LTI
 from .nonlinear import NonlinearModel
 from .options import Options
-from .records import Record
+from .records.record import Record
 from .signals import Signals
 from .structures import TransferFunction
 from .study.axes import Axis, axis, levels

@@ -12,12 +12,12 @@ from .base.arguments import public, real, reals, whole
 from .base.progress import Progress
 from .base.samples import FEWEST, LARGEST
 from .base.tables import nearest
-from .batches import Batch
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS
 from .options import MOST_THREADS
-from .records import Record
+from .records.batches import Batch
+from .records.record import Record
 from .tone_results import KINDS, Sinusoids, SinusoidsMany
 
 __all__ = ["sinusoids"]

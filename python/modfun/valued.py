@@ -15,7 +15,7 @@ from .errors import DataError, SpecError
 from .lti import LTI
 from .noise import Noise
 from .nonlinear import NonlinearModel
-from .records import Record
+from .records.record import Record
 from .results import Fit
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers

@@ -149,7 +149,9 @@ def test_parquet_of_others(tmp_path, monkeypatch, by):
     frame.to_parquet(path)
     RECORDS["all of it"].to_pandas().to_parquet(tmp_path / "own.parquet")
     if by == "polars":
-        monkeypatch.setattr("modfun.sources.find_spec", lambda name: None if name == "pyarrow" else name)
+        monkeypatch.setattr(
+            "modfun.records.sources.find_spec", lambda name: None if name == "pyarrow" else name
+        )
         monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     rec = read(path, outputs={"q": "Q (deg/s)"}, inputs="n")
     assert rec == Record(y=Y[0], u=np.arange(N + 1), t=T, outputs="q", inputs="n", units={"q": "deg/s"})
@@ -177,7 +179,7 @@ def test_parquet_damaged_within(tmp_path):
 def test_parquet_without_a_reader(tmp_path, monkeypatch):
     path = tmp_path / "run.parquet"
     pd.DataFrame({"t": T}).to_parquet(path)
-    monkeypatch.setattr("modfun.sources.find_spec", lambda name: None)
+    monkeypatch.setattr("modfun.records.sources.find_spec", lambda name: None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(

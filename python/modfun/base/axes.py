@@ -13,7 +13,7 @@ from .optional import optional
 from .tables import nearest
 
 if TYPE_CHECKING:
-    from ..records import Record
+    from ..records.record import Record
     from ..results import Fit
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .._core import __version__
-from ..records import Record
+from ..records.record import Record
 from ..response import FrequencyResponse
 from .parts import Block, Facts, plain_table
 

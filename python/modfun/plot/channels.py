@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.axes import bridge_gaps, decibels, drawing, frequency_axis, label_axes, returned, take_axes
+from ..records.spectra import Spectrum
 from ..signals.signals import Signals
-from ..spectra import Spectrum
 
 if TYPE_CHECKING:
     from ..base.samples import F64
-    from ..records import Record
+    from ..records.record import Record
     from ..tone_results import Sinusoids
     from ..track import Track
 

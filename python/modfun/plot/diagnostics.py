@@ -12,7 +12,7 @@ from ..errors import SpecError
 from .channels import spectrum
 
 if TYPE_CHECKING:
-    from ..records import Record
+    from ..records.record import Record
     from ..results import Fit
 
 __all__ = ["correlation", "harmonics", "residual_tests", "residuals"]

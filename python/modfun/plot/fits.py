@@ -12,7 +12,7 @@ from ..base.student import root
 from ..errors import SpecError
 
 if TYPE_CHECKING:
-    from ..records import Record
+    from ..records.record import Record
     from ..results import Fit
 
 

@@ -12,7 +12,7 @@ from ..doubts import UNLIKELY
 from ..errors import FitError
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
-from ..records import Record
+from ..records.record import Record
 from ..results import Fit
 from . import words
 

@@ -18,8 +18,8 @@ from ..files.delimited import write_delimited
 from .checks import Names, amplitudes_of, names_of, number
 
 if TYPE_CHECKING:
-    from ..records import Record
-    from ..spectra import Spectrum
+    from ..records.record import Record
+    from ..records.spectra import Spectrum
 
 __all__ = ["Signals"]
 
@@ -167,7 +167,7 @@ class Signals:
             ``spectrum().plot()`` draws it.
         """
         from .. import _core
-        from ..spectra import Spectrum
+        from ..records.spectra import Spectrum
 
         rules = ["trapezoid" if kind == "smooth" else kind for kind in self.intersample]
         top = self.intervals // 2
@@ -326,7 +326,7 @@ class Signals:
         outputs : str or sequence of str, optional
             Names.
         """
-        from ..records import Record
+        from ..records.record import Record
 
         return Record(y=y, u=self, outputs=outputs)
 

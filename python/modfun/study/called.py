@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..base.student import student_factor
 from ..errors import ModfunWarning
-from ..records import Record
+from ..records.record import Record
 from ..results import Fit
 from .contenders import Contender
 from .fitted import fit_one, fit_records

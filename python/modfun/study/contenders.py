@@ -19,7 +19,7 @@ from ..lti import LTI
 from ..noise import weighting
 from ..options import WORDS, Options
 from ..prepared import joint_words, plain_words, prepare, spans
-from ..records import Record
+from ..records.record import Record
 from ..structures import TransferFunction
 from .generated import Generated
 from .groups import Group

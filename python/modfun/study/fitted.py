@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from ..errors import ModfunError
 from ..estimation import Estimator, fit_many, fit_quietly
 from ..many import FitMany
-from ..records import Record
+from ..records.record import Record
 from ..results import Fit
 
 __all__ = ["fit_one", "fit_records"]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpecError
-from ..records import Record
+from ..records.record import Record
 from ..results import Fit
 
 __all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.callables import source
 from ..errors import ModfunWarning, SpecError
-from ..records import Record
+from ..records.record import Record
 from ..structures import TransferFunction
 from .axes import Axis
 from .functions import Failed, attempt, generator, record

@@ -15,7 +15,7 @@ from ..base.samples import numbered
 from ..errors import DataError, SpecError
 from ..lti import LTI
 from ..nonlinear import NonlinearModel
-from ..records import Record
+from ..records.record import Record
 from ..simulation import Experiment, experiment
 from ..structures import TransferFunction
 from .axes import Axis

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Record
+from ..records.record import Record
 from ..structures import TransferFunction
 from .axes import Axis
 from .contenders import Contender

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.tables import nearest
 from ..errors import DataError, ModfunWarning, SpecError
-from ..records import Record
+from ..records.record import Record
 from .axes import Axis
 from .called import estimate
 from .functions import Failed

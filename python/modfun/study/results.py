@@ -20,7 +20,7 @@ from ..base.tables import Table
 from ..bounds import crlb
 from ..errors import DataError, SpecError
 from ..lti import LTI
-from ..records import Record
+from ..records.record import Record
 from ..written import Written
 from .axes import Axis
 from .contenders import Contender

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DataError, SpecError
-from ..records import Record
+from ..records.record import Record
 from .directory import SAMPLES, Directory
 from .replicate import replicate as made_again
 from .results import Results

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .base.arguments import whole
-from .base.samples import F64, frozen
-from .base.tables import Table, nearest
-from .errors import DataError, SpecError
+from ..base.arguments import whole
+from ..base.samples import F64, frozen
+from ..base.tables import Table, nearest
+from ..errors import DataError, SpecError
 
 if TYPE_CHECKING:
-    from .records import Record
+    from .record import Record
 
 __all__ = ["Spectrum", "noise_table", "spectrum_of"]
 
@@ -45,7 +45,7 @@ class Spectrum:
 
     def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
         """Draw the amplitudes over frequency; see `modfun.plot.spectrum`."""
-        from . import plot
+        from .. import plot
 
         return plot.spectrum(self, ax=ax, hz=hz)
 
@@ -79,7 +79,7 @@ def noise_table(record: Record, order: int) -> Table:
         raise DataError(
             "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
         )
-    from . import _core
+    from .. import _core
 
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
     level = np.asarray(_core.noise_level(both, whole("noise_level", "order", order, 1, 100)))

@@ -14,11 +14,11 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.optional import optional
-from .base.tables import nearest
-from .errors import DataError, SpecError
-from .files.delimited import number, read_delimited
-from .files.memory import refuse_large
+from ..base.optional import optional
+from ..base.tables import nearest
+from ..errors import DataError, SpecError
+from ..files.delimited import number, read_delimited
+from ..files.memory import refuse_large
 
 __all__ = ["ATTRS", "Source", "Told", "from_arrays", "open_source"]
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import public
-from .base.samples import EVEN, Origin
-from .base.tables import Table, listed, nearest
-from .errors import DataError, SpecError
-from .masking import Mask, mask_of
-from .naming import guess_time, pace, seconds_of, time_candidates, unit_of
-from .records import Record
+from ..base.arguments import public
+from ..base.samples import EVEN, Origin
+from ..base.tables import Table, listed, nearest
+from ..errors import DataError, SpecError
+from .columns import guess_time, pace, seconds_of, time_candidates, unit_of
+from .mask import Mask, mask_of
+from .record import Record
 from .sources import Source, Told, open_source
 
 __all__ = ["columns", "read"]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.tables import Findings
-from .masking import runs
+from ..base.tables import Findings
+from .mask import runs
 
 if TYPE_CHECKING:
-    from .records import Record
+    from .record import Record
 
 __all__ = ["OFFSET", "check_record"]
 

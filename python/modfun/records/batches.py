@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arguments import public
-from .base.samples import (
+from ..base.arguments import public
+from ..base.samples import (
     F64,
     FEWEST,
     Names,
@@ -21,8 +21,8 @@ from .base.samples import (
     refuse_duplicates,
     refuse_nonfinite,
 )
-from .errors import DataError, SpecError
-from .records import Record
+from ..errors import DataError, SpecError
+from .record import Record
 
 __all__ = ["Batch"]
 

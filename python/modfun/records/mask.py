@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.samples import FEWEST, channels_of, floats
-from .errors import DataError
+from ..base.samples import FEWEST, channels_of, floats
+from ..errors import DataError
 
 if TYPE_CHECKING:
-    from .records import Record
+    from .record import Record
 
 __all__ = ["Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "runs", "scarce", "sigma_of"]
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from .base.arguments import real
-from .base.samples import F64, FEWEST
-from .errors import DataError, ModfunWarning, SpecError
+from ..base.arguments import real
+from ..base.samples import F64, FEWEST
+from ..errors import DataError, ModfunWarning, SpecError
 
 __all__ = ["SLACK", "pieces_every", "pieces_on"]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .base.optional import optional
-from .errors import DataError, SpecError
+from ..base.optional import optional
+from ..errors import DataError, SpecError
 from .sources import ATTRS, Source, Told, from_arrays
 
 if TYPE_CHECKING:
-    from .records import Record
+    from .record import Record
 
 __all__ = ["open_xarray", "to_pandas", "to_xarray"]
 

@@ -7,9 +7,9 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.samples import even_step
-from .base.tables import listed
-from .errors import SpecError
+from ..base.samples import even_step
+from ..base.tables import listed
+from ..errors import SpecError
 from .sources import Source, Told
 
 __all__ = ["SECONDS", "guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]

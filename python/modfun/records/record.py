@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import spectra
-from .base import html
-from .base.arguments import public
-from .base.samples import (
+from ..base import html
+from ..base.arguments import public
+from ..base.samples import (
     F64,
     FEWEST,
     Names,
@@ -27,13 +26,14 @@ from .base.samples import (
     refuse_nonfinite,
     times_of,
 )
-from .base.tables import Findings, Table, nearest
-from .checking import check_record
+from ..base.tables import Findings, Table, nearest
+from ..errors import DataError, ModfunWarning, SpecError
+from ..files.delimited import write_delimited
+from ..signals.signals import Signals
+from . import spectra
+from .check import check_record
 from .cutting import SLACK, pieces_every, pieces_on
-from .errors import DataError, ModfunWarning, SpecError
-from .files.delimited import write_delimited
-from .masking import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
-from .signals.signals import Signals
+from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 from .spectra import Spectrum
 
 __all__ = ["Record"]
@@ -583,7 +583,7 @@ class Record:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw every channel over time; see `modfun.plot.record`."""
-        from . import plot
+        from .. import plot
 
         return plot.record(self, ax=ax)
 

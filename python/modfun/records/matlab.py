@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.samples import numbered
-from .base.tables import nearest
-from .errors import DataError, SpecError
-from .files.mat_files import Opaque, load_mat
-from .naming import SECONDS
+from ..base.samples import numbered
+from ..base.tables import nearest
+from ..errors import DataError, SpecError
+from ..files.mat_files import Opaque, load_mat
+from .columns import SECONDS
 from .sources import Source, Told, from_arrays
 
 __all__ = ["open_mat"]

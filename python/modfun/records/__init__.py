@@ -1,0 +1,1 @@
+"""Samples of experiments and where they come from."""
