@@ -14,7 +14,6 @@ from .equations import Equation
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .free import Free
-from .lti import LTI, ss, tf
 from .noise import Noise
 from .nonlinear import NonlinearModel
 from .nonparametric import frf
@@ -26,7 +25,6 @@ from .records.record import Record
 from .reduction import Reduction, reduce
 from .regression import coefficients, regressors
 from .resampling import bootstrap
-from .response import FrequencyResponse
 from .results import Fit
 from .simulation import simulate
 from .statespace import StateSpace
@@ -34,6 +32,8 @@ from .storage import load
 from .stream import Stream
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
+from .systems.frequency_response import FrequencyResponse
+from .systems.lti import LTI, ss, tf
 from .tone_results import Sinusoids, SinusoidsMany
 from .tones import sinusoids
 from .track import Track

@@ -12,7 +12,7 @@ from .base.student import root
 from .base.tables import Table
 from .errors import SpecError
 from .language.evaluate import expression
-from .polynomials import roots_of
+from .systems.polynomials import roots_of
 
 if TYPE_CHECKING:
     from .results import Fit

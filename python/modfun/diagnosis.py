@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .noise import Noise
-from .polynomials import roots_of
+from .systems.polynomials import roots_of
 from .validation import Whiteness, colour_of_lines, correlation_of_lines
 
 if TYPE_CHECKING:

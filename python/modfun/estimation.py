@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike
 
 from .base.arguments import public, whole
 from .errors import DataError, ModfunWarning, SpecError
-from .lti import LTI
 from .many import FitMany, fit_batch, fit_each
 from .noise import Noise
 from .options import MOST_THREADS, Choices, Options
 from .prepared import Prepared, prepare, refuse_standing
 from .records.batches import Batch
 from .records.record import Record
-from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction
+from .systems.frequency_response import FrequencyResponse
+from .systems.lti import LTI
 
 if TYPE_CHECKING:
     from .written import Written

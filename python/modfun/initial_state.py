@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError
 from .linear_state import linear_state
-from .lti import ss
 from .nonlinear import NonlinearModel, model_of
 from .prediction import InitialState, given_state, sample_weights
 from .records.record import Record
+from .systems.lti import ss
 
 if TYPE_CHECKING:
     from .results import Fit

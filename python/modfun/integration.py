@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from . import _core
 from .errors import DataError, SpecError
 from .language.evaluate import Source, evaluate, function, is_samples
-from .propagate import spline, too_steep
+from .systems.propagate import spline, too_steep
 
 __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]
 

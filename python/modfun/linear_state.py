@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError
-from .lti import LTI
 from .prediction import InitialState, sample_weights
-from .propagate import respond
 from .records.record import Record
+from .systems.lti import LTI
+from .systems.propagate import respond
 
 __all__ = ["linear_state"]
 

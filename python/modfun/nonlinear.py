@@ -16,8 +16,8 @@ from .errors import DataError, SpecError
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
 from .language.evaluate import Source, is_samples, sources
 from .pieces import pieces, refined
-from .propagate import intersample_kinds
 from .signals import Signals
+from .systems.propagate import intersample_kinds
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled

@@ -16,7 +16,7 @@ from .errors import DataError, ModfunWarning, SpecError
 from .options import MOST, MOST_THREADS, Options
 from .records.record import Record
 from .regression import spectrum
-from .response import FrequencyResponse
+from .systems.frequency_response import FrequencyResponse
 
 __all__ = ["frf"]
 

@@ -16,8 +16,8 @@ from .records.record import Record
 from .validation import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
-    from .lti import LTI
     from .results import Fit
+    from .systems.lti import LTI
 
 __all__ = ["InitialState", "given_state", "observe_fit", "sample_weights", "simulate_fit"]
 

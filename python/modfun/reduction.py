@@ -13,8 +13,8 @@ from .base import html
 from .base.arguments import public
 from .base.tables import Table, nearest
 from .errors import SpecError
-from .lti import LTI
 from .structures import TransferFunction
+from .systems.lti import LTI
 
 if TYPE_CHECKING:
     from .reduction_steps import Found

@@ -19,11 +19,11 @@ from . import reproduction_figures, rivals
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import fit
-from .lti import tf
 from .records.record import Record
 from .simulation import simulate
 from .structures import TransferFunction
 from .studies import MonteCarlo, Results
+from .systems.lti import tf
 
 __all__ = ["Answer", "report"]
 

@@ -15,9 +15,9 @@ from .free import Free
 from .layout import Layout
 from .options import Options
 from .records.record import Record
-from .response import FrequencyResponse
 from .results import Fit
 from .structures import TransferFunction
+from .systems.frequency_response import FrequencyResponse
 
 __all__ = ["ResponseFit", "fit_response"]
 

@@ -23,12 +23,12 @@ from .base.tables import Findings, Table, nearest
 from .errors import DataError, FitError, SpecError
 from .files.writing import write_text
 from .layout import Layout
-from .lti import LTI, ss, tf
 from .noise import Noise
 from .options import Options
 from .prediction import InitialState
 from .records.record import Record
 from .structures import system_of
+from .systems.lti import LTI, ss, tf
 
 __all__ = ["Fit"]
 

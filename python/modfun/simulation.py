@@ -14,11 +14,11 @@ from .base.arguments import public, real, reals, whole
 from .base.samples import MOST_SAMPLES
 from .errors import DataError, SpecError
 from .language.evaluate import evaluate, sources
-from .lti import LTI
 from .nonlinear import NonlinearModel
-from .propagate import intersample_kinds, respond
 from .records.record import Record
 from .signals import Signals
+from .systems.lti import LTI
+from .systems.propagate import intersample_kinds, respond
 from .timelag import DelaySystem
 
 __all__ = ["Experiment", "experiment", "simulate"]

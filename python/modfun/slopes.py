@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from .errors import SpecError
 from .layout import Layout
 from .nonlinear import NonlinearModel
-from .propagate import Inputs, respond
 from .records.record import Record
 from .sensitivities import Sensitivities, time_unit
 from .statespace import StateSpace
+from .systems.propagate import Inputs, respond
 
 __all__ = ["Equations", "Known", "Slopes", "States", "Transfers"]
 

@@ -14,7 +14,7 @@ from .base.arguments import public, shown
 from .errors import SpecError
 from .free import Free
 from .language.parser import CONSTANTS, expression
-from .lti import LTI, ss
+from .systems.lti import LTI, ss
 from .written import Written, channel_names, free_from_dict, free_to_dict, outputs_left, parameters_given
 
 if TYPE_CHECKING:

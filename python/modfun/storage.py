@@ -100,8 +100,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
     fields["pieces"] = tuple(pieces)
     if "data" in values:
-        from .response import FrequencyResponse
         from .response_fit import ResponseFit
+        from .systems.frequency_response import FrequencyResponse
 
         data = FrequencyResponse.from_dict(values["data"])
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)

@@ -17,8 +17,8 @@ from .base.tables import nearest
 from .errors import SpecError
 from .free import Free
 from .layout import Layout, routes
-from .lti import LTI, tf
 from .structure_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of
+from .systems.lti import LTI, tf
 
 __all__ = ["TransferFunction", "system_of"]
 

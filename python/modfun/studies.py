@@ -12,7 +12,6 @@ from .base.arguments import public, whole
 from .base.tables import nearest
 from .errors import SpecError
 from .estimation import threads_of
-from .lti import LTI
 from .nonlinear import NonlinearModel
 from .options import Options
 from .records.record import Record
@@ -24,6 +23,7 @@ from .study.generated import Generated, cells, grid_axes
 from .study.groups import Group, groups
 from .study.plan import Plan
 from .study.results import Results
+from .systems.lti import LTI
 
 __all__ = ["MonteCarlo", "Results"]
 

@@ -163,7 +163,7 @@ class DelaySystem:
         FrequencyResponse
         """
         from .delay.roots import characteristic
-        from .response import FrequencyResponse
+        from .systems.frequency_response import FrequencyResponse
 
         w = frequencies(omega, "frequency_response")
         s = np.asarray(1j * w, dtype=np.complex128)

@@ -12,7 +12,6 @@ from .base.samples import numbered
 from .base.tables import nearest
 from .equations import Equation
 from .errors import DataError, SpecError
-from .lti import LTI
 from .noise import Noise
 from .nonlinear import NonlinearModel
 from .records.record import Record
@@ -21,6 +20,7 @@ from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
 from .statespace import StateSpace
 from .structures import TransferFunction
+from .systems.lti import LTI
 
 __all__ = ["noise_of", "record_for", "valued"]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.propagate import Inputs
 from modfun.sensitivities import Sensitivities, time_unit
+from modfun.systems.propagate import Inputs
 
 EQ24 = mf.tf([5], [1, 3, 8])
 CHIRP = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}

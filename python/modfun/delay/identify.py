@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..base.student import probability
 from ..equations import Equation
 from ..errors import SpecError
-from ..lti import LTI
 from ..nonlinear import NonlinearModel
+from ..systems.lti import LTI
 from ..timelag import DelaySystem, Uncertainty
 from ..written import channel_names
 

@@ -13,8 +13,8 @@ from ..base.arguments import real, reals
 from ..base.samples import MOST_SAMPLES
 from ..errors import DataError, ModfunWarning, SpecError
 from ..language.evaluate import is_samples, sources
-from ..propagate import intersample_kinds
 from ..signals import Signals
+from ..systems.propagate import intersample_kinds
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import reals
 from ..errors import DataError, SpecError
 from ..language.evaluate import Source, evaluate, is_samples
-from ..propagate import spline
+from ..systems.propagate import spline
 
 if TYPE_CHECKING:
     from ..timelag import DelaySystem

@@ -15,7 +15,7 @@ import numpy as np
 
 from .._core import __version__
 from ..records.record import Record
-from ..response import FrequencyResponse
+from ..systems.frequency_response import FrequencyResponse
 from .parts import Block, Facts, plain_table
 
 __all__ = ["bare", "call", "hashes", "hashes_of_gains", "now", "versions"]

@@ -15,12 +15,12 @@ from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
 from ..estimation import Estimator
 from ..layout import Layout
-from ..lti import LTI
 from ..noise import weighting
 from ..options import WORDS, Options
 from ..prepared import joint_words, plain_words, prepare, spans
 from ..records.record import Record
 from ..structures import TransferFunction
+from ..systems.lti import LTI
 from .generated import Generated
 from .groups import Group
 

@@ -13,11 +13,11 @@ from .. import _core
 from ..base.callables import source
 from ..base.samples import numbered
 from ..errors import DataError, SpecError
-from ..lti import LTI
 from ..nonlinear import NonlinearModel
 from ..records.record import Record
 from ..simulation import Experiment, experiment
 from ..structures import TransferFunction
+from ..systems.lti import LTI
 from .axes import Axis
 from .functions import attempt, generator, series
 

@@ -19,8 +19,8 @@ from ..base.optional import optional
 from ..base.tables import Table
 from ..bounds import crlb
 from ..errors import DataError, SpecError
-from ..lti import LTI
 from ..records.record import Record
+from ..systems.lti import LTI
 from ..written import Written
 from .axes import Axis
 from .contenders import Contender

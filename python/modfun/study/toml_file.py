@@ -14,10 +14,10 @@ from .. import rivals
 from ..base.tables import nearest
 from ..errors import DataError, ModfunError, SpecError
 from ..estimation import Estimator
-from ..lti import LTI, ss, tf
 from ..options import TRENDS
 from ..structures import TransferFunction
 from ..studies import MonteCarlo
+from ..systems.lti import LTI, ss, tf
 from . import toml_values as values
 from .toml_values import Key, Reader
 

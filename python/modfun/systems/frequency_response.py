@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base import html
-from .base.arguments import complexes, public, reals
-from .base.optional import optional
-from .base.samples import frequencies, numbered
-from .base.student import probability
-from .base.tables import Table
-from .errors import DataError, SpecError
-from .options import Options
+from ..base import html
+from ..base.arguments import complexes, public, reals
+from ..base.optional import optional
+from ..base.samples import frequencies, numbered
+from ..base.student import probability
+from ..base.tables import Table
+from ..errors import DataError, SpecError
+from ..options import Options
 
 __all__ = ["FrequencyResponse"]
 
@@ -269,7 +269,7 @@ class FrequencyResponse:
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes."""
-        from .plot import bode
+        from ..plot import bode
 
         return bode(self, ax=ax, hz=hz)
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError, SpecError
-from .language.evaluate import Source, evaluate, is_samples
+from .. import _core
+from ..errors import DataError, SpecError
+from ..language.evaluate import Source, evaluate, is_samples
 
 __all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
 

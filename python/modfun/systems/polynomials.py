@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import reals
-from .errors import SpecError
+from ..base.arguments import reals
+from ..errors import SpecError
 
 __all__ = ["Table", "all_equal", "by_modulus", "polynomials_of", "roots", "roots_of", "strip", "text_of"]
 

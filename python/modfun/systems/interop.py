@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .base.optional import optional
-from .errors import SpecError
+from ..base.optional import optional
+from ..errors import SpecError
 from .lti import LTI, ss, tf
 
 __all__ = ["system_of", "to_control", "to_scipy"]

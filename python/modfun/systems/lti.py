@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import public, real, reals, whole
-from .base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
-from .errors import DataError, SpecError
-from .language.evaluate import is_samples, sources
+from ..base.arguments import public, real, reals, whole
+from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
+from ..errors import DataError, SpecError
+from ..language.evaluate import is_samples, sources
+from ..signals import Signals
+from .frequency_response import FrequencyResponse
 from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
 from .propagate import intersample_kinds, respond
-from .response import FrequencyResponse
-from .signals import Signals
 
 __all__ = ["LTI", "ss", "tf"]
 

@@ -1,0 +1,1 @@
+"""Linear systems with numbers, and gains as data."""
