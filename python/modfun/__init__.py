@@ -13,8 +13,9 @@ from .comparison import Comparison, CrossValidation, compare, cross_validate
 from .equations import Equation
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
-from .free import Free
-from .noise import Noise
+from .models.free import Free
+from .models.noise import Noise
+from .models.transfer_function import TransferFunction
 from .nonlinear import NonlinearModel
 from .nonparametric import frf
 from .order import OrderSelection, select_order
@@ -30,7 +31,6 @@ from .simulation import simulate
 from .statespace import StateSpace
 from .storage import load
 from .stream import Stream
-from .structures import TransferFunction
 from .studies import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI, ss, tf

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from .base.arguments import public, reals
 from .base.tables import Table, nearest
 from .errors import DataError, SpecError
+from .models.transfer_function import TransferFunction
 from .prediction import sample_weights
 from .records.record import Record
 from .results import Fit
 from .signals import Signals
 from .slopes import Known
-from .structures import TransferFunction
 from .valued import noise_of, record_for, valued
 
 __all__ = ["TRENDS", "Bound", "crlb"]

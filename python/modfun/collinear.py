@@ -15,10 +15,10 @@ from .base.student import root
 from .base.tables import Table
 from .errors import FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of, structure_of
-from .options import Choices, Options
+from .models.options import Choices, Options
+from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 
 if TYPE_CHECKING:
     from .equations import Equation

@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 from .errors import SpecError
-from .free import Free
+from .models.free import Free
 
 __all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "picked", "poles_of"]
 

@@ -15,11 +15,11 @@ from .command_output import Json, command_line, say, write_json
 from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
 from .commands_study import mc
 from .errors import SpecError
+from .models.transfer_function import TransferFunction
 from .pages.page import check_place
 from .records.record import Record
 from .results import Fit
 from .storage import told
-from .structures import TransferFunction
 
 __all__ = ["app"]
 

@@ -11,9 +11,9 @@ from .base.arguments import public
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of
+from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 

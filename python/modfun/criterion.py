@@ -13,8 +13,8 @@ from .base.arguments import reals
 from .base.tables import nearest
 from .errors import SpecError
 from .gramians import Realisation
+from .models.options import band_edges
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
-from .options import band_edges
 
 __all__ = ["Criterion", "Target", "Weight", "criterion_of", "lines_criterion", "measured"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .noise import Noise
+from .models.noise import Noise
 from .systems.polynomials import roots_of
 from .validation import Whiteness, colour_of_lines, correlation_of_lines
 

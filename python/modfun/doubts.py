@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .base.tables import Findings
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
-from .noise import Noise
+from .models.noise import Noise
 from .records.check import OFFSET
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from .base.arguments import reals
 from .base.student import root
 from .errors import DataError, SpecError
 from .gaps import bridged, variances
-from .noise import Noise
-from .options import Options
+from .models.noise import Noise
+from .models.options import Options
 from .prediction import InitialState
 from .records.batches import Batch
 from .records.record import Record

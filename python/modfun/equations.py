@@ -14,8 +14,8 @@ from .base.arguments import public
 from .base.callables import address, at
 from .base.tables import nearest
 from .errors import SpecError
-from .free import Free
 from .language.parser import Text, equation
+from .models.free import Free
 from .written import (
     RESERVED,
     Written,

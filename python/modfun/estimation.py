@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from .base.arguments import public, whole
 from .errors import DataError, ModfunWarning, SpecError
 from .many import FitMany, fit_batch, fit_each
-from .noise import Noise
-from .options import MOST_THREADS, Choices, Options
+from .models.noise import Noise
+from .models.options import MOST_THREADS, Choices, Options
+from .models.transfer_function import TransferFunction
 from .prepared import Prepared, prepare, refuse_standing
 from .records.batches import Batch
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI
 

@@ -12,7 +12,7 @@ from .base.tables import Table, nearest
 from .diagnosis import diagnose
 from .doubts import numbers, too_large, too_small
 from .errors import SpecError
-from .noise import Noise
+from .models.noise import Noise
 
 if TYPE_CHECKING:
     from .results import Fit

@@ -15,12 +15,12 @@ from .base.progress import Progress
 from .base.student import probability, student_interval
 from .base.tables import Table, nearest
 from .errors import DataError, SpecError
-from .options import Options
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .prepared import prepare, refuse_standing
 from .records.batches import Batch
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 
 __all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
 

@@ -13,7 +13,7 @@ from . import _core
 from .base.arguments import public, reals, whole
 from .base.progress import Progress
 from .errors import DataError, ModfunWarning, SpecError
-from .options import MOST, MOST_THREADS, Options
+from .models.options import MOST, MOST_THREADS, Options
 from .records.record import Record
 from .regression import spectrum
 from .systems.frequency_response import FrequencyResponse

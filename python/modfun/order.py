@@ -19,13 +19,13 @@ from .derived import cancelling
 from .diagnosis import high_band_df
 from .errors import FitError, SpecError
 from .estimation import fit_quietly, records_of
-from .options import Choices, Options
+from .models.options import Choices, Options
+from .models.transfer_function import TransferFunction
+from .models.transfer_words import MOST_POLES
 from .prepared import plain_words
 from .records.mask import refuse_own_noise
 from .records.record import Record
 from .results import Fit
-from .structure_words import MOST_POLES
-from .structures import TransferFunction
 from .systems.polynomials import roots_of
 
 __all__ = ["OrderSelection", "select_order"]

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from . import _core
 from .errors import DataError
 from .gaps import bridged, variances
-from .layout import Layout
-from .noise import weighting
-from .options import Options
+from .models.layout import Layout
+from .models.noise import weighting
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .records.batches import Batch
 from .records.record import Record
-from .structures import TransferFunction
 
 __all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
 

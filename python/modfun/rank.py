@@ -12,7 +12,7 @@ from .base.arguments import public, whole
 from .base.tables import Table
 from .errors import DataError, SpecError
 from .estimation import records_of
-from .options import MOST, band_edges
+from .models.options import MOST, band_edges
 from .records.mask import refuse_own_noise
 from .records.record import Record
 from .regression import spectrum

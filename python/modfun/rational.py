@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import Layout
+from .models.layout import Layout
 from .partial_fractions import Region, mirrored
 from .rational_problem import Point, Problem
 

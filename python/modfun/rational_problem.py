@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .constrained import beyond, constrained, least_squares
 from .errors import DataError, SpecError
-from .layout import Layout
+from .models.layout import Layout
 from .partial_fractions import Fractions, Numerators, monic
 
 __all__ = ["Point", "Problem"]

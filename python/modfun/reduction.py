@@ -13,7 +13,7 @@ from .base import html
 from .base.arguments import public
 from .base.tables import Table, nearest
 from .errors import SpecError
-from .structures import TransferFunction
+from .models.transfer_function import TransferFunction
 from .systems.lti import LTI
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from .base.samples import numbered
 from .criterion import Criterion, Target, Weight, criterion_of, lines_criterion
 from .errors import SpecError
 from .gramians import Realisation
-from .layout import Layout
 from .modal_fit import fit_modes
+from .models.layout import Layout
+from .models.transfer_function import TransferFunction, system_of
 from .norms import Response, h2_norm, hinf_norm, largest_gain
 from .partial_fractions import Fractions, Region
 from .rational import RationalFit, fit_rational
 from .reducible import Lines, Source, realisation
-from .structures import TransferFunction, system_of
 from .systems.lti import LTI, ss, tf
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]

@@ -13,10 +13,10 @@ from . import _core
 from .base.arguments import public, reals, whole
 from .base.tables import nearest
 from .errors import DataError, SpecError
-from .options import MOST, WORDS
+from .models.options import MOST, WORDS
+from .models.transfer_function import TransferFunction
 from .records.mask import refuse_own_noise
 from .records.record import Record
-from .structures import TransferFunction
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
 

@@ -19,9 +19,9 @@ from . import reproduction_figures, rivals
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
 from .estimation import fit
+from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .simulation import simulate
-from .structures import TransferFunction
 from .studies import MonteCarlo, Results
 from .systems.lti import tf
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import DataError, SpecError
-from .noise import Noise as GivenNoise
+from .models.noise import Noise as GivenNoise
+from .models.transfer_function import TransferFunction
 from .prediction import InitialState
 from .records.mask import refuse_own_noise
 from .records.record import Record
 from .regression import spectrum
 from .results import Fit
-from .structures import TransferFunction
 from .validation import trend_columns
 
 __all__ = ["Noise", "white", "wild"]

@@ -15,7 +15,7 @@ from .base.tables import Table, nearest
 from .errors import FitError, SpecError
 from .estimation import fit_many, fit_quietly, threads_of
 from .many import FitMany, collect
-from .options import Options
+from .models.options import Options
 from .records.batches import Batch
 from .records.record import Record
 from .results import Fit

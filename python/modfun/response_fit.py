@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from .base.tables import Findings
 from .errors import DataError, FitError, SpecError
-from .free import Free
-from .layout import Layout
-from .options import Options
+from .models.free import Free
+from .models.layout import Layout
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 from .systems.frequency_response import FrequencyResponse
 
 __all__ = ["ResponseFit", "fit_response"]

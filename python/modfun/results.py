@@ -22,12 +22,12 @@ from .base.student import probability, root, student_interval
 from .base.tables import Findings, Table, nearest
 from .errors import DataError, FitError, SpecError
 from .files.writing import write_text
-from .layout import Layout
-from .noise import Noise
-from .options import Options
+from .models.layout import Layout
+from .models.noise import Noise
+from .models.options import Options
+from .models.transfer_function import system_of
 from .prediction import InitialState
 from .records.record import Record
-from .structures import system_of
 from .systems.lti import LTI, ss, tf
 
 __all__ = ["Fit"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SpecError
-from .layout import Layout
+from .models.layout import Layout
 from .nonlinear import NonlinearModel
 from .records.record import Record
 from .sensitivities import Sensitivities, time_unit

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from .base.arguments import public, shown
 from .errors import SpecError
-from .free import Free
 from .language.parser import CONSTANTS, expression
+from .models.free import Free
 from .systems.lti import LTI, ss
 from .written import Written, channel_names, free_from_dict, free_to_dict, outputs_left, parameters_given
 

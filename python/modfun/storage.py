@@ -15,11 +15,11 @@ from ._core import __version__
 from .base.arguments import public
 from .errors import DataError, SpecError
 from .files.writing import named
-from .free import Free
-from .noise import Noise
-from .options import Options
+from .models.free import Free
+from .models.noise import Noise
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .results import Fit
-from .structures import TransferFunction
 
 __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 

@@ -17,14 +17,14 @@ from .base.samples import Names, intersample_of, names_of
 from .errors import DataError, SpecError
 from .estimation import Estimator, answered, fit_quietly
 from .forgetting import loss, unweighted, weights_of
-from .layout import Layout
 from .many import STATUS
-from .noise import Noise
-from .options import Options
+from .models.layout import Layout
+from .models.noise import Noise
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .prepared import Prepared, prepare_stream, refuse_standing
 from .records.record import Record
 from .results import Fit
-from .structures import TransferFunction
 from .track import Track, joined
 
 __all__ = ["Stream"]

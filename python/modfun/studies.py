@@ -12,11 +12,11 @@ from .base.arguments import public, whole
 from .base.tables import nearest
 from .errors import SpecError
 from .estimation import threads_of
+from .models.options import Options
+from .models.transfer_function import TransferFunction
 from .nonlinear import NonlinearModel
-from .options import Options
 from .records.record import Record
 from .signals import Signals
-from .structures import TransferFunction
 from .study.axes import Axis, axis, levels
 from .study.contenders import Contender, contenders
 from .study.generated import Generated, cells, grid_axes

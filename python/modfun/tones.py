@@ -15,7 +15,7 @@ from .base.tables import nearest
 from .bounds import TRENDS
 from .errors import DataError, SpecError
 from .many import STATUS
-from .options import MOST_THREADS
+from .models.options import MOST_THREADS
 from .records.batches import Batch
 from .records.record import Record
 from .tone_results import KINDS, Sinusoids, SinusoidsMany

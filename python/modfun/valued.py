@@ -12,14 +12,14 @@ from .base.samples import numbered
 from .base.tables import nearest
 from .equations import Equation
 from .errors import DataError, SpecError
-from .noise import Noise
+from .models.noise import Noise
+from .models.transfer_function import TransferFunction
 from .nonlinear import NonlinearModel
 from .records.record import Record
 from .results import Fit
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
 from .statespace import StateSpace
-from .structures import TransferFunction
 from .systems.lti import LTI
 
 __all__ = ["noise_of", "record_for", "valued"]

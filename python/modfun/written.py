@@ -15,8 +15,8 @@ from .base.optional import optional
 from .base.samples import numbered
 from .base.tables import Table, nearest
 from .errors import SpecError
-from .free import Free
 from .language.parser import CONSTANTS, FUNCTIONS
+from .models.free import Free
 
 if TYPE_CHECKING:
     from .identifiability import Identifiability

@@ -12,7 +12,7 @@ import modfun as mf
 import numpy as np
 import pytest
 import study_functions_kit as kit
-from modfun.options import Options
+from modfun.models.options import Options
 from modfun.study import toml_file
 from modfun.study.toml_values import line_of
 from modfun.study.work import Work

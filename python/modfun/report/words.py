@@ -10,7 +10,7 @@ import numpy as np
 
 from ..doubts import UNLIKELY
 from ..errors import ModfunError
-from ..noise import Noise
+from ..models.noise import Noise
 from ..results import Fit
 
 __all__ = ["assumption", "python_call", "tests", "usable", "verdict"]

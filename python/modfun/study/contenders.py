@@ -14,12 +14,12 @@ from ..base.callables import source
 from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
 from ..estimation import Estimator
-from ..layout import Layout
-from ..noise import weighting
-from ..options import WORDS, Options
+from ..models.layout import Layout
+from ..models.noise import weighting
+from ..models.options import WORDS, Options
+from ..models.transfer_function import TransferFunction
 from ..prepared import joint_words, plain_words, prepare, spans
 from ..records.record import Record
-from ..structures import TransferFunction
 from ..systems.lti import LTI
 from .generated import Generated
 from .groups import Group

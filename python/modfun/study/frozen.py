@@ -13,11 +13,11 @@ from ..base.callables import address, at
 from ..equations import Equation
 from ..errors import DataError, SpecError
 from ..estimation import Estimator
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
 from ..nonlinear import NonlinearModel, model_of
-from ..options import Options
 from ..simulation import Experiment
 from ..statespace import StateSpace
-from ..structures import TransferFunction
 from ..systems.lti import LTI
 from .axes import Axis
 from .contenders import Contender

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..base.callables import source
 from ..errors import ModfunWarning, SpecError
+from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from ..structures import TransferFunction
 from .axes import Axis
 from .functions import Failed, attempt, generator, record
 

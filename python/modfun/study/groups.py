@@ -13,10 +13,10 @@ from .. import _core
 from ..base.callables import source
 from ..base.samples import numbered
 from ..errors import DataError, SpecError
+from ..models.transfer_function import TransferFunction
 from ..nonlinear import NonlinearModel
 from ..records.record import Record
 from ..simulation import Experiment, experiment
-from ..structures import TransferFunction
 from ..systems.lti import LTI
 from .axes import Axis
 from .functions import attempt, generator, series

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from ..structures import TransferFunction
 from .axes import Axis
 from .contenders import Contender
 from .generated import Generated

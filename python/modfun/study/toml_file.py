@@ -14,8 +14,8 @@ from .. import rivals
 from ..base.tables import nearest
 from ..errors import DataError, ModfunError, SpecError
 from ..estimation import Estimator
-from ..options import TRENDS
-from ..structures import TransferFunction
+from ..models.options import TRENDS
+from ..models.transfer_function import TransferFunction
 from ..studies import MonteCarlo
 from ..systems.lti import LTI, ss, tf
 from . import toml_values as values

@@ -12,7 +12,7 @@ import sympy
 from numpy.typing import NDArray
 
 from ..errors import SpecError
-from ..free import Free
+from ..models.free import Free
 from .compiled import Compiled, Delayed, Term, jet, time
 from .noise_bias import unbiased
 from .smoothing import smoothed

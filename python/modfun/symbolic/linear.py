@@ -12,8 +12,8 @@ import sympy
 from numpy.typing import NDArray
 
 from ..errors import SpecError
-from ..free import Free
 from ..language.parser import expression
+from ..models.free import Free
 from .compiled import jet
 from .jets import Moving
 from .meaning import meaning, number, parameter

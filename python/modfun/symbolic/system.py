@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from ..errors import SpecError
-from ..free import Free
 from ..language.parser import Text, expression
+from ..models.free import Free
 from .compiled import time
 from .jets import Moving, base, order
 from .known import Derivative

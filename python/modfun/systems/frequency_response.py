@@ -16,7 +16,7 @@ from ..base.samples import frequencies, numbered
 from ..base.student import probability
 from ..base.tables import Table
 from ..errors import DataError, SpecError
-from ..options import Options
+from ..models.options import Options
 
 __all__ = ["FrequencyResponse"]
 

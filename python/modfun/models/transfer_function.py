@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arguments import is_sequence, public, reals, whole
-from .base.samples import numbered
-from .base.tables import nearest
-from .errors import SpecError
+from ..base.arguments import is_sequence, public, reals, whole
+from ..base.samples import numbered
+from ..base.tables import nearest
+from ..errors import SpecError
+from ..systems.lti import LTI, tf
 from .free import Free
 from .layout import Layout, routes
-from .structure_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of
-from .systems.lti import LTI, tf
+from .transfer_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of
 
 __all__ = ["TransferFunction", "system_of"]
 

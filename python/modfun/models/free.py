@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
-from .base.arguments import public, real
-from .errors import SpecError
+from ..base.arguments import public, real
+from ..errors import SpecError
 
 __all__ = ["Free"]
 

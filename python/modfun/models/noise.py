@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .base.arguments import public, reals
-from .errors import DataError, SpecError
+from .. import _core
+from ..base.arguments import public, reals
+from ..errors import DataError, SpecError
 
 if TYPE_CHECKING:
+    from ..records.record import Record
     from .layout import Layout
     from .options import Options
-    from .records.record import Record
 
 __all__ = ["Noise", "weighting"]
 

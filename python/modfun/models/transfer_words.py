@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .base.arguments import is_sequence, real
-from .errors import SpecError
+from ..base.arguments import is_sequence, real
+from ..errors import SpecError
 from .free import Free
 
 __all__ = [

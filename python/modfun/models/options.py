@@ -8,9 +8,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from .base.arguments import real, reals, whole
-from .base.tables import nearest
-from .errors import SpecError
+from ..base.arguments import real, reals, whole
+from ..base.tables import nearest
+from ..errors import SpecError
 from .noise import Noise
 
 __all__ = ["MOST", "MOST_THREADS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]

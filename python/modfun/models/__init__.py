@@ -1,0 +1,1 @@
+"""What may be fitted, how, and under what noise."""
