@@ -33,7 +33,7 @@ with atheris.instrument_imports(include=["modfun"]):
     for module in pkgutil.walk_packages(mf.__path__, "modfun."):
         if not module.name.endswith("__main__"):
             import_module(module.name)
-    from modfun.symbolic import parser
+    from modfun.equations.symbolic import parser
 
 
 def how(kind: str, content: bytes) -> object:

@@ -10,13 +10,14 @@ from .bounds import crlb
 from .collinear import Collinearity, collinearity
 from .common import CommonPoles, common_poles
 from .comparison import Comparison, CrossValidation, compare, cross_validate
-from .equations import Equation
+from .equations.equation import Equation
+from .equations.nonlinear import NonlinearModel
+from .equations.state_space import StateSpace
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
 from .estimation import Estimator, fit, fit_many
 from .models.free import Free
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction
-from .nonlinear import NonlinearModel
 from .nonparametric import frf
 from .order import OrderSelection, select_order
 from .rank import rank_test
@@ -28,7 +29,6 @@ from .regression import coefficients, regressors
 from .resampling import bootstrap
 from .results import Fit
 from .simulation import simulate
-from .statespace import StateSpace
 from .storage import load
 from .stream import Stream
 from .studies import MonteCarlo, Results

@@ -21,8 +21,8 @@ from .records.record import Record
 from .results import Fit
 
 if TYPE_CHECKING:
-    from .equations import Equation
-    from .statespace import StateSpace
+    from .equations.equation import Equation
+    from .equations.state_space import StateSpace
 
 __all__ = ["Collinearity", "collinearity", "diagnosed"]
 

@@ -24,8 +24,8 @@ from .records.record import Record
 from .results import Fit
 
 if TYPE_CHECKING:
-    from .symbolic.compiled import Compiled
-    from .symbolic.formulas import Formulas
+    from .equations.symbolic.compiled import Compiled
+    from .equations.symbolic.formulas import Formulas
 
 __all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "layout_of", "prepare_equation"]
 
@@ -124,7 +124,7 @@ class EquationFit(Fit):
         -------
         value, bse : (time,) arrays
         """
-        from .symbolic.varying import basis
+        from .equations.symbolic.varying import basis
 
         instants = np.atleast_1d(reals("varying", "t", t))
         names, values, held = basis(self.layout.compiled, name, instants)
@@ -253,7 +253,7 @@ class EquationFit(Fit):
 @lru_cache(KEPT)
 def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
     compiled = structure.compiled(outputs, inputs)
-    from .symbolic.formulas import formulas
+    from .equations.symbolic.formulas import formulas
 
     noisy = list(outputs)
     if options.noise == "errors-in-variables" or (

@@ -25,7 +25,7 @@ from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI
 
 if TYPE_CHECKING:
-    from .written import Written
+    from .equations.written import Written
 
 __all__ = [
     "Estimator",

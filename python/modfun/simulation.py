@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .base.arguments import public, real, reals, whole
 from .base.samples import MOST_SAMPLES
+from .equations.nonlinear import NonlinearModel
 from .errors import DataError, SpecError
 from .language.evaluate import evaluate, sources
-from .nonlinear import NonlinearModel
 from .records.record import Record
 from .signals import Signals
 from .systems.lti import LTI

@@ -183,8 +183,8 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
 
 def _structure_from_dict(values: dict[str, Any]) -> Any:
     if "family" in values:
-        from .equations import Equation
-        from .statespace import StateSpace
+        from .equations.equation import Equation
+        from .equations.state_space import StateSpace
 
         own = dict(values)
         family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]

@@ -10,11 +10,11 @@ import numpy as np
 
 from .base.arguments import public, whole
 from .base.tables import nearest
+from .equations.nonlinear import NonlinearModel
 from .errors import SpecError
 from .estimation import threads_of
 from .models.options import Options
 from .models.transfer_function import TransferFunction
-from .nonlinear import NonlinearModel
 from .records.record import Record
 from .signals import Signals
 from .study.axes import Axis, axis, levels

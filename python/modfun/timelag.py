@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .delay.mu import Margin
     from .delay.roots import Lagged, Roots
     from .delay.transformation import Transformation
-    from .equations import Equation
+    from .equations.equation import Equation
     from .results import Fit
 
 __all__ = ["DelaySystem", "Uncertainty", "equation", "errors", "from_fit"]
@@ -78,7 +78,7 @@ class DelaySystem:
         states: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
     ) -> None:
-        from .written import channel_names
+        from .equations.written import channel_names
 
         a = _lagged("A", A, None)
         n = len(a[0][1])

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from .base.samples import numbered
 from .base.tables import nearest
-from .equations import Equation
+from .equations.equation import Equation
+from .equations.nonlinear import NonlinearModel
+from .equations.state_space import StateSpace
 from .errors import DataError, SpecError
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction
-from .nonlinear import NonlinearModel
 from .records.record import Record
 from .results import Fit
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
-from .statespace import StateSpace
 from .systems.lti import LTI
 
 __all__ = ["noise_of", "record_for", "valued"]

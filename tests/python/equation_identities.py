@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import sympy
-from modfun.symbolic.compiled import Delayed, jet, time
+from modfun.equations.symbolic.compiled import Delayed, jet, time
 
 t = time
 D = sympy.diff

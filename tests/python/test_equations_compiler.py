@@ -280,9 +280,9 @@ def test_saturation_in_a_compartment_of_two():
 
 def test_rosenfeld_and_groebner_say_the_same():
     pytest.importorskip("DifferentialAlgebra")
-    from modfun.symbolic.elimination import eliminate
-    from modfun.symbolic.rosenfeld import rosenfeld
-    from modfun.symbolic.system import system_of
+    from modfun.equations.symbolic.elimination import eliminate
+    from modfun.equations.symbolic.rosenfeld import rosenfeld
+    from modfun.equations.symbolic.system import system_of
 
     for name in ("prey only", "fitzhugh nagumo, v only", "four compartments"):
         text, words, _, _ = HIDDEN[name]

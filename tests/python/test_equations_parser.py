@@ -14,9 +14,9 @@ from modfun.language.parser import FUNCTIONS, MOST_DEPTH, equation, expression
 
 sympy = pytest.importorskip("sympy")
 
-from modfun.symbolic.compiled import jet  # noqa: E402
-from modfun.symbolic.jets import Moving  # noqa: E402
-from modfun.symbolic.meaning import meaning, parameter  # noqa: E402
+from modfun.equations.symbolic.compiled import jet  # noqa: E402
+from modfun.equations.symbolic.jets import Moving  # noqa: E402
+from modfun.equations.symbolic.meaning import meaning, parameter  # noqa: E402
 
 y, u, a, b = jet("y"), jet("u"), parameter("a"), parameter("b")
 

@@ -7,9 +7,9 @@ from itertools import pairwise
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.equations.nonlinear import model_of
+from modfun.equations.symbolic.compiled import Compiled, jet
 from modfun.initial_state import find_state
-from modfun.nonlinear import model_of
-from modfun.symbolic.compiled import Compiled, jet
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.special import ellipj, ellipk

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.student import probability
-from ..equations import Equation
+from ..equations.equation import Equation
+from ..equations.nonlinear import NonlinearModel
+from ..equations.written import channel_names
 from ..errors import SpecError
-from ..nonlinear import NonlinearModel
 from ..systems.lti import LTI
 from ..timelag import DelaySystem, Uncertainty
-from ..written import channel_names
 
 if TYPE_CHECKING:
     from ..results import Fit

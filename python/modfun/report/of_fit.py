@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from .. import plot
-from ..equations import Equation
+from ..equations.equation import Equation
+from ..equations.state_space import StateSpace
+from ..equations.written import Written
 from ..errors import SpecError
 from ..pages import formulas, provenance
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
 from ..response_fit import ResponseFit
 from ..results import Fit
-from ..statespace import StateSpace
-from ..written import Written
 from . import of_gains, of_records, words
 
 __all__ = ["page_of"]

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.callables import address, at
-from ..equations import Equation
+from ..equations.equation import Equation
+from ..equations.nonlinear import NonlinearModel, model_of
+from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..estimation import Estimator
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
-from ..nonlinear import NonlinearModel, model_of
 from ..simulation import Experiment
-from ..statespace import StateSpace
 from ..systems.lti import LTI
 from .axes import Axis
 from .contenders import Contender

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from .. import _core
 from ..base.callables import source
 from ..base.samples import numbered
+from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
 from ..models.transfer_function import TransferFunction
-from ..nonlinear import NonlinearModel
 from ..records.record import Record
 from ..simulation import Experiment, experiment
 from ..systems.lti import LTI

@@ -18,10 +18,10 @@ from ..base.arguments import public
 from ..base.optional import optional
 from ..base.tables import Table
 from ..bounds import crlb
+from ..equations.written import Written
 from ..errors import DataError, SpecError
 from ..records.record import Record
 from ..systems.lti import LTI
-from ..written import Written
 from .axes import Axis
 from .contenders import Contender
 from .groups import Group

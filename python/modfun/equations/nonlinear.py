@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import public, reals
-from .base.samples import steps_of
-from .errors import DataError, SpecError
+from ..base.arguments import public, reals
+from ..base.samples import steps_of
+from ..errors import DataError, SpecError
+from ..language.evaluate import Source, is_samples, sources
+from ..signals import Signals
+from ..systems.propagate import intersample_kinds
+from .drives import pieces, refined
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal
-from .language.evaluate import Source, is_samples, sources
-from .pieces import pieces, refined
-from .signals import Signals
-from .systems.propagate import intersample_kinds
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled

@@ -11,16 +11,16 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from ..errors import SpecError
-from ..language.parser import expression
-from ..models.free import Free
+from ...errors import SpecError
+from ...language.parser import expression
+from ...models.free import Free
 from .compiled import jet
 from .jets import Moving
 from .meaning import meaning, number, parameter
 from .system import System
 
 if TYPE_CHECKING:
-    from ..statespace import Matrix, StateSpace
+    from ..state_space import Matrix, StateSpace
 
 __all__ = ["derivatives", "numbers", "polynomials", "system_of"]
 

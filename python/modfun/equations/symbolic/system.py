@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from ..errors import SpecError
-from ..language.parser import Text, expression
-from ..models.free import Free
+from ...errors import SpecError
+from ...language.parser import Text, expression
+from ...models.free import Free
 from .compiled import time
 from .jets import Moving, base, order
 from .known import Derivative
 from .meaning import meaning, number, parameter
 
 if TYPE_CHECKING:
-    from ..equations import Equation
+    from ..equation import Equation
 
 __all__ = ["System", "system_of"]
 

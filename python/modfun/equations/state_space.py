@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arguments import public, shown
-from .errors import SpecError
-from .language.parser import CONSTANTS, expression
-from .models.free import Free
-from .systems.lti import LTI, ss
+from ..base.arguments import public, shown
+from ..errors import SpecError
+from ..language.parser import CONSTANTS, expression
+from ..models.free import Free
+from ..systems.lti import LTI, ss
 from .written import Written, channel_names, free_from_dict, free_to_dict, outputs_left, parameters_given
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from ..base.tables import nearest
-from ..errors import SpecError
+from ...base.tables import nearest
+from ...errors import SpecError
 from .compiled import Compiled, time
 
 __all__ = ["basis"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from ..errors import SpecError
+from ...errors import SpecError
 
 __all__ = ["Operation", "tape"]
 

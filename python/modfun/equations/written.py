@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .base import html
-from .base.optional import optional
-from .base.samples import numbered
-from .base.tables import Table, nearest
-from .errors import SpecError
-from .language.parser import CONSTANTS, FUNCTIONS
-from .models.free import Free
+from ..base import html
+from ..base.optional import optional
+from ..base.samples import numbered
+from ..base.tables import Table, nearest
+from ..errors import SpecError
+from ..language.parser import CONSTANTS, FUNCTIONS
+from ..models.free import Free
 
 if TYPE_CHECKING:
     from .identifiability import Identifiability

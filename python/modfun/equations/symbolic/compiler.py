@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from ..errors import SpecError
+from ...errors import SpecError
 from .compiled import Compiled, Term
 from .elimination import NotEliminated, TooHard, eliminate
 from .exact import NotExact, Piece

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError, SpecError
+from ...errors import DataError, SpecError
 
 __all__ = ["Derivative", "Samples"]
 

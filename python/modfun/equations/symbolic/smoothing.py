@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ...errors import DataError
 
 __all__ = ["smoothed"]
 
@@ -53,7 +53,7 @@ def smoothed(values: F64, t: F64, order: int, *, gain: bool = False) -> F64:
 def _window(values: F64) -> int:
     from scipy.signal import savgol_coeffs, savgol_filter
 
-    from .. import _core
+    from ... import _core
 
     level = float(_core.noise_level(np.ascontiguousarray(values[None]), 2)[0])
     least = best = DEGREE + 2 - DEGREE % 2 + 1

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError, SpecError
-from .language.evaluate import Source, evaluate, function, is_samples
-from .systems.propagate import spline, too_steep
+from .. import _core
+from ..errors import DataError, SpecError
+from ..language.evaluate import Source, evaluate, function, is_samples
+from ..systems.propagate import spline, too_steep
 
 __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]
 

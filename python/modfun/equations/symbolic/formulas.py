@@ -11,8 +11,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from ..errors import SpecError
-from ..models.free import Free
+from ...errors import SpecError
+from ...models.free import Free
 from .compiled import Compiled, Delayed, Term, jet, time
 from .noise_bias import unbiased
 from .smoothing import smoothed

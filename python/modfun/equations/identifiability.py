@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .base import html
+from ..base import html
 
 __all__ = ["Identifiability"]
 

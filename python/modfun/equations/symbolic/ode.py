@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import sympy
 from sympy.solvers.solveset import NonlinearError
 
-from ..errors import SpecError
+from ...errors import SpecError
 from .compiled import Compiled, Delayed, jet, time
 from .tape import Operation, tape
 

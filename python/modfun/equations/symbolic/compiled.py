@@ -9,7 +9,7 @@ from typing import Any
 import sympy
 from numpy.typing import NDArray
 
-from ..models.free import Free
+from ...models.free import Free
 
 __all__ = ["Compiled", "Delayed", "Term", "jet", "time"]
 

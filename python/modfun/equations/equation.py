@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arguments import public
-from .base.callables import address, at
-from .base.tables import nearest
-from .errors import SpecError
-from .language.parser import Text, equation
-from .models.free import Free
+from ..base.arguments import public
+from ..base.callables import address, at
+from ..base.tables import nearest
+from ..errors import SpecError
+from ..language.parser import Text, equation
+from ..models.free import Free
 from .written import (
     RESERVED,
     Written,

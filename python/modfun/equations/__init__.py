@@ -1,0 +1,1 @@
+"""Models written as equations; SymPy is used here only."""
