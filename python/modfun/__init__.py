@@ -24,7 +24,7 @@ from .rank import rank_test
 from .records.batches import Batch
 from .records.reading import columns, read
 from .records.record import Record
-from .reduction import Reduction, reduce
+from .reduction.reduction import Reduction, reduce
 from .regression import coefficients, regressors
 from .resampling import bootstrap
 from .results import Fit

@@ -163,7 +163,7 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
     DataError
         No frequency within the band, gains that are not finite, or fewer than parameters.
     """
-    from .rational import fit_rational
+    from .reduction.rational import fit_rational
 
     _refuse(structure, options)
     if options.band is not None:

@@ -3,8 +3,8 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.partial_fractions import Fractions, Numerators, mirrored, monic
-from modfun.rational import fit_rational
+from modfun.reduction.fractions import Fractions, Numerators, mirrored, monic
+from modfun.reduction.rational import fit_rational
 from oracle import rational as oracle
 
 OMEGA = np.geomspace(0.05, 50, 120)

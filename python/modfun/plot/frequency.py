@@ -13,7 +13,7 @@ from ..base.student import root
 from ..errors import SpecError
 
 if TYPE_CHECKING:
-    from ..reduction import Reduction
+    from ..reduction.reduction import Reduction
 
 
 @drawing

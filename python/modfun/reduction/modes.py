@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .fractions import Region
 from .gramians import Realisation
-from .partial_fractions import Region
 
 __all__ = ["fit_modes"]
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import reals
-from .errors import DataError, SpecError
+from ..base.arguments import reals
+from ..errors import DataError, SpecError
+from ..systems.frequency_response import FrequencyResponse
+from ..systems.lti import LTI
 from .gramians import AXIS, Balanced, Realisation, balance, split
-from .systems.frequency_response import FrequencyResponse
-from .systems.lti import LTI
 
 __all__ = ["Lines", "Source", "realisation", "source_of"]
 
@@ -87,7 +87,7 @@ def source_of(given: Any) -> Source | Lines:
     if isinstance(given, tuple):
         return _source(_matrices(given), None)
     if not isinstance(given, LTI):
-        from .systems.interop import system_of
+        from ..systems.interop import system_of
 
         given = system_of(given, 0.0)
     return _source(realisation(given), given.delays)

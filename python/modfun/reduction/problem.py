@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DataError, SpecError
+from ..models.layout import Layout
 from .constrained import beyond, constrained, least_squares
-from .errors import DataError, SpecError
-from .models.layout import Layout
-from .partial_fractions import Fractions, Numerators, monic
+from .fractions import Fractions, Numerators, monic
 
 __all__ = ["Point", "Problem"]
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base import html
-from .base.arguments import public
-from .base.tables import Table, nearest
-from .errors import SpecError
-from .models.transfer_function import TransferFunction
-from .systems.lti import LTI
+from ..base import html
+from ..base.arguments import public
+from ..base.tables import Table, nearest
+from ..errors import SpecError
+from ..models.transfer_function import TransferFunction
+from ..systems.lti import LTI
 
 if TYPE_CHECKING:
-    from .reduction_steps import Found
+    from .steps import Found
 
 __all__ = ["Reduction", "reduce"]
 
@@ -112,7 +112,7 @@ class Reduction:
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Gains of the system, the model and their difference; see `modfun.plot.reduction`."""
-        from . import plot
+        from .. import plot
 
         return plot.reduction(self, ax=ax, hz=hz)
 
@@ -170,7 +170,7 @@ def reduce(
     """
     from .criterion import measured
     from .reducible import Lines, source_of
-    from .reduction_steps import of_lines, to_order, to_structure
+    from .steps import of_lines, to_order, to_structure
 
     _checked(structure, method)
     source = source_of(system)

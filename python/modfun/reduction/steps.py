@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.samples import numbered
+from ..base.samples import numbered
+from ..errors import SpecError
+from ..models.layout import Layout
+from ..models.transfer_function import TransferFunction, system_of
+from ..systems.lti import LTI, ss, tf
 from .criterion import Criterion, Target, Weight, criterion_of, lines_criterion
-from .errors import SpecError
+from .fractions import Fractions, Region
 from .gramians import Realisation
-from .modal_fit import fit_modes
-from .models.layout import Layout
-from .models.transfer_function import TransferFunction, system_of
+from .modes import fit_modes
 from .norms import Response, h2_norm, hinf_norm, largest_gain
-from .partial_fractions import Fractions, Region
 from .rational import RationalFit, fit_rational
 from .reducible import Lines, Source, realisation
-from .systems.lti import LTI, ss, tf
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]
 

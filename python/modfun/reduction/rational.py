@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .models.layout import Layout
-from .partial_fractions import Region, mirrored
-from .rational_problem import Point, Problem
+from ..models.layout import Layout
+from .fractions import Region, mirrored
+from .problem import Point, Problem
 
 __all__ = ["RationalFit", "fit_rational"]
 

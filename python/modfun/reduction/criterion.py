@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import reals
-from .base.tables import nearest
-from .errors import SpecError
+from ..base.arguments import reals
+from ..base.tables import nearest
+from ..errors import SpecError
+from ..models.options import band_edges
 from .gramians import Realisation
-from .models.options import band_edges
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
 
 __all__ = ["Criterion", "Target", "Weight", "criterion_of", "lines_criterion", "measured"]

@@ -1,0 +1,1 @@
+"""Models of lower order, and rational functions fitted to gains."""
