@@ -107,7 +107,7 @@ def bounds(gaps: Gaps, count: int) -> None:
 
 def others(gaps: Gaps, count: int) -> None:
     from golden.test_normals import PURPOSES, expected
-    from modfun.observer import observe
+    from modfun.results.observer import observe
     from test_observer import responses
 
     rng = np.random.default_rng(1300)

@@ -27,9 +27,9 @@ from .records.record import Record
 from .reduction.reduction import Reduction, reduce
 from .regression import coefficients, regressors
 from .resampling import bootstrap
-from .results import Fit
+from .results.fit import Fit
+from .results.storage import load
 from .simulation import simulate
-from .storage import load
 from .stream import Stream
 from .studies import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse

@@ -13,9 +13,9 @@ from .base.arguments import public, reals
 from .base.tables import Table, nearest
 from .errors import DataError, SpecError
 from .models.transfer_function import TransferFunction
-from .prediction import sample_weights
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
+from .results.prediction import sample_weights
 from .signals import Signals
 from .slopes import Known
 from .valued import noise_of, record_for, valued

@@ -18,7 +18,7 @@ from .estimation import Estimator, fit_quietly, records_of, structure_of
 from .models.options import Choices, Options
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 
 if TYPE_CHECKING:
     from .equations.equation import Equation

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from .files.writing import write_text
-from .storage import told
+from .results.storage import told
 
 __all__ = ["Json", "command_line", "say", "write_json"]
 

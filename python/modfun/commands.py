@@ -18,8 +18,8 @@ from .errors import SpecError
 from .models.transfer_function import TransferFunction
 from .pages.page import check_place
 from .records.record import Record
-from .results import Fit
-from .storage import told
+from .results.fit import Fit
+from .results.storage import told
 
 __all__ = ["app"]
 
@@ -331,7 +331,7 @@ def compare(
 ) -> None:
     """Score fits on a record: its columns are read by the names of the fits' channels."""
     from .comparison import compare
-    from .storage import load
+    from .results.storage import load
 
     *paths, data = files
     if not paths or data.suffix == ".json":

@@ -17,7 +17,7 @@ from .base.progress import clock
 from .base.tables import Table
 from .command_output import Json, say, write_json
 from .errors import SpecError
-from .results import Fit
+from .results.fit import Fit
 from .study import shards, toml_file
 from .study.directory import FILE, MANIFEST, OWN, Directory
 from .study.files import write

@@ -15,7 +15,7 @@ from .base.arguments import public
 from .base.student import probability, root
 from .base.tables import Table
 from .errors import SpecError
-from .results import Fit
+from .results.fit import Fit
 
 __all__ = ["CommonPoles", "common_poles"]
 

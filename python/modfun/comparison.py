@@ -13,7 +13,7 @@ from .errors import DataError, FitError, SpecError
 from .estimation import Estimator, fit_quietly, records_of
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 

@@ -18,10 +18,10 @@ from .errors import DataError, SpecError
 from .gaps import bridged, variances
 from .models.noise import Noise
 from .models.options import Options
-from .prediction import InitialState
 from .records.batches import Batch
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
+from .results.prediction import InitialState
 
 if TYPE_CHECKING:
     from .equations.symbolic.compiled import Compiled
@@ -235,7 +235,7 @@ class EquationFit(Fit):
 
     def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""
-        from .initial_state import simulate_fit
+        from .results.initial_state import simulate_fit
 
         if initial_state is not None:
             return simulate_fit(self, rec, initial_state)

@@ -20,7 +20,7 @@ from .models.transfer_function import TransferFunction
 from .prepared import Prepared, prepare, refuse_standing
 from .records.batches import Batch
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI
 

@@ -9,7 +9,7 @@ from math import ceil, exp, log
 import numpy as np
 
 from .errors import SpecError
-from .results import Fit
+from .results.fit import Fit
 
 __all__ = ["loss", "unweighted", "weights_of"]
 

@@ -20,7 +20,7 @@ from .models.transfer_function import TransferFunction
 from .prepared import prepare, refuse_standing
 from .records.batches import Batch
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 
 __all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
 

@@ -15,8 +15,6 @@ from . import _core
 from .base import html
 from .base.arguments import public, whole
 from .base.tables import Table
-from .derived import cancelling
-from .diagnosis import high_band_df
 from .errors import FitError, SpecError
 from .estimation import fit_quietly, records_of
 from .models.options import Choices, Options
@@ -25,7 +23,9 @@ from .models.transfer_words import MOST_POLES
 from .prepared import plain_words
 from .records.mask import refuse_own_noise
 from .records.record import Record
-from .results import Fit
+from .results.derived import cancelling
+from .results.diagnosis import high_band_df
+from .results.fit import Fit
 from .systems.polynomials import roots_of
 
 __all__ = ["OrderSelection", "select_order"]

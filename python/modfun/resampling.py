@@ -18,7 +18,7 @@ from .many import FitMany, collect
 from .models.options import Options
 from .records.batches import Batch
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 
 __all__ = ["Bootstrap", "bootstrap"]
 

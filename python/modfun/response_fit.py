@@ -16,7 +16,7 @@ from .models.layout import Layout
 from .models.options import Options
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 from .systems.frequency_response import FrequencyResponse
 
 __all__ = ["ResponseFit", "fit_response"]
@@ -122,8 +122,8 @@ class ResponseFit(Fit):
         """What is wrong or doubtful about the fit, in sentences with numbers."""
         from scipy.special import chdtrc
 
-        from .doubts import UNLIKELY
-        from .explain import one_line
+        from .results.check import UNLIKELY
+        from .results.summary import one_line
 
         found = self._failings()
         if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:
@@ -135,7 +135,7 @@ class ResponseFit(Fit):
         return Findings(f"Check of {one_line(self)}", found)
 
     def _failings(self) -> list[str]:
-        from .diagnosis import growth
+        from .results.diagnosis import growth
 
         found = [] if self.success else [self.message]
         if self.at_bound:

@@ -24,7 +24,7 @@ from .models.options import Options
 from .models.transfer_function import TransferFunction
 from .prepared import Prepared, prepare_stream, refuse_standing
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 from .track import Track, joined
 
 __all__ = ["Stream"]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .delay.roots import Lagged, Roots
     from .delay.transformation import Transformation
     from .equations.equation import Equation
-    from .results import Fit
+    from .results.fit import Fit
 
 __all__ = ["DelaySystem", "Uncertainty", "equation", "errors", "from_fit"]
 

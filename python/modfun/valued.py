@@ -17,7 +17,7 @@ from .errors import DataError, SpecError
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .results import Fit
+from .results.fit import Fit
 from .signals import Signals
 from .slopes import Equations, Known, States, Transfers
 from .systems.lti import LTI

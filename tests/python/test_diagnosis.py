@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.diagnosis import diagnose, high_band_df, level_p
-from modfun.validation import correlation_of_lines
+from modfun.results.diagnosis import diagnose, high_band_df, level_p
+from modfun.results.scores import correlation_of_lines
 from scipy.special import chdtrc, fdtrc
 
 # One record in sixty is warned of its standard errors.

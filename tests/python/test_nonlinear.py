@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from modfun.equations.nonlinear import model_of
 from modfun.equations.symbolic.compiled import Compiled, jet
-from modfun.initial_state import find_state
+from modfun.results.initial_state import find_state
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.special import ellipj, ellipk

@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.observer import default_eigenvalues, observe
+from modfun.results.observer import default_eigenvalues, observe
 from oracle import observer as naive
 from scipy.linalg import expm
 

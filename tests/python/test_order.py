@@ -6,8 +6,8 @@ import modfun as mf
 import numpy as np
 import pytest
 from core_fit import fit, standard_errors
-from modfun import derived
-from modfun.diagnosis import high_band_df
+from modfun.results import derived
+from modfun.results.diagnosis import high_band_df
 from oracle import banded, lines, rank
 from sample_records import random_record
 

@@ -8,7 +8,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from modfun import prepared
-from modfun.diagnosis import surely_stable
+from modfun.results.diagnosis import surely_stable
 
 # These records are to differ, not to be easy.
 pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")

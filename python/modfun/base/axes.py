@@ -14,7 +14,7 @@ from .tables import nearest
 
 if TYPE_CHECKING:
     from ..records.record import Record
-    from ..results import Fit
+    from ..results.fit import Fit
 
 
 def drawing(function: Thing) -> Thing:

@@ -17,7 +17,7 @@ from ..systems.lti import LTI
 from ..timelag import DelaySystem, Uncertainty
 
 if TYPE_CHECKING:
-    from ..results import Fit
+    from ..results.fit import Fit
 
 __all__ = ["equations", "errors_of", "system_of"]
 

@@ -13,7 +13,7 @@ from .channels import spectrum
 
 if TYPE_CHECKING:
     from ..records.record import Record
-    from ..results import Fit
+    from ..results.fit import Fit
 
 __all__ = ["correlation", "harmonics", "residual_tests", "residuals"]
 
@@ -98,7 +98,7 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     -------
     ndarray of Axes, shape (2 · rows,)
     """
-    from ..validation import correlation_of_lines
+    from ..results.scores import correlation_of_lines
 
     def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str) -> None:
         _lines_over_m(upper, fit.lines, pieces)
@@ -127,7 +127,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     -------
     ndarray of Axes, shape (2 · rows,)
     """
-    from ..validation import cumulated_power
+    from ..results.scores import cumulated_power
 
     chosen = chosen_rows(fit, output, "plot.residual_tests")
     if hasattr(ax, "plot"):

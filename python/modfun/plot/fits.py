@@ -13,7 +13,7 @@ from ..errors import SpecError
 
 if TYPE_CHECKING:
     from ..records.record import Record
-    from ..results import Fit
+    from ..results.fit import Fit
 
 
 @drawing
@@ -77,7 +77,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     -------
     Axes
     """
-    from ..derived import denominators
+    from ..results.derived import denominators
 
     if not fits:
         raise SpecError("plot.poles: give at least one fit")

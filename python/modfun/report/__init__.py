@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..pages.page import check_place, save
 
 if TYPE_CHECKING:
-    from ..results import Fit
+    from ..results.fit import Fit
     from ..study.results import Results
 
 __all__ = ["write_fit", "write_study"]
@@ -19,7 +19,7 @@ def write_fit(
     fit: Fit, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None
 ) -> Path:
     """Write the report of a fit; see `Fit.report`."""
-    from .of_fit import page_of
+    from ..results.page import page_of
 
     check_place(path, "report")
     return save(page_of(fit, title, command), path, "report")

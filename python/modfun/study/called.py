@@ -19,7 +19,7 @@ from .. import _core
 from ..base.student import student_factor
 from ..errors import ModfunWarning
 from ..records.record import Record
-from ..results import Fit
+from ..results.fit import Fit
 from .contenders import Contender
 from .fitted import fit_one, fit_records
 from .functions import Failed, attempt, generator, number, parameters

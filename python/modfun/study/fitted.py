@@ -8,7 +8,7 @@ from ..errors import ModfunError
 from ..estimation import Estimator, fit_many, fit_quietly
 from ..many import FitMany
 from ..records.record import Record
-from ..results import Fit
+from ..results.fit import Fit
 
 __all__ = ["fit_one", "fit_records"]
 

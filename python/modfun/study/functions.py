@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import SpecError
 from ..records.record import Record
-from ..results import Fit
+from ..results.fit import Fit
 
 __all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]
 

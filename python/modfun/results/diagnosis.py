@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .models.noise import Noise
-from .systems.polynomials import roots_of
-from .validation import Whiteness, colour_of_lines, correlation_of_lines
+from .. import _core
+from ..models.noise import Noise
+from ..systems.polynomials import roots_of
+from .scores import Whiteness, colour_of_lines, correlation_of_lines
 
 if TYPE_CHECKING:
-    from .results import Fit
+    from .fit import Fit
 
 __all__ = [
     "Diagnosis",

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .base import html
-from .base.tables import Table, nearest
+from ..base import html
+from ..base.tables import Table, nearest
+from ..errors import SpecError
+from ..models.noise import Noise
+from .check import numbers, too_large, too_small
 from .diagnosis import diagnose
-from .doubts import numbers, too_large, too_small
-from .errors import SpecError
-from .models.noise import Noise
 
 if TYPE_CHECKING:
-    from .results import Fit
+    from .fit import Fit
 
 __all__ = ["Summary", "facts", "message", "one_line", "parameters"]
 

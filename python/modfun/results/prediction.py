@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import shown
-from .base.samples import LARGEST
-from .errors import DataError, SpecError
-from .records.mask import refuse_own_noise
-from .records.record import Record
-from .validation import free_response, regress, trend_columns
+from ..base.arguments import shown
+from ..base.samples import LARGEST
+from ..errors import DataError, SpecError
+from ..records.mask import refuse_own_noise
+from ..records.record import Record
+from .scores import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
-    from .results import Fit
-    from .systems.lti import LTI
+    from ..systems.lti import LTI
+    from .fit import Fit
 
 __all__ = ["InitialState", "given_state", "observe_fit", "sample_weights", "simulate_fit"]
 

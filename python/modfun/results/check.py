@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.tables import Findings
+from ..base.tables import Findings
+from ..models.noise import Noise
+from ..records.check import OFFSET
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
-from .models.noise import Noise
-from .records.check import OFFSET
 
 if TYPE_CHECKING:
-    from .results import Fit
+    from .fit import Fit
 
 __all__ = ["UNLIKELY", "check", "numbers", "too_large", "too_small", "warnings_of"]
 

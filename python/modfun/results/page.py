@@ -16,8 +16,10 @@ from ..pages import formulas, provenance
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
 from ..response_fit import ResponseFit
-from ..results import Fit
-from . import of_gains, of_records, words
+from . import page_gains as of_gains
+from . import page_records as of_records
+from . import page_words as words
+from .fit import Fit
 
 __all__ = ["page_of"]
 

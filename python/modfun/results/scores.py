@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError
+from .. import _core
+from ..errors import DataError
 
 __all__ = [
     "Regression",

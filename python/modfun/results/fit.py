@@ -14,21 +14,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, doubts, explain, prediction, validation
+from .. import _core
+from ..base.arguments import public, whole
+from ..base.samples import frequencies
+from ..base.student import probability, root, student_interval
+from ..base.tables import Findings, Table, nearest
+from ..errors import DataError, FitError, SpecError
+from ..files.writing import write_text
+from ..models.layout import Layout
+from ..models.noise import Noise
+from ..models.options import Options
+from ..models.transfer_function import system_of
+from ..records.record import Record
+from ..systems.lti import LTI, ss, tf
+from . import check as doubts
 from . import derived as derivations
-from .base.arguments import public, whole
-from .base.samples import frequencies
-from .base.student import probability, root, student_interval
-from .base.tables import Findings, Table, nearest
-from .errors import DataError, FitError, SpecError
-from .files.writing import write_text
-from .models.layout import Layout
-from .models.noise import Noise
-from .models.options import Options
-from .models.transfer_function import system_of
+from . import prediction
+from . import scores as validation
+from . import summary as explain
 from .prediction import InitialState
-from .records.record import Record
-from .systems.lti import LTI, ss, tf
 
 __all__ = ["Fit"]
 
@@ -541,7 +545,7 @@ class Fit:
     def score(self, rec: Record | int | None = None) -> Table:
         """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
 
-        Masked samples are left out. See `modfun.validation` for the formulas.
+        Masked samples are left out. See `modfun.results.scores` for the formulas.
 
         Parameters
         ----------
@@ -629,43 +633,43 @@ class Fit:
         self, rec: Record | int | None = None, *, output: str | None = None, ax: Any = None
     ) -> Any:
         """Measured and simulated outputs with the errors below; see `modfun.plot.response`."""
-        from . import plot
+        from .. import plot
 
         return plot.response(self, rec, ax=ax, output=output)
 
     def plot_bode(self, *, band: tuple[float, float] | None = None, hz: bool = False, ax: Any = None) -> Any:
         """Bode plot with a 95 % band; see `modfun.plot.bode`."""
-        from . import plot
+        from .. import plot
 
         return plot.bode(self, band=band, hz=hz, ax=ax)
 
     def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
-        from . import plot
+        from .. import plot
 
         return plot.residuals(self, ax=ax, output=output)
 
     def plot_residual_tests(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Cumulated power and normal quantiles of the residual lines; see `modfun.plot.residual_tests`."""
-        from . import plot
+        from .. import plot
 
         return plot.residual_tests(self, ax=ax, output=output)
 
     def plot_harmonics(self, rec: Record | int | None = None, *, hz: bool = False, ax: Any = None) -> Any:
         """Spectrum with the used harmonics shaded and the noise level; see `modfun.plot.harmonics`."""
-        from . import plot
+        from .. import plot
 
         return plot.harmonics(self, rec, ax=ax, hz=hz)
 
     def plot_correlation(self, *, ax: Any = None) -> Any:
         """Correlations of the estimates as a matrix; see `modfun.plot.correlation`."""
-        from . import plot
+        from .. import plot
 
         return plot.correlation(self, ax=ax)
 
     def plot_poles(self, *, ax: Any = None) -> Any:
         """Poles with 95 % confidence ellipses; see `modfun.plot.poles`."""
-        from . import plot
+        from .. import plot
 
         return plot.poles(self, ax=ax)
 
@@ -723,7 +727,7 @@ class Fit:
         ImportError
             jinja2 or matplotlib is not installed.
         """
-        from .report import write_fit
+        from ..report import write_fit
 
         return write_fit(self, path, title=title, command=command)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ..pages.parts import Block, Facts, Grid, Section, section
 from ..response_fit import ResponseFit
-from ..results import Fit
+from .fit import Fit
 
 __all__ = ["after", "before", "level"]
 

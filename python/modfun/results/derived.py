@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.student import root
-from .base.tables import Table
-from .errors import SpecError
-from .language.evaluate import expression
-from .systems.polynomials import roots_of
+from ..base.student import root
+from ..base.tables import Table
+from ..errors import SpecError
+from ..language.evaluate import expression
+from ..systems.polynomials import roots_of
 
 if TYPE_CHECKING:
-    from .results import Fit
+    from .fit import Fit
 
 __all__ = ["cancelling", "damp", "denominators", "derived", "frequency_response", "poles"]
 

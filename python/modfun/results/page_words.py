@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..doubts import UNLIKELY
 from ..errors import ModfunError
 from ..models.noise import Noise
-from ..results import Fit
+from .check import UNLIKELY
+from .fit import Fit
 
 __all__ = ["assumption", "python_call", "tests", "usable", "verdict"]
 
@@ -111,8 +111,8 @@ def assumption(fit: Fit) -> str:
 
 def tests(fit: Fit) -> list[tuple[str, str, str, str]]:
     """Tests of the residual lines: what is asked, of what, the figure, and the answer."""
-    from ..diagnosis import diagnose
-    from ..validation import colour_of_lines, correlation_of_lines
+    from .diagnosis import diagnose
+    from .scores import colour_of_lines, correlation_of_lines
 
     rows = []
     for i, name in enumerate(fit.row_names):

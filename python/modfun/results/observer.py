@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import complexes
-from .errors import FitError, SpecError
+from ..base.arguments import complexes
+from ..errors import FitError, SpecError
 
 __all__ = ["Observed", "default_eigenvalues", "observe"]
 

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._core import __version__
-from .base.arguments import public
-from .errors import DataError, SpecError
-from .files.writing import named
-from .models.free import Free
-from .models.noise import Noise
-from .models.options import Options
-from .models.transfer_function import TransferFunction
-from .results import Fit
+from .._core import __version__
+from ..base.arguments import public
+from ..errors import DataError, SpecError
+from ..files.writing import named
+from ..models.free import Free
+from ..models.noise import Noise
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from .fit import Fit
 
 __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
@@ -100,14 +100,14 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
     fields["pieces"] = tuple(pieces)
     if "data" in values:
-        from .response_fit import ResponseFit
-        from .systems.frequency_response import FrequencyResponse
+        from ..response_fit import ResponseFit
+        from ..systems.frequency_response import FrequencyResponse
 
         data = FrequencyResponse.from_dict(values["data"])
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
     if isinstance(structure, TransferFunction):
         return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
-    from .equation_fit import EquationFit, layout_of
+    from ..equation_fit import EquationFit, layout_of
 
     channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
     fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})
@@ -154,7 +154,7 @@ def load(path: str | Path) -> Any:
     """
     place = named("load", path)
     if os.path.isdir(place):
-        from .study.shards import load
+        from ..study.shards import load
 
         return load(place)
     if not os.path.isfile(place):  # where Path.is_file raises: of a name that is too long
@@ -183,8 +183,8 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
 
 def _structure_from_dict(values: dict[str, Any]) -> Any:
     if "family" in values:
-        from .equations.equation import Equation
-        from .equations.state_space import StateSpace
+        from ..equations.equation import Equation
+        from ..equations.state_space import StateSpace
 
         own = dict(values)
         family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]

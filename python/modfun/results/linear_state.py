@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError
+from ..errors import DataError
+from ..records.record import Record
+from ..systems.lti import LTI
+from ..systems.propagate import respond
 from .prediction import InitialState, sample_weights
-from .records.record import Record
-from .systems.lti import LTI
-from .systems.propagate import respond
 
 __all__ = ["linear_state"]
 

@@ -8,13 +8,13 @@ from itertools import chain
 
 from .. import plot
 from ..base.tables import Table
-from ..doubts import UNLIKELY
 from ..errors import FitError
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
 from ..records.record import Record
-from ..results import Fit
-from . import words
+from . import page_words as words
+from .check import UNLIKELY
+from .fit import Fit
 
 __all__ = ["after", "before", "level"]
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .equations.nonlinear import NonlinearModel, model_of
-from .errors import DataError
+from ..equations.nonlinear import NonlinearModel, model_of
+from ..errors import DataError
+from ..records.record import Record
+from ..systems.lti import ss
 from .linear_state import linear_state
 from .prediction import InitialState, given_state, sample_weights
-from .records.record import Record
-from .systems.lti import ss
 
 if TYPE_CHECKING:
-    from .results import Fit
+    from .fit import Fit
 
 __all__ = ["find_state", "simulate_fit", "slopes"]
 
@@ -136,7 +136,7 @@ def slopes(fit: Fit, rec: Record, initial: InitialState) -> F64:
     structure: Any = fit.structure
     compiled = structure.compiled(fit.outputs, fit.inputs)
     if initial.trend.size:
-        from .equations.symbolic.ode import with_trend
+        from ..equations.symbolic.ode import with_trend
 
         compiled = with_trend(compiled, initial.trend.size // len(compiled.source))
     z = np.concatenate([fit.params, initial.state, initial.trend])
@@ -162,7 +162,7 @@ class _Search:
         self.rec, self.rtol, self.state = rec, ROUGH, state
         self.params = np.array(list(model.params.values()))
         if terms:
-            from .equations.symbolic.ode import with_trend
+            from ..equations.symbolic.ode import with_trend
 
             wider = with_trend(model.compiled, terms)
             extra = len(wider.parameters) - self.params.size
