@@ -14,7 +14,7 @@ from .equations.equation import Equation
 from .equations.nonlinear import NonlinearModel
 from .equations.state_space import StateSpace
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
-from .estimation import Estimator, fit, fit_many
+from .fitting.fit import Estimator, fit, fit_many
 from .models.free import Free
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction

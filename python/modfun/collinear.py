@@ -14,7 +14,7 @@ from .base.arguments import public
 from .base.student import root
 from .base.tables import Table
 from .errors import FitError, SpecError
-from .estimation import Estimator, fit_quietly, records_of, structure_of
+from .fitting.fit import Estimator, fit_quietly, records_of, structure_of
 from .models.options import Choices, Options
 from .models.transfer_function import TransferFunction
 from .records.record import Record

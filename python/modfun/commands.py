@@ -10,11 +10,12 @@ from typing import Annotated, Any
 
 import typer
 
-from . import __version__, estimation
+from . import __version__
 from .command_output import Json, command_line, say, write_json
 from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
 from .commands_study import mc
 from .errors import SpecError
+from .fitting import fit as estimation
 from .models.transfer_function import TransferFunction
 from .pages.page import check_place
 from .records.record import Record

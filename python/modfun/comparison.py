@@ -10,7 +10,7 @@ import numpy as np
 from .base.arguments import public
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
-from .estimation import Estimator, fit_quietly, records_of
+from .fitting.fit import Estimator, fit_quietly, records_of
 from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .results.fit import Fit

@@ -16,11 +16,11 @@ from .base import html
 from .base.arguments import public, whole
 from .base.tables import Table
 from .errors import FitError, SpecError
-from .estimation import fit_quietly, records_of
+from .fitting.fit import fit_quietly, records_of
+from .fitting.prepared import plain_words
 from .models.options import Choices, Options
 from .models.transfer_function import TransferFunction
 from .models.transfer_words import MOST_POLES
-from .prepared import plain_words
 from .records.mask import refuse_own_noise
 from .records.record import Record
 from .results.derived import cancelling

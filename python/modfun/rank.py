@@ -11,7 +11,7 @@ from . import _core
 from .base.arguments import public, whole
 from .base.tables import Table
 from .errors import DataError, SpecError
-from .estimation import records_of
+from .fitting.fit import records_of
 from .models.options import MOST, band_edges
 from .records.mask import refuse_own_noise
 from .records.record import Record

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from . import reproduction_figures, rivals
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
-from .estimation import fit
+from .fitting.fit import fit
 from .models.transfer_function import TransferFunction
 from .records.record import Record
 from .simulation import simulate

@@ -13,8 +13,8 @@ from .base.progress import Progress
 from .base.student import probability
 from .base.tables import Table, nearest
 from .errors import FitError, SpecError
-from .estimation import fit_many, fit_quietly, threads_of
-from .many import FitMany, collect
+from .fitting.fit import fit_many, fit_quietly, threads_of
+from .fitting.many import FitMany, collect
 from .models.options import Options
 from .records.batches import Batch
 from .records.record import Record

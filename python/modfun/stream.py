@@ -15,14 +15,14 @@ from .base.arguments import public, real
 from .base.progress import Progress
 from .base.samples import Names, intersample_of, names_of
 from .errors import DataError, SpecError
-from .estimation import Estimator, answered, fit_quietly
+from .fitting.fit import Estimator, answered, fit_quietly
+from .fitting.many import STATUS
+from .fitting.prepared import Prepared, prepare_stream, refuse_standing
 from .forgetting import loss, unweighted, weights_of
-from .many import STATUS
 from .models.layout import Layout
 from .models.noise import Noise
 from .models.options import Options
 from .models.transfer_function import TransferFunction
-from .prepared import Prepared, prepare_stream, refuse_standing
 from .records.record import Record
 from .results.fit import Fit
 from .track import Track, joined

@@ -12,7 +12,7 @@ from .base.arguments import public, whole
 from .base.tables import nearest
 from .equations.nonlinear import NonlinearModel
 from .errors import SpecError
-from .estimation import threads_of
+from .fitting.fit import threads_of
 from .models.options import Options
 from .models.transfer_function import TransferFunction
 from .records.record import Record

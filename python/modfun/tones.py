@@ -14,7 +14,7 @@ from .base.samples import FEWEST, LARGEST
 from .base.tables import nearest
 from .bounds import TRENDS
 from .errors import DataError, SpecError
-from .many import STATUS
+from .fitting.many import STATUS
 from .models.options import MOST_THREADS
 from .records.batches import Batch
 from .records.record import Record

@@ -7,7 +7,7 @@ import threading
 import modfun as mf
 import numpy as np
 import pytest
-from modfun import prepared
+from modfun.fitting import prepared
 from modfun.results.diagnosis import surely_stable
 
 # These records are to differ, not to be easy.

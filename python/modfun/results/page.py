@@ -12,10 +12,10 @@ from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..equations.written import Written
 from ..errors import SpecError
+from ..fitting.of_gains import ResponseFit
 from ..pages import formulas, provenance
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
-from ..response_fit import ResponseFit
 from . import page_gains as of_gains
 from . import page_records as of_records
 from . import page_words as words

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..fitting.of_gains import ResponseFit
 from ..pages.parts import Block, Facts, Grid, Section, section
-from ..response_fit import ResponseFit
 from .fit import Fit
 
 __all__ = ["after", "before", "level"]

@@ -100,14 +100,14 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields.update(structure=structure, options=_options_from_dict(values["options"]), records=None)
     fields["pieces"] = tuple(pieces)
     if "data" in values:
-        from ..response_fit import ResponseFit
+        from ..fitting.of_gains import ResponseFit
         from ..systems.frequency_response import FrequencyResponse
 
         data = FrequencyResponse.from_dict(values["data"])
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
     if isinstance(structure, TransferFunction):
         return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
-    from ..equation_fit import EquationFit, layout_of
+    from ..fitting.of_equations import EquationFit, layout_of
 
     channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
     fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ..base.callables import source
 from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
-from ..estimation import Estimator
+from ..fitting.fit import Estimator
+from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..models.layout import Layout
 from ..models.noise import weighting
 from ..models.options import WORDS, Options
 from ..models.transfer_function import TransferFunction
-from ..prepared import joint_words, plain_words, prepare, spans
 from ..records.record import Record
 from ..systems.lti import LTI
 from .generated import Generated

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ..errors import ModfunError
-from ..estimation import Estimator, fit_many, fit_quietly
-from ..many import FitMany
+from ..fitting.fit import Estimator, fit_many, fit_quietly
+from ..fitting.many import FitMany
 from ..records.record import Record
 from ..results.fit import Fit
 

@@ -14,7 +14,7 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
-from ..estimation import Estimator
+from ..fitting.fit import Estimator
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..simulation import Experiment

@@ -13,7 +13,7 @@ from typing import Any
 from .. import rivals
 from ..base.tables import nearest
 from ..errors import DataError, ModfunError, SpecError
-from ..estimation import Estimator
+from ..fitting.fit import Estimator
 from ..models.options import TRENDS
 from ..models.transfer_function import TransferFunction
 from ..studies import MonteCarlo

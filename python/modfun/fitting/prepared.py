@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError
+from .. import _core
+from ..errors import DataError
+from ..models.layout import Layout
+from ..models.noise import weighting
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.batches import Batch
+from ..records.record import Record
 from .gaps import bridged, variances
-from .models.layout import Layout
-from .models.noise import weighting
-from .models.options import Options
-from .models.transfer_function import TransferFunction
-from .records.batches import Batch
-from .records.record import Record
 
 __all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
 

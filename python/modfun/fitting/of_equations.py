@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Any, Never
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import reals
-from .base.student import root
-from .errors import DataError, SpecError
+from .. import _core
+from ..base.arguments import reals
+from ..base.student import root
+from ..errors import DataError, SpecError
+from ..models.noise import Noise
+from ..models.options import Options
+from ..records.batches import Batch
+from ..records.record import Record
+from ..results.fit import Fit
+from ..results.prediction import InitialState
 from .gaps import bridged, variances
-from .models.noise import Noise
-from .models.options import Options
-from .records.batches import Batch
-from .records.record import Record
-from .results.fit import Fit
-from .results.prediction import InitialState
 
 if TYPE_CHECKING:
-    from .equations.symbolic.compiled import Compiled
-    from .equations.symbolic.formulas import Formulas
+    from ..equations.symbolic.compiled import Compiled
+    from ..equations.symbolic.formulas import Formulas
 
 __all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "layout_of", "prepare_equation"]
 
@@ -124,7 +124,7 @@ class EquationFit(Fit):
         -------
         value, bse : (time,) arrays
         """
-        from .equations.symbolic.varying import basis
+        from ..equations.symbolic.varying import basis
 
         instants = np.atleast_1d(reals("varying", "t", t))
         names, values, held = basis(self.layout.compiled, name, instants)
@@ -235,7 +235,7 @@ class EquationFit(Fit):
 
     def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""
-        from .results.initial_state import simulate_fit
+        from ..results.initial_state import simulate_fit
 
         if initial_state is not None:
             return simulate_fit(self, rec, initial_state)
@@ -253,7 +253,7 @@ class EquationFit(Fit):
 @lru_cache(KEPT)
 def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
     compiled = structure.compiled(outputs, inputs)
-    from .equations.symbolic.formulas import formulas
+    from ..equations.symbolic.formulas import formulas
 
     noisy = list(outputs)
     if options.noise == "errors-in-variables" or (

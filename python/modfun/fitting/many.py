@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import public
-from .base.optional import optional
-from .base.progress import Progress
-from .base.student import probability, student_interval
-from .base.tables import Table, nearest
-from .errors import DataError, SpecError
-from .models.options import Options
-from .models.transfer_function import TransferFunction
+from ..base.arguments import public
+from ..base.optional import optional
+from ..base.progress import Progress
+from ..base.student import probability, student_interval
+from ..base.tables import Table, nearest
+from ..errors import DataError, SpecError
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.batches import Batch
+from ..records.record import Record
+from ..results.fit import Fit
 from .prepared import prepare, refuse_standing
-from .records.batches import Batch
-from .records.record import Record
-from .results.fit import Fit
 
 __all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
 
@@ -175,7 +175,7 @@ def fit_batch(
 def _equations(
     data: Batch | tuple[Record, ...], structure: Any, options: Options, threads: int, progress: str | bool
 ) -> FitMany:
-    from .equation_fit import batch_of, prepare_equation
+    from .of_equations import batch_of, prepare_equation
 
     made = prepare_equation(structure, options, data if isinstance(data, Batch) else data[:1])
     own, shared = batch_of(made, data)

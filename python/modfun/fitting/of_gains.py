@@ -9,15 +9,15 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.tables import Findings
-from .errors import DataError, FitError, SpecError
-from .models.free import Free
-from .models.layout import Layout
-from .models.options import Options
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
-from .systems.frequency_response import FrequencyResponse
+from ..base.tables import Findings
+from ..errors import DataError, FitError, SpecError
+from ..models.free import Free
+from ..models.layout import Layout
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
+from ..systems.frequency_response import FrequencyResponse
 
 __all__ = ["ResponseFit", "fit_response"]
 
@@ -122,8 +122,8 @@ class ResponseFit(Fit):
         """What is wrong or doubtful about the fit, in sentences with numbers."""
         from scipy.special import chdtrc
 
-        from .results.check import UNLIKELY
-        from .results.summary import one_line
+        from ..results.check import UNLIKELY
+        from ..results.summary import one_line
 
         found = self._failings()
         if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:
@@ -135,7 +135,7 @@ class ResponseFit(Fit):
         return Findings(f"Check of {one_line(self)}", found)
 
     def _failings(self) -> list[str]:
-        from .results.diagnosis import growth
+        from ..results.diagnosis import growth
 
         found = [] if self.success else [self.message]
         if self.at_bound:
@@ -163,7 +163,7 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
     DataError
         No frequency within the band, gains that are not finite, or fewer than parameters.
     """
-    from .reduction.rational import fit_rational
+    from ..reduction.rational import fit_rational
 
     _refuse(structure, options)
     if options.band is not None:

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Any, Never, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arguments import public, whole
-from .errors import DataError, ModfunWarning, SpecError
+from ..base.arguments import public, whole
+from ..errors import DataError, ModfunWarning, SpecError
+from ..models.noise import Noise
+from ..models.options import MOST_THREADS, Choices, Options
+from ..models.transfer_function import TransferFunction
+from ..records.batches import Batch
+from ..records.record import Record
+from ..results.fit import Fit
+from ..systems.frequency_response import FrequencyResponse
+from ..systems.lti import LTI
 from .many import FitMany, fit_batch, fit_each
-from .models.noise import Noise
-from .models.options import MOST_THREADS, Choices, Options
-from .models.transfer_function import TransferFunction
 from .prepared import Prepared, prepare, refuse_standing
-from .records.batches import Batch
-from .records.record import Record
-from .results.fit import Fit
-from .systems.frequency_response import FrequencyResponse
-from .systems.lti import LTI
 
 if TYPE_CHECKING:
-    from .equations.written import Written
+    from ..equations.written import Written
 
 __all__ = [
     "Estimator",
@@ -253,7 +253,7 @@ def fit_many(
 def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     """A fit of what users give, with its warnings."""
     if isinstance(data, FrequencyResponse):
-        from .response_fit import fit_response
+        from .of_gains import fit_response
 
         result: Fit = fit_response(data, structure, options)
     else:
@@ -266,7 +266,7 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
     if not isinstance(structure, TransferFunction):
-        from .equation_fit import fit_equation
+        from .of_equations import fit_equation
 
         return fit_equation(records, structure, options)
     made = prepare(structure, options, records)

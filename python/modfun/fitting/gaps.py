@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError
-from .records.record import Record
+from .. import _core
+from ..errors import DataError
+from ..records.record import Record
 
 __all__ = ["bridged", "variances"]
 
