@@ -18,15 +18,15 @@ from .fitting.fit import Estimator, fit, fit_many
 from .models.free import Free
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction
-from .nonparametric import frf
 from .order import OrderSelection, select_order
 from .rank import rank_test
 from .records.batches import Batch
 from .records.reading import columns, read
 from .records.record import Record
 from .reduction.reduction import Reduction, reduce
-from .regression import coefficients, regressors
 from .resampling import bootstrap
+from .responses.coefficients import coefficients, regressors
+from .responses.frf import frf
 from .results.fit import Fit
 from .results.storage import load
 from .simulation import simulate

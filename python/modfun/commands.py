@@ -298,7 +298,7 @@ def frf(
     plot: Picture = None,
 ) -> None:
     """Estimate the frequency response without a model, from one file or several."""
-    from .nonparametric import frf
+    from .responses.frf import frf
 
     if not output or not input:
         raise SpecError("frf: give --output and --input, the columns between which the response is wanted")

@@ -15,7 +15,7 @@ from .fitting.fit import records_of
 from .models.options import MOST, band_edges
 from .records.mask import refuse_own_noise
 from .records.record import Record
-from .regression import spectrum
+from .responses.coefficients import spectrum
 
 __all__ = ["rank_test"]
 

@@ -13,7 +13,7 @@ from .models.noise import Noise as GivenNoise
 from .models.transfer_function import TransferFunction
 from .records.mask import refuse_own_noise
 from .records.record import Record
-from .regression import spectrum
+from .responses.coefficients import spectrum
 from .results.fit import Fit
 from .results.prediction import InitialState
 from .results.scores import trend_columns

@@ -22,7 +22,7 @@ from .models.options import MOST
 from .models.transfer_function import TransferFunction
 from .records.mask import refuse_own_noise
 from .records.record import Record
-from .regression import regressors
+from .responses.coefficients import regressors
 from .sensitivities import Sensitivities, time_unit
 from .systems.propagate import Inputs
 

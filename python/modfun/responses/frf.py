@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import public, reals, whole
-from .base.progress import Progress
-from .errors import DataError, ModfunWarning, SpecError
-from .models.options import MOST, MOST_THREADS, Options
-from .records.record import Record
-from .regression import spectrum
-from .systems.frequency_response import FrequencyResponse
+from .. import _core
+from ..base.arguments import public, reals, whole
+from ..base.progress import Progress
+from ..errors import DataError, ModfunWarning, SpecError
+from ..models.options import MOST, MOST_THREADS, Options
+from ..records.record import Record
+from ..systems.frequency_response import FrequencyResponse
+from .coefficients import spectrum
 
 __all__ = ["frf"]
 

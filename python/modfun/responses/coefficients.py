@@ -9,14 +9,14 @@ from math import ceil, comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import public, reals, whole
-from .base.tables import nearest
-from .errors import DataError, SpecError
-from .models.options import MOST, WORDS
-from .models.transfer_function import TransferFunction
-from .records.mask import refuse_own_noise
-from .records.record import Record
+from .. import _core
+from ..base.arguments import public, reals, whole
+from ..base.tables import nearest
+from ..errors import DataError, SpecError
+from ..models.options import MOST, WORDS
+from ..models.transfer_function import TransferFunction
+from ..records.mask import refuse_own_noise
+from ..records.record import Record
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
 

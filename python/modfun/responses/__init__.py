@@ -1,0 +1,1 @@
+"""Frequency responses and Fourier coefficients of records, without a model."""
