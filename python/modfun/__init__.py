@@ -34,8 +34,8 @@ from .stream import Stream
 from .studies import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI, ss, tf
-from .tone_results import Sinusoids, SinusoidsMany
-from .tones import sinusoids
+from .tones.results import Sinusoids, SinusoidsMany
+from .tones.search import sinusoids
 from .track import Track
 
 __all__ = [

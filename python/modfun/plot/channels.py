@@ -13,7 +13,7 @@ from ..signals.signals import Signals
 if TYPE_CHECKING:
     from ..base.samples import F64
     from ..records.record import Record
-    from ..tone_results import Sinusoids
+    from ..tones.results import Sinusoids
     from ..track import Track
 
 

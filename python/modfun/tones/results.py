@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import public
-from .base.student import probability, student_interval
-from .base.tables import Table, nearest
-from .errors import SpecError
+from ..base.arguments import public
+from ..base.student import probability, student_interval
+from ..base.tables import Table, nearest
+from ..errors import SpecError
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
 
@@ -181,7 +181,7 @@ class Sinusoids(_Tones):
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw the spectrum of the record and of what the tones leave; see `modfun.plot.sinusoids`."""
-        from .plot import sinusoids as draw
+        from ..plot import sinusoids as draw
 
         return draw(self, ax=ax, hz=hz)
 

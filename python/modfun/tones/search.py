@@ -7,18 +7,18 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import public, real, reals, whole
-from .base.progress import Progress
-from .base.samples import FEWEST, LARGEST
-from .base.tables import nearest
-from .bounds import TRENDS
-from .errors import DataError, SpecError
-from .fitting.many import STATUS
-from .models.options import MOST_THREADS
-from .records.batches import Batch
-from .records.record import Record
-from .tone_results import KINDS, Sinusoids, SinusoidsMany
+from .. import _core
+from ..base.arguments import public, real, reals, whole
+from ..base.progress import Progress
+from ..base.samples import FEWEST, LARGEST
+from ..base.tables import nearest
+from ..bounds import TRENDS
+from ..errors import DataError, SpecError
+from ..fitting.many import STATUS
+from ..models.options import MOST_THREADS
+from ..records.batches import Batch
+from ..records.record import Record
+from .results import KINDS, Sinusoids, SinusoidsMany
 
 __all__ = ["sinusoids"]
 

@@ -1,0 +1,1 @@
+"""Sinusoids in noise."""
