@@ -30,13 +30,13 @@ from .responses.frf import frf
 from .results.fit import Fit
 from .results.storage import load
 from .simulation import simulate
-from .stream import Stream
+from .streams.stream import Stream
+from .streams.track import Track
 from .studies import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI, ss, tf
 from .tones.results import Sinusoids, SinusoidsMany
 from .tones.search import sinusoids
-from .track import Track
 
 __all__ = [
     "LTI",

@@ -13,8 +13,8 @@ from ..signals.signals import Signals
 if TYPE_CHECKING:
     from ..base.samples import F64
     from ..records.record import Record
+    from ..streams.track import Track
     from ..tones.results import Sinusoids
-    from ..track import Track
 
 
 @drawing

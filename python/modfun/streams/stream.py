@@ -10,21 +10,21 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import public, real
-from .base.progress import Progress
-from .base.samples import Names, intersample_of, names_of
-from .errors import DataError, SpecError
-from .fitting.fit import Estimator, answered, fit_quietly
-from .fitting.many import STATUS
-from .fitting.prepared import Prepared, prepare_stream, refuse_standing
+from .. import _core
+from ..base.arguments import public, real
+from ..base.progress import Progress
+from ..base.samples import Names, intersample_of, names_of
+from ..errors import DataError, SpecError
+from ..fitting.fit import Estimator, answered, fit_quietly
+from ..fitting.many import STATUS
+from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
+from ..models.layout import Layout
+from ..models.noise import Noise
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
 from .forgetting import loss, unweighted, weights_of
-from .models.layout import Layout
-from .models.noise import Noise
-from .models.options import Options
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
 from .track import Track, joined
 
 __all__ = ["Stream"]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import public
-from .base.optional import optional
-from .base.tables import Table, nearest
-from .errors import SpecError
+from ..base.arguments import public
+from ..base.optional import optional
+from ..base.tables import Table, nearest
+from ..errors import SpecError
 
 __all__ = ["Track", "joined"]
 
@@ -82,7 +82,7 @@ class Track:
         ----------
         ax : Axes or sequence of Axes, optional
         """
-        from .plot import track
+        from ..plot import track
 
         return track(self, ax)
 

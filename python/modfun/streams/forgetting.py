@@ -8,8 +8,8 @@ from math import ceil, exp, log
 
 import numpy as np
 
-from .errors import SpecError
-from .results.fit import Fit
+from ..errors import SpecError
+from ..results.fit import Fit
 
 __all__ = ["loss", "unweighted", "weights_of"]
 

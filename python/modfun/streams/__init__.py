@@ -1,0 +1,1 @@
+"""Estimates while samples arrive."""
