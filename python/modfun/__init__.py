@@ -6,7 +6,6 @@ Units are seconds and rad/s, arrays are (channel, time).
 from . import plot, rivals, signals, timelag
 from ._core import __version__
 from .base.tables import Table
-from .bounds import crlb
 from .collinear import Collinearity, collinearity
 from .common import CommonPoles, common_poles
 from .comparison import Comparison, CrossValidation, compare, cross_validate
@@ -14,6 +13,8 @@ from .equations.equation import Equation
 from .equations.nonlinear import NonlinearModel
 from .equations.state_space import StateSpace
 from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarning, SpecError
+from .experiments.bound import crlb
+from .experiments.simulation import simulate
 from .fitting.fit import Estimator, fit, fit_many
 from .models.free import Free
 from .models.noise import Noise
@@ -29,7 +30,6 @@ from .responses.coefficients import coefficients, regressors
 from .responses.frf import frf
 from .results.fit import Fit
 from .results.storage import load
-from .simulation import simulate
 from .streams.stream import Stream
 from .streams.track import Track
 from .studies import MonteCarlo, Results

@@ -83,7 +83,8 @@ def _modfun(
 @app.command()
 def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path("flight.csv")) -> None:
     """Write a small simulated flight (t, pitch rate q, elevator de) to try the other commands on."""
-    from . import signals, simulation
+    from . import signals
+    from .experiments import simulation
     from .systems import lti
 
     if file.exists():

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from . import reproduction_figures, rivals
 from .base.tables import Table
 from .errors import DataError, FitError, SpecError
+from .experiments.simulation import simulate
 from .fitting.fit import fit
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .simulation import simulate
 from .studies import MonteCarlo, Results
 from .systems.lti import tf
 

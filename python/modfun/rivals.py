@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
 from .errors import DataError, FitError, SpecError
+from .experiments.sensitivities import Sensitivities, time_unit
 from .models.options import MOST
 from .models.transfer_function import TransferFunction
 from .records.mask import refuse_own_noise
 from .records.record import Record
 from .responses.coefficients import regressors
-from .sensitivities import Sensitivities, time_unit
 from .systems.propagate import Inputs
 
 __all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]

@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.simulation import experiment
+from modfun.experiments.simulation import experiment
 from scipy import integrate
 
 EQ24 = mf.tf([5], [1, 3, 8])

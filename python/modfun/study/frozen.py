@@ -14,10 +14,10 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
+from ..experiments.simulation import Experiment
 from ..fitting.fit import Estimator
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
-from ..simulation import Experiment
 from ..systems.lti import LTI
 from .axes import Axis
 from .contenders import Contender

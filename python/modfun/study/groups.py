@@ -14,9 +14,9 @@ from ..base.callables import source
 from ..base.samples import numbered
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
+from ..experiments.simulation import Experiment, experiment
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from ..simulation import Experiment, experiment
 from ..systems.lti import LTI
 from .axes import Axis
 from .functions import attempt, generator, series

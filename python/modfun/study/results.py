@@ -17,9 +17,9 @@ from .. import plot
 from ..base.arguments import public
 from ..base.optional import optional
 from ..base.tables import Table
-from ..bounds import crlb
 from ..equations.written import Written
 from ..errors import DataError, SpecError
+from ..experiments.bound import crlb
 from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis

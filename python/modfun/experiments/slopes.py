@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .equations.nonlinear import NonlinearModel
-from .equations.state_space import StateSpace
-from .errors import SpecError
-from .models.layout import Layout
-from .records.record import Record
+from ..equations.nonlinear import NonlinearModel
+from ..equations.state_space import StateSpace
+from ..errors import SpecError
+from ..models.layout import Layout
+from ..records.record import Record
+from ..systems.propagate import Inputs, respond
 from .sensitivities import Sensitivities, time_unit
-from .systems.propagate import Inputs, respond
 
 __all__ = ["Equations", "Known", "Slopes", "States", "Transfers"]
 
@@ -127,7 +127,7 @@ class States:
     def __init__(
         self, model: StateSpace, values: Mapping[str, float], outputs: Sequence[str] | None = None
     ) -> None:
-        from .equations.symbolic.linear import derivatives, numbers
+        from ..equations.symbolic.linear import derivatives, numbers
 
         self.names = tuple(values)
         self.values = np.array([float(value) for value in values.values()])

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .systems.propagate import Inputs
+from ..systems.propagate import Inputs
 
 __all__ = ["Sensitivities", "time_unit"]
 

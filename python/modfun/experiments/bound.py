@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import public, reals
-from .base.tables import Table, nearest
-from .errors import DataError, SpecError
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
-from .results.prediction import sample_weights
-from .signals import Signals
+from ..base.arguments import public, reals
+from ..base.tables import Table, nearest
+from ..errors import DataError, SpecError
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
+from ..results.prediction import sample_weights
+from ..signals import Signals
+from .known_models import noise_of, record_for, valued
 from .slopes import Known
-from .valued import noise_of, record_for, valued
 
 __all__ = ["TRENDS", "Bound", "crlb"]
 

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from .base.arguments import public, real, reals, whole
-from .base.samples import MOST_SAMPLES
-from .equations.nonlinear import NonlinearModel
-from .errors import DataError, SpecError
-from .language.evaluate import evaluate, sources
-from .records.record import Record
-from .signals import Signals
-from .systems.lti import LTI
-from .systems.propagate import intersample_kinds, respond
-from .timelag import DelaySystem
+from .. import _core
+from ..base.arguments import public, real, reals, whole
+from ..base.samples import MOST_SAMPLES
+from ..equations.nonlinear import NonlinearModel
+from ..errors import DataError, SpecError
+from ..language.evaluate import evaluate, sources
+from ..records.record import Record
+from ..signals import Signals
+from ..systems.lti import LTI
+from ..systems.propagate import intersample_kinds, respond
+from ..timelag import DelaySystem
 
 __all__ = ["Experiment", "experiment", "simulate"]
 

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.samples import numbered
-from .base.tables import nearest
-from .equations.equation import Equation
-from .equations.nonlinear import NonlinearModel
-from .equations.state_space import StateSpace
-from .errors import DataError, SpecError
-from .models.noise import Noise
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
-from .signals import Signals
+from ..base.samples import numbered
+from ..base.tables import nearest
+from ..equations.equation import Equation
+from ..equations.nonlinear import NonlinearModel
+from ..equations.state_space import StateSpace
+from ..errors import DataError, SpecError
+from ..models.noise import Noise
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
+from ..signals import Signals
+from ..systems.lti import LTI
 from .slopes import Equations, Known, States, Transfers
-from .systems.lti import LTI
 
 __all__ = ["noise_of", "record_for", "valued"]
 

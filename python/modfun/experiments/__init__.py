@@ -1,0 +1,1 @@
+"""Simulated experiments, and how well they let parameters be found."""
