@@ -6,9 +6,6 @@ Units are seconds and rad/s, arrays are (channel, time).
 from . import plot, rivals, signals, timelag
 from ._core import __version__
 from .base.tables import Table
-from .collinear import Collinearity, collinearity
-from .common import CommonPoles, common_poles
-from .comparison import Comparison, CrossValidation, compare, cross_validate
 from .equations.equation import Equation
 from .equations.nonlinear import NonlinearModel
 from .equations.state_space import StateSpace
@@ -16,16 +13,19 @@ from .errors import DataError, FitError, InternalError, ModfunError, ModfunWarni
 from .experiments.bound import crlb
 from .experiments.simulation import simulate
 from .fitting.fit import Estimator, fit, fit_many
+from .inference.bootstrap import bootstrap
+from .inference.collinearity import Collinearity, collinearity
+from .inference.common_poles import CommonPoles, common_poles
+from .inference.comparison import Comparison, CrossValidation, compare, cross_validate
+from .inference.order import OrderSelection, select_order
+from .inference.rank import rank_test
 from .models.free import Free
 from .models.noise import Noise
 from .models.transfer_function import TransferFunction
-from .order import OrderSelection, select_order
-from .rank import rank_test
 from .records.batches import Batch
 from .records.reading import columns, read
 from .records.record import Record
 from .reduction.reduction import Reduction, reduce
-from .resampling import bootstrap
 from .responses.coefficients import coefficients, regressors
 from .responses.frf import frf
 from .results.fit import Fit

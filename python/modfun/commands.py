@@ -253,7 +253,7 @@ def order(
     plot: Picture = None,
 ) -> None:
     """Compare transfer functions of several orders, on one file or several as one problem."""
-    from .order import select_order
+    from .inference.order import select_order
 
     if not output or len(output) != 1:
         raise SpecError("order: give exactly one --output, the column to be modelled")
@@ -332,7 +332,7 @@ def compare(
     plot: Picture = None,
 ) -> None:
     """Score fits on a record: its columns are read by the names of the fits' channels."""
-    from .comparison import compare
+    from .inference.comparison import compare
     from .results.storage import load
 
     *paths, data = files

@@ -113,7 +113,7 @@ def test_wild_follows_the_colour_of_the_noise_and_parametric_does_not() -> None:
 
 def test_the_spread_lines_are_those_of_hc3(fit: mf.Fit) -> None:
     """In the band the lines before the division by 1 − h are the fit's own whitened residuals."""
-    from modfun.resampled_noise import wild
+    from modfun.inference.bootstrap_noise import wild
 
     rec = fit.records[0]
     clean = fit.predict().y
@@ -135,7 +135,7 @@ def test_threads_and_blocks_do_not_change_a_bit(
 ) -> None:
     one = mf.bootstrap(fit, replicates=203, seed=9, kind=kind, threads=1)
     two = mf.bootstrap(fit, replicates=203, seed=9, kind=kind, threads=2)
-    monkeypatch.setattr("modfun.resampling.BLOCK", 257 * 50)
+    monkeypatch.setattr("modfun.inference.bootstrap.BLOCK", 257 * 50)
     few = mf.bootstrap(fit, replicates=203, seed=9, kind=kind)
     more = mf.bootstrap(fit, replicates=300, seed=9, kind=kind)
     for name in ("params", "bse", "status", "cost", "nit"):

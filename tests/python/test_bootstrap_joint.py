@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.resampled_noise import _columns, wild
+from modfun.inference.bootstrap_noise import _columns, wild
 
 pytestmark = pytest.mark.filterwarnings("ignore:fit. Classical and HC3")
 

@@ -461,7 +461,7 @@ def test_the_bootstrap_of_equations_has_the_spread_of_their_standard_errors(kind
 
 def test_the_wild_noise_of_equations_is_grown_by_their_leverage():
     """Residuals in the band lose the share of 5 unknowns in 29 rows; 1/(1 - h) gives more than that back."""
-    from modfun.resampled_noise import wild
+    from modfun.inference.bootstrap_noise import wild
 
     fit = duffing_fit()
     rec = fit.records[0]

@@ -12,8 +12,8 @@ from ..base.axes import drawing, label_axes, returned, take_axes, take_grid
 from ..errors import SpecError
 
 if TYPE_CHECKING:
-    from ..comparison import Comparison, CrossValidation
-    from ..order import OrderSelection
+    from ..inference.comparison import Comparison, CrossValidation
+    from ..inference.order import OrderSelection
     from ..study.results import Results
 
 

@@ -133,7 +133,7 @@ def _poles(fit: Fit) -> Iterable[Block]:
 
 
 def _collinear(fit: Fit) -> Iterable[Block]:
-    from ..collinear import diagnosed
+    from ..inference.collinearity import diagnosed
 
     found = diagnosed(fit)
     yield Notes((f"Condition number {found.condition:.3g}.", *found.findings))

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from .base.arguments import public
-from .base.tables import Table
-from .errors import DataError, FitError, SpecError
-from .fitting.fit import Estimator, fit_quietly, records_of
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
+from ..base.arguments import public
+from ..base.tables import Table
+from ..errors import DataError, FitError, SpecError
+from ..fitting.fit import Estimator, fit_quietly, records_of
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
@@ -52,7 +52,7 @@ class Comparison(Table):
 
     def plot(self, *, ax: Any = None) -> Any:
         """Measured and simulated outputs; see `modfun.plot.comparison`."""
-        from . import plot
+        from .. import plot
 
         return plot.comparison(self, ax=ax)
 
@@ -92,7 +92,7 @@ class CrossValidation(Table):
 
     def plot(self, *, ax: Any = None) -> Any:
         """fit_percent of each record left out; see `modfun.plot.cross_validation`."""
-        from . import plot
+        from .. import plot
 
         return plot.cross_validation(self, ax=ax)
 

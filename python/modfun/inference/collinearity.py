@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from .base import html
-from .base.arguments import public
-from .base.student import root
-from .base.tables import Table
-from .errors import FitError, SpecError
-from .fitting.fit import Estimator, fit_quietly, records_of, structure_of
-from .models.options import Choices, Options
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .results.fit import Fit
+from ..base import html
+from ..base.arguments import public
+from ..base.student import root
+from ..base.tables import Table
+from ..errors import FitError, SpecError
+from ..fitting.fit import Estimator, fit_quietly, records_of, structure_of
+from ..models.options import Choices, Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
 
 if TYPE_CHECKING:
-    from .equations.equation import Equation
-    from .equations.state_space import StateSpace
+    from ..equations.equation import Equation
+    from ..equations.state_space import StateSpace
 
 __all__ = ["Collinearity", "collinearity", "diagnosed"]
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arguments import public, whole
-from .base.progress import Progress
-from .base.student import probability
-from .base.tables import Table, nearest
-from .errors import FitError, SpecError
-from .fitting.fit import fit_many, fit_quietly, threads_of
-from .fitting.many import FitMany, collect
-from .models.options import Options
-from .records.batches import Batch
-from .records.record import Record
-from .results.fit import Fit
+from ..base.arguments import public, whole
+from ..base.progress import Progress
+from ..base.student import probability
+from ..base.tables import Table, nearest
+from ..errors import FitError, SpecError
+from ..fitting.fit import fit_many, fit_quietly, threads_of
+from ..fitting.many import FitMany, collect
+from ..models.options import Options
+from ..records.batches import Batch
+from ..records.record import Record
+from ..results.fit import Fit
 
 __all__ = ["Bootstrap", "bootstrap"]
 
@@ -246,7 +246,7 @@ def bootstrap(
     >>> mf.bootstrap(fit, replicates=200, kind="wild").conf_int(0.9).shape
     (3, 2)
     """
-    from .resampled_noise import white, wild
+    from .bootstrap_noise import white, wild
 
     records = _records(fit)
     if kind not in KINDS:

@@ -7,16 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .errors import DataError, SpecError
-from .models.noise import Noise as GivenNoise
-from .models.transfer_function import TransferFunction
-from .records.mask import refuse_own_noise
-from .records.record import Record
-from .responses.coefficients import spectrum
-from .results.fit import Fit
-from .results.prediction import InitialState
-from .results.scores import trend_columns
+from .. import _core
+from ..errors import DataError, SpecError
+from ..models.noise import Noise as GivenNoise
+from ..models.transfer_function import TransferFunction
+from ..records.mask import refuse_own_noise
+from ..records.record import Record
+from ..responses.coefficients import spectrum
+from ..results.fit import Fit
+from ..results.prediction import InitialState
+from ..results.scores import trend_columns
 
 __all__ = ["Noise", "white", "wild"]
 
@@ -179,7 +179,7 @@ def _unshrink_equations(
     fit: Fit, records: tuple[Record, ...], initial: list[InitialState], leads: list[int], lines: list[C128]
 ) -> None:
     """As `_unshrink`, for equations: the columns are the spectra of the responses' slopes."""
-    from .results.initial_state import slopes
+    from ..results.initial_state import slopes
 
     p, level = fit.params.size, np.sqrt(np.diag(fit.noise_cov))[:, None]
     columns = [

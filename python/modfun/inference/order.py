@@ -11,22 +11,22 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .base import html
-from .base.arguments import public, whole
-from .base.tables import Table
-from .errors import FitError, SpecError
-from .fitting.fit import fit_quietly, records_of
-from .fitting.prepared import plain_words
-from .models.options import Choices, Options
-from .models.transfer_function import TransferFunction
-from .models.transfer_words import MOST_POLES
-from .records.mask import refuse_own_noise
-from .records.record import Record
-from .results.derived import cancelling
-from .results.diagnosis import high_band_df
-from .results.fit import Fit
-from .systems.polynomials import roots_of
+from .. import _core
+from ..base import html
+from ..base.arguments import public, whole
+from ..base.tables import Table
+from ..errors import FitError, SpecError
+from ..fitting.fit import fit_quietly, records_of
+from ..fitting.prepared import plain_words
+from ..models.options import Choices, Options
+from ..models.transfer_function import TransferFunction
+from ..models.transfer_words import MOST_POLES
+from ..records.mask import refuse_own_noise
+from ..records.record import Record
+from ..results.derived import cancelling
+from ..results.diagnosis import high_band_df
+from ..results.fit import Fit
+from ..systems.polynomials import roots_of
 
 __all__ = ["OrderSelection", "select_order"]
 
@@ -75,7 +75,7 @@ class OrderSelection:
 
     def plot(self, *, ax: Any = None) -> Any:
         """Residual level and criterion over the number of poles; see `modfun.plot.order`."""
-        from . import plot
+        from .. import plot
 
         return plot.order(self, ax=ax)
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base import html
-from .base.arguments import public
-from .base.student import probability, root
-from .base.tables import Table
-from .errors import SpecError
-from .results.fit import Fit
+from ..base import html
+from ..base.arguments import public
+from ..base.student import probability, root
+from ..base.tables import Table
+from ..errors import SpecError
+from ..results.fit import Fit
 
 __all__ = ["CommonPoles", "common_poles"]
 

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _core
-from .base.arguments import public, whole
-from .base.tables import Table
-from .errors import DataError, SpecError
-from .fitting.fit import records_of
-from .models.options import MOST, band_edges
-from .records.mask import refuse_own_noise
-from .records.record import Record
-from .responses.coefficients import spectrum
+from .. import _core
+from ..base.arguments import public, whole
+from ..base.tables import Table
+from ..errors import DataError, SpecError
+from ..fitting.fit import records_of
+from ..models.options import MOST, band_edges
+from ..records.mask import refuse_own_noise
+from ..records.record import Record
+from ..responses.coefficients import spectrum
 
 __all__ = ["rank_test"]
 

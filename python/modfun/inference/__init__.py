@@ -1,0 +1,1 @@
+"""Questions about fits: order, rank, collinearity, comparison, bootstrap."""
