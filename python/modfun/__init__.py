@@ -32,7 +32,7 @@ from .results.fit import Fit
 from .results.storage import load
 from .streams.stream import Stream
 from .streams.track import Track
-from .studies import MonteCarlo, Results
+from .study.monte_carlo import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI, ss, tf
 from .tones.results import Sinusoids, SinusoidsMany

@@ -22,7 +22,7 @@ from .experiments.simulation import simulate
 from .fitting.fit import fit
 from .models.transfer_function import TransferFunction
 from .records.record import Record
-from .studies import MonteCarlo, Results
+from .study.monte_carlo import MonteCarlo, Results
 from .systems.lti import tf
 
 __all__ = ["Answer", "report"]

@@ -33,7 +33,7 @@ def write_study(
     title: str | None = None,
 ) -> Path:
     """Write the report of a study; see `Results.report`."""
-    from .of_study import page_of
+    from ..study.page import page_of
 
     check_place(path, "report")
     return save(page_of(results, directory, title), path, "report")

@@ -16,9 +16,9 @@ from ..errors import DataError, ModfunError, SpecError
 from ..fitting.fit import Estimator
 from ..models.options import TRENDS
 from ..models.transfer_function import TransferFunction
-from ..studies import MonteCarlo
 from ..systems.lti import LTI, ss, tf
 from . import toml_values as values
+from .monte_carlo import MonteCarlo
 from .toml_values import Key, Reader
 
 __all__ = ["EXAMPLE", "load"]

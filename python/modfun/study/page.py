@@ -16,8 +16,8 @@ from ..pages import provenance
 from ..pages.figures import drawn
 from ..pages.parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section
 from ..plot.tables import study_rows
-from ..study.directory import FILE, Directory
-from ..study.results import Results
+from .directory import FILE, Directory
+from .results import Results
 
 __all__ = ["page_of"]
 

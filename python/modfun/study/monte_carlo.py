@@ -8,22 +8,22 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from .base.arguments import public, whole
-from .base.tables import nearest
-from .equations.nonlinear import NonlinearModel
-from .errors import SpecError
-from .fitting.fit import threads_of
-from .models.options import Options
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .signals import Signals
-from .study.axes import Axis, axis, levels
-from .study.contenders import Contender, contenders
-from .study.generated import Generated, cells, grid_axes
-from .study.groups import Group, groups
-from .study.plan import Plan
-from .study.results import Results
-from .systems.lti import LTI
+from ..base.arguments import public, whole
+from ..base.tables import nearest
+from ..equations.nonlinear import NonlinearModel
+from ..errors import SpecError
+from ..fitting.fit import threads_of
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..signals import Signals
+from ..systems.lti import LTI
+from .axes import Axis, axis, levels
+from .contenders import Contender, contenders
+from .generated import Generated, cells, grid_axes
+from .groups import Group, groups
+from .plan import Plan
+from .results import Results
 
 __all__ = ["MonteCarlo", "Results"]
 
@@ -257,8 +257,8 @@ class MonteCarlo:
         ModfunError
             A worker that died, a file that cannot be written: what is in the directory is kept.
         """
-        from .study.run import run  # what runs a study is not needed to import modfun
-        from .study.work import Work
+        from .run import run  # what runs a study is not needed to import modfun
+        from .work import Work
 
         for name, value, words in (
             ("keep", keep, ("summary", "samples")), ("draw", draw, ("samples", "coefficients")),
