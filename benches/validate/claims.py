@@ -13,7 +13,7 @@ import modfun as mf
 import numpy as np
 import pem
 import problems
-from modfun import reproduction
+from modfun.commands import reproduction
 
 TRUE = np.array([3.0, 8.0, 5.0])
 TF2 = mf.TransferFunction(poles=2, zeros=0)

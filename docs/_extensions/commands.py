@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 from docutils import nodes
-from modfun.commands import app as modfun_app
+from modfun.commands.app import app as modfun_app
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 

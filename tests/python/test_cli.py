@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("typer")
-from modfun.cli import main
+from modfun.commands.app.main import main
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from modfun import reproduction
+from modfun.commands import reproduction
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("typer")
-from modfun.cli import main
+from modfun.commands.app.main import main
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 

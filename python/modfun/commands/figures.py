@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .base.optional import optional
-from .base.tables import Table
+from ..base.optional import optional
+from ..base.tables import Table
 
 __all__ = ["noise", "sampling"]
 

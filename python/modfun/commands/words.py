@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
-from .errors import SpecError
-from .models.free import Free
+from ..errors import SpecError
+from ..models.free import Free
 
 __all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "picked", "poles_of"]
 

@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import reproduction_figures, rivals
-from .base.tables import Table
-from .errors import DataError, FitError, SpecError
-from .experiments.simulation import simulate
-from .fitting.fit import fit
-from .models.transfer_function import TransferFunction
-from .records.record import Record
-from .study.monte_carlo import MonteCarlo, Results
-from .systems.lti import tf
+from .. import rivals
+from ..base.tables import Table
+from ..errors import DataError, FitError, SpecError
+from ..experiments.simulation import simulate
+from ..fitting.fit import fit
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..study.monte_carlo import MonteCarlo, Results
+from ..systems.lti import tf
+from . import figures as reproduction_figures
 
 __all__ = ["Answer", "report"]
 

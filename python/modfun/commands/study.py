@@ -13,16 +13,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .base.progress import clock
-from .base.tables import Table
-from .command_output import Json, say, write_json
-from .errors import SpecError
-from .results.fit import Fit
-from .study import shards, toml_file
-from .study.directory import FILE, MANIFEST, OWN, Directory
-from .study.files import write
-from .study.results import Results
-from .study.shards import Status
+from ..base.progress import clock
+from ..base.tables import Table
+from ..errors import SpecError
+from ..results.fit import Fit
+from ..study import shards, toml_file
+from ..study.directory import FILE, MANIFEST, OWN, Directory
+from ..study.files import write
+from ..study.results import Results
+from ..study.shards import Status
+from .output import Json, say, write_json
 
 __all__ = ["mc"]
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .files.writing import write_text
-from .results.storage import told
+from ..files.writing import write_text
+from ..results.storage import told
 
 __all__ = ["Json", "command_line", "say", "write_json"]
 

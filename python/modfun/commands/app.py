@@ -10,17 +10,17 @@ from typing import Annotated, Any
 
 import typer
 
-from . import __version__
-from .command_output import Json, command_line, say, write_json
-from .command_words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
-from .commands_study import mc
-from .errors import SpecError
-from .fitting import fit as estimation
-from .models.transfer_function import TransferFunction
-from .pages.page import check_place
-from .records.record import Record
-from .results.fit import Fit
-from .results.storage import told
+from .. import __version__
+from ..errors import SpecError
+from ..fitting import fit as estimation
+from ..models.transfer_function import TransferFunction
+from ..pages.page import check_place
+from ..records.record import Record
+from ..results.fit import Fit
+from ..results.storage import told
+from .output import Json, command_line, say, write_json
+from .study import mc
+from .words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
 
 __all__ = ["app"]
 
@@ -83,9 +83,9 @@ def _modfun(
 @app.command()
 def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path("flight.csv")) -> None:
     """Write a small simulated flight (t, pitch rate q, elevator de) to try the other commands on."""
-    from . import signals
-    from .experiments import simulation
-    from .systems import lti
+    from .. import signals
+    from ..experiments import simulation
+    from ..systems import lti
 
     if file.exists():
         raise SpecError(f"sample: {file} is there already; give another name")
@@ -114,7 +114,7 @@ def check(
     json_to: Json = None,
 ) -> None:
     """Show the columns of files; with --output, say what is wrong or doubtful about the record."""
-    from .records.reading import columns
+    from ..records.reading import columns
 
     answers: list[dict[str, Any]] = []
     for file in files:
@@ -253,7 +253,7 @@ def order(
     plot: Picture = None,
 ) -> None:
     """Compare transfer functions of several orders, on one file or several as one problem."""
-    from .inference.order import select_order
+    from ..inference.order import select_order
 
     if not output or len(output) != 1:
         raise SpecError("order: give exactly one --output, the column to be modelled")
@@ -299,7 +299,7 @@ def frf(
     plot: Picture = None,
 ) -> None:
     """Estimate the frequency response without a model, from one file or several."""
-    from .responses.frf import frf
+    from ..responses.frf import frf
 
     if not output or not input:
         raise SpecError("frf: give --output and --input, the columns between which the response is wanted")
@@ -332,8 +332,8 @@ def compare(
     plot: Picture = None,
 ) -> None:
     """Score fits on a record: its columns are read by the names of the fits' channels."""
-    from .inference.comparison import compare
-    from .results.storage import load
+    from ..inference.comparison import compare
+    from ..results.storage import load
 
     *paths, data = files
     if not paths or data.suffix == ".json":
@@ -363,7 +363,7 @@ def _report(
     json_to: Json = None,
 ) -> None:
     """The Monte Carlo study of NASA report NAG-1-1065: Figs. 1(c) and 2, as table and figures."""
-    reproduction = import_module("modfun.reproduction")
+    reproduction = import_module("modfun.commands.reproduction")
     answer = reproduction.report(out, many=runs, quick=quick, progress="auto")
     if json_to is not None:
         write_json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)
@@ -385,7 +385,7 @@ def _records(
     missing: str,
 ) -> list[Record]:
     """A record a file, or, with --on, one each time the marker is on; --only picks some of all these."""
-    from .records.reading import read
+    from ..records.reading import read
 
     between = one_or_all(intersample)
     words: Any = {"time": time, "dt": dt, "outputs": output, "inputs": input, "keep": on, "part": part}
@@ -400,7 +400,7 @@ def _records(
 
 def _save(to: Path, draw: Callable[[Any], Any]) -> None:
     """Save the figure that a function makes with pyplot."""
-    from .base.optional import optional
+    from ..base.optional import optional
 
     optional("matplotlib", "plot", "--plot").use("Agg")
     pyplot = optional("matplotlib.pyplot", "plot", "--plot")
@@ -415,7 +415,7 @@ def _save(to: Path, draw: Callable[[Any], Any]) -> None:
 
 
 def _response_and_bode(result: Fit, pyplot: Any) -> Any:
-    from . import plot
+    from .. import plot
 
     count, across = len(result.outputs), 2 if result.inputs else 1
     figure = pyplot.figure(figsize=(6.0 * across, 1.0 + 4.5 * count), layout="constrained")

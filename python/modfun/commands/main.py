@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from .errors import DataError, ModfunError, ModfunWarning, SpecError
+from ..errors import DataError, ModfunError, ModfunWarning, SpecError
 
 __all__ = ["main"]
 
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         import typer  # noqa: F401
     except ModuleNotFoundError:
         return _say('the command line needs typer and rich: pip install "modfun[cli]"', 2)
-    from .commands import app
+    from .app import app
 
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows a question mark, not a traceback.
