@@ -18,7 +18,7 @@ from scipy.special import lambertw
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 
 import time_lag
-from modfun.delay.motion import Motion, history
+from modfun.timelag.motion import Motion, history
 
 DelaySystem = mf.timelag.DelaySystem
 

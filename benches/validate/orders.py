@@ -107,7 +107,7 @@ def holds() -> list[Curve]:
 
 def integration() -> list[Curve]:
     """The Duffing oscillator against itself at rtol 1e-12; a delay equation against an exact exponential."""
-    from modfun.delay.motion import Motion, history
+    from modfun.timelag.motion import Motion, history
 
     model = DUFFING.model({"d": 0.3, "a": 1.0, "b": 0.5})
     given = {"u": "sin(1.3*t)", "dt": 1.0, "intervals": 800, "x0": [0.5, 0.0]}  # long, so that steps are free

@@ -9,10 +9,10 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.delay.design import Controller
-from modfun.delay.motion import Motion, history
-from modfun.delay.mu import bound
-from modfun.delay.roots import count_right
+from modfun.timelag.design import Controller
+from modfun.timelag.motion import Motion, history
+from modfun.timelag.mu import bound
+from modfun.timelag.roots import count_right
 from oracle import timelag as oracle
 
 DelaySystem, Uncertainty = mf.timelag.DelaySystem, mf.timelag.Uncertainty

@@ -46,8 +46,8 @@ class Equation(Written):
         Such as ``"y'' + d*y' + a*y + b*y**3 = u"``. Derivatives are primes, on signals, on expressions
         ``(y**2)'`` and on coefficients ``c(t)'``, or ``D(expression, order)``. ``t`` is time in s, ``pi`` and
         ``e`` are numbers, ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and
-        operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a parameter.
-        Text is parsed, never executed.
+        operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a
+        parameter. Text is parsed, never executed.
     outputs, inputs : sequence of str, optional
         Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur. Outputs are
         noisy, inputs are known.

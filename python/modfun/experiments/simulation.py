@@ -19,7 +19,7 @@ from ..records.record import Record
 from ..signals import Signals
 from ..systems.lti import LTI
 from ..systems.propagate import intersample_kinds, respond
-from ..timelag import DelaySystem
+from ..timelag.system import DelaySystem
 
 __all__ = ["Experiment", "experiment", "simulate"]
 

@@ -727,7 +727,7 @@ class Fit:
         ImportError
             jinja2 or matplotlib is not installed.
         """
-        from ..report import write_fit
+        from .page import write_fit
 
         return write_fit(self, path, title=title, command=command)
 

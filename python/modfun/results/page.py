@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,15 +17,24 @@ from ..errors import SpecError
 from ..fitting.of_gains import ResponseFit
 from ..pages import formulas, provenance
 from ..pages.figures import drawn
+from ..pages.page import check_place, save
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
 from . import page_gains as of_gains
 from . import page_records as of_records
 from . import page_words as words
 from .fit import Fit
 
-__all__ = ["page_of"]
+__all__ = ["page_of", "write_fit"]
 
 STRONG = 0.9  # correlation
+
+
+def write_fit(
+    fit: Fit, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None
+) -> Path:
+    """Write the report of a fit; see `Fit.report`."""
+    check_place(path, "report")
+    return save(page_of(fit, title, command), path, "report")
 
 
 def page_of(fit: Fit, title: str | None, command: str | None) -> Page:

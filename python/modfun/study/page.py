@@ -14,12 +14,25 @@ from .. import plot
 from ..base.tables import Table
 from ..pages import provenance
 from ..pages.figures import drawn
+from ..pages.page import check_place, save
 from ..pages.parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section
 from ..plot.tables import study_rows
 from .directory import FILE, Directory
 from .results import Results
 
-__all__ = ["page_of"]
+__all__ = ["page_of", "write_study"]
+
+
+def write_study(
+    results: Results,
+    path: str | os.PathLike[str],
+    *,
+    directory: str | os.PathLike[str] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Write the report of a study; see `Results.report`."""
+    check_place(path, "report")
+    return save(page_of(results, directory, title), path, "report")
 
 
 def page_of(results: Results, directory: str | os.PathLike[str] | None, title: str | None) -> Page:

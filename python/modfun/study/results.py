@@ -365,7 +365,7 @@ class Results:
         ImportError
             jinja2 or matplotlib is not installed.
         """
-        from ..report import write_study
+        from .page import write_study
 
         return write_study(self, path, directory=directory, title=title)
 

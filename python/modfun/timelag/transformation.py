@@ -15,7 +15,7 @@ from ..errors import SpecError
 from .roots import Lagged, Roots, left_null
 
 if TYPE_CHECKING:
-    from ..timelag import DelaySystem
+    from .system import DelaySystem
 
 __all__ = ["Transformation", "integrals", "matrix_exponential", "reduced", "said"]
 

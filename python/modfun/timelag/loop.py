@@ -19,7 +19,7 @@ from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
 
 if TYPE_CHECKING:
-    from ..timelag import DelaySystem
+    from .system import DelaySystem
 
 __all__ = ["simulated"]
 

@@ -20,7 +20,7 @@ from ..errors import SpecError
 from .transformation import integrals
 
 if TYPE_CHECKING:
-    from ..timelag import DelaySystem, Uncertainty
+    from .system import DelaySystem, Uncertainty
     from .transformation import Transformation
 
 __all__ = ["Margin", "bound", "margin"]
@@ -78,7 +78,7 @@ class Margin:
 
     def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
         """Draw the bound over frequency (extra ``plot``); returns Axes."""
-        from .plots import margin as draw
+        from .drawing import margin as draw
 
         return draw(self, ax=ax, hz=hz)
 

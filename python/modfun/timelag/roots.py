@@ -87,7 +87,7 @@ class Roots:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the roots in the complex plane (extra ``plot``); returns Axes."""
-        from .plots import roots
+        from .drawing import roots
 
         return roots(self, ax=ax)
 

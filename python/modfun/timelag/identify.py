@@ -8,40 +8,75 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arguments import public
 from ..base.student import probability
 from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.written import channel_names
 from ..errors import SpecError
 from ..systems.lti import LTI
-from ..timelag import DelaySystem, Uncertainty
+from .system import DelaySystem, Uncertainty
 
 if TYPE_CHECKING:
     from ..results.fit import Fit
 
-__all__ = ["equations", "errors_of", "system_of"]
+__all__ = ["equation", "errors", "from_fit"]
 
 F64 = NDArray[np.float64]
 LINEAR = 1e-9  # part of its size by which a linear right side may miss the sum of its parts
 
 
-def equations(
-    a: Mapping[Any, Any],
-    b: Mapping[Any, Any] | None,
-    states: Sequence[str] | None,
-    inputs: Sequence[str] | None,
-    params: Any,
+@public
+def equation(
+    A: Mapping[float | str, Any],
+    B: Mapping[float | str, Any] | None = None,
+    *,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    params: Mapping[str, Any] | None = None,
 ) -> Equation:
-    """`mf.timelag.equation`."""
-    if not isinstance(a, Mapping) or not a or not isinstance(b, Mapping | None):
+    """The equations x'(t) = Σ A_k x(t − h_k) + Σ B_r u(t − r) with parameters, states measured, to be fitted.
+
+    Needs the extra ``symbolic``. Records with offsets want ``mf.fit(..., trend="constant")``.
+
+    Parameters
+    ----------
+    A : mapping of float or str to matrices of str and float
+        By lag: a number in s, or the name of a parameter that `params` gives bounds. Entries are names,
+        expressions of names as text, or numbers.
+    B : mapping of float or str to matrices of str and float, optional
+        Likewise; a list of entries is one input. Default: no inputs.
+    states, inputs : sequence of str, optional
+        Names; default x1, x2, … and u or u1, u2, ….
+    params : mapping of str to float or Free, optional
+        Parameters held, or with start and bounds, as in `mf.Equation`. A lag needs a largest value, and is
+        best kept above 0, where x(t − h) is x(t).
+
+    Returns
+    -------
+    Equation
+
+    Raises
+    ------
+    SpecError
+        Matrices that do not fit each other, and what `mf.Equation` refuses.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> model = mf.timelag.equation(A={0: "a", "h": "c"}, B={0: "b"}, params={"h": mf.Free(min=0.1, max=2)})
+    >>> model.param_names()
+    ('a', 'c', 'h', 'b')
+    """
+    if not isinstance(A, Mapping) or not A or not isinstance(B, Mapping | None):
         raise SpecError('timelag.equation: A and B map lags to matrices, as {0: [["a"]], "h": [["c"]]}')
-    first = _table("A", next(iter(a.values())), None)
+    first = _table("A", next(iter(A.values())), None)
     n = len(first)
-    width = 0 if not b else len(_table("B", next(iter(b.values())), n)[0])
+    width = 0 if not B else len(_table("B", next(iter(B.values())), n)[0])
     own = channel_names("timelag.equation", "states", states, n, "x", always=True)
     drives = channel_names("timelag.equation", "inputs", inputs, width, "u")
     lines = [[] for _ in range(n)]  # type: list[list[str]]
-    for name, given, signals in (("A", a, own), ("B", b or {}, drives)):
+    for name, given, signals in (("A", A, own), ("B", B or {}, drives)):
         for lag, matrix in given.items():
             late = f"(t - {lag})" if isinstance(lag, str) or lag else ""
             for line, row in zip(lines, _table(name, matrix, n, len(signals)), strict=True):
@@ -67,8 +102,26 @@ def _table(name: str, given: Any, rows: int | None, columns: int | None = None) 
     return table
 
 
-def system_of(fit: Any) -> DelaySystem:
-    """`mf.timelag.from_fit`."""
+@public
+def from_fit(fit: Any) -> DelaySystem:
+    """The delay system that a fit found.
+
+    Parameters
+    ----------
+    fit : Fit, NonlinearModel or LTI
+        Of `equation`, of any linear `mf.Equation` with delays known or estimated, of a `mf.StateSpace`, or
+        of transfer functions; or its model. Constants in the equations are left out: x is counted from
+        where the system rests.
+
+    Returns
+    -------
+    DelaySystem
+
+    Raises
+    ------
+    SpecError
+        The model is not linear, varies with time, or holds derivatives of inputs.
+    """
     model = fit if isinstance(fit, LTI | NonlinearModel) else getattr(fit, "model", None)
     if isinstance(model, LTI):
         sys = model.to_ss()
@@ -102,15 +155,35 @@ def system_of(fit: Any) -> DelaySystem:
     )
 
 
-def errors_of(fit: Fit, level: float) -> list[Uncertainty]:
-    """`mf.timelag.errors`."""
+@public
+def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
+    """What a fit leaves uncertain of the matrices, for `DelaySystem.mu`.
+
+    One error an axis of the estimates' covariance, so long that the box of all holds the joint confidence
+    region of this level; estimated lags are taken as exact.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of `equation` or of a linear `mf.Equation`.
+    level : float, default 0.95
+
+    Returns
+    -------
+    list of Uncertainty
+
+    Raises
+    ------
+    SpecError
+        No standard errors, or as `from_fit`.
+    """
     from scipy.stats import chi2
 
     level = probability("timelag.errors", level)
     model = fit.model
     if not isinstance(model, NonlinearModel):
         raise SpecError("timelag.errors: give a fit of mf.timelag.equation(...) or of a linear mf.Equation")
-    plant = system_of(fit)
+    plant = from_fit(fit)
     names = list(fit.param_names)
     held = {str(d) for d in _lag_names(model)}
     free = [k for k, name in enumerate(names) if name not in held]

@@ -1,9 +1,4 @@
-"""Control of systems with time lag by the reducing transformation (report, section 4.10).
-
-x'(t) = Σ A_k x(t − h_k) + Σ B_r u(t − r), y = Cx. `DelaySystem` finds its characteristic roots, reduces it to
-an ordinary z' = Az + Bu that holds exactly, designs u = −Kz, simulates the loop and bounds what uncertainty
-may do to it. `equation` is what to fit to data, `from_fit` makes a plant of the fit. Parts are in delay/.
-"""
+"""Systems with time lag: matrices by lag, and all that can be asked of them."""
 
 from __future__ import annotations
 
@@ -14,20 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.arguments import public, real, reals
-from .base.samples import frequencies
-from .errors import SpecError
+from ..base.arguments import public, real, reals
+from ..base.samples import frequencies
+from ..errors import SpecError
 
 if TYPE_CHECKING:
-    from .delay.design import Design
-    from .delay.motion import Trajectory
-    from .delay.mu import Margin
-    from .delay.roots import Lagged, Roots
-    from .delay.transformation import Transformation
-    from .equations.equation import Equation
-    from .results.fit import Fit
+    from .design import Design
+    from .motion import Trajectory
+    from .mu import Margin
+    from .roots import Lagged, Roots
+    from .transformation import Transformation
 
-__all__ = ["DelaySystem", "Uncertainty", "equation", "errors", "from_fit"]
+__all__ = ["DelaySystem", "Uncertainty"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -78,7 +71,7 @@ class DelaySystem:
         states: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
     ) -> None:
-        from .equations.written import channel_names
+        from ..equations.written import channel_names
 
         a = _lagged("A", A, None)
         n = len(a[0][1])
@@ -141,7 +134,7 @@ class DelaySystem:
         ModfunWarning
             The argument principle counts others than were found.
         """
-        from .delay.roots import rightmost
+        from .roots import rightmost
 
         if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
             raise SpecError(f"poles: count={count!r} must be a whole number of at least 1")
@@ -162,8 +155,8 @@ class DelaySystem:
         -------
         FrequencyResponse
         """
-        from .delay.roots import characteristic
-        from .systems.frequency_response import FrequencyResponse
+        from ..systems.frequency_response import FrequencyResponse
+        from .roots import characteristic
 
         w = frequencies(omega, "frequency_response")
         s = np.asarray(1j * w, dtype=np.complex128)
@@ -193,7 +186,7 @@ class DelaySystem:
         SpecError
             There are no n such roots; those at fault are named.
         """
-        from .delay.transformation import reduced
+        from .transformation import reduced
 
         return reduced(self, self.poles(4 * self.order + 8 if count is None else count), keep)
 
@@ -226,7 +219,7 @@ class DelaySystem:
             More than n roots right of the line, a root that no input reaches, poles that cannot be had;
             each named.
         """
-        from .delay.design import placed
+        from .design import placed
 
         return placed(self._transformation(transformation, "place"), poles, line)
 
@@ -258,7 +251,7 @@ class DelaySystem:
         SpecError
             As in `place`, and for weights that are none.
         """
-        from .delay.design import quadratic
+        from .design import quadratic
 
         return quadratic(self._transformation(transformation, "lqr"), Q, R, line)
 
@@ -310,7 +303,7 @@ class DelaySystem:
         ModfunWarning
             Held for so long, u does not stabilise the roots it moves.
         """
-        from .delay.loop import simulated
+        from .loop import simulated
 
         return simulated(self, K, duration, dt, history, x0, u, input_history, intersample)
 
@@ -349,8 +342,8 @@ class DelaySystem:
         SpecError
             Errors that do not fit the plant, a loop that is not stable without them.
         """
-        from .delay.design import as_design
-        from .delay.mu import margin
+        from .design import as_design
+        from .mu import margin
 
         k, transformation = as_design(self, K)
         blocks = [errors] if isinstance(errors, Uncertainty) else list(errors or [])
@@ -440,105 +433,6 @@ class Uncertainty:
         object.__setattr__(self, "B", _matrices("Uncertainty: B", self.B))
         if not self.A and not self.B:
             raise SpecError("Uncertainty: give A= or B=, matrices by lag")
-
-
-@public
-def equation(
-    A: Mapping[float | str, Any],
-    B: Mapping[float | str, Any] | None = None,
-    *,
-    states: Sequence[str] | None = None,
-    inputs: Sequence[str] | None = None,
-    params: Mapping[str, Any] | None = None,
-) -> Equation:
-    """The equations x'(t) = Σ A_k x(t − h_k) + Σ B_r u(t − r) with parameters, states measured, to be fitted.
-
-    Needs the extra ``symbolic``. Records with offsets want ``mf.fit(..., trend="constant")``.
-
-    Parameters
-    ----------
-    A : mapping of float or str to matrices of str and float
-        By lag: a number in s, or the name of a parameter that `params` gives bounds. Entries are names,
-        expressions of names as text, or numbers.
-    B : mapping of float or str to matrices of str and float, optional
-        Likewise; a list of entries is one input. Default: no inputs.
-    states, inputs : sequence of str, optional
-        Names; default x1, x2, … and u or u1, u2, ….
-    params : mapping of str to float or Free, optional
-        Parameters held, or with start and bounds, as in `mf.Equation`. A lag needs a largest value, and is
-        best kept above 0, where x(t − h) is x(t).
-
-    Returns
-    -------
-    Equation
-
-    Raises
-    ------
-    SpecError
-        Matrices that do not fit each other, and what `mf.Equation` refuses.
-
-    Examples
-    --------
-    >>> import modfun as mf
-    >>> model = mf.timelag.equation(A={0: "a", "h": "c"}, B={0: "b"}, params={"h": mf.Free(min=0.1, max=2)})
-    >>> model.param_names()
-    ('a', 'c', 'h', 'b')
-    """
-    from .delay.identify import equations
-
-    return equations(A, B, states, inputs, params)
-
-
-@public
-def from_fit(fit: Any) -> DelaySystem:
-    """The delay system that a fit found.
-
-    Parameters
-    ----------
-    fit : Fit, NonlinearModel or LTI
-        Of `equation`, of any linear `mf.Equation` with delays known or estimated, of a `mf.StateSpace`, or
-        of transfer functions; or its model. Constants in the equations are left out: x is counted from
-        where the system rests.
-
-    Returns
-    -------
-    DelaySystem
-
-    Raises
-    ------
-    SpecError
-        The model is not linear, varies with time, or holds derivatives of inputs.
-    """
-    from .delay.identify import system_of
-
-    return system_of(fit)
-
-
-@public
-def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
-    """What a fit leaves uncertain of the matrices, for `DelaySystem.mu`.
-
-    One error an axis of the estimates' covariance, so long that the box of all holds the joint confidence
-    region of this level; estimated lags are taken as exact.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of `equation` or of a linear `mf.Equation`.
-    level : float, default 0.95
-
-    Returns
-    -------
-    list of Uncertainty
-
-    Raises
-    ------
-    SpecError
-        No standard errors, or as `from_fit`.
-    """
-    from .delay.identify import errors_of
-
-    return errors_of(fit, level)
 
 
 def _terms(name: str, signal: str, matrices: Lagged) -> list[str]:

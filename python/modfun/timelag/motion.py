@@ -20,7 +20,7 @@ from ..language.evaluate import Source, evaluate, is_samples
 from ..systems.propagate import spline
 
 if TYPE_CHECKING:
-    from ..timelag import DelaySystem
+    from .system import DelaySystem
 
 __all__ = ["History", "Motion", "Trajectory", "drive", "history"]
 
@@ -64,7 +64,7 @@ class Trajectory:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw states above, inputs below (extra ``plot``); returns Axes."""
-        from .plots import trajectory
+        from .drawing import trajectory
 
         return trajectory(self, ax=ax)
 

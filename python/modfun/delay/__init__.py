@@ -1,1 +1,0 @@
-"""Parts of `mf.timelag`: roots, reducing transformation, design, simulation, structured uncertainty, fits."""
