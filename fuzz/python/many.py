@@ -14,6 +14,7 @@ from collections import Counter
 
 import modfun as mf
 import numpy as np
+from modfun.fitting.many import FitMany
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
@@ -69,7 +70,7 @@ def batch(rng: np.random.Generator, records: int) -> tuple[mf.Batch, mf.Transfer
 
 def wrong(found: object) -> str | None:
     """What a result claims that its numbers do not hold."""
-    assert isinstance(found, mf.many.FitMany)  # type: ignore[attr-defined]
+    assert isinstance(found, FitMany)
     ok = found.status == "ok"
     if not np.all(np.isfinite(found.params[ok])):
         return "an estimate that is ok is not finite"

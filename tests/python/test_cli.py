@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("typer")
-from modfun.commands.app.main import main
+from modfun.commands.main import main
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from study_cases import same, small_parts
 
 pytest.importorskip("typer")
 from modfun.base.progress import clock
-from modfun.commands.app.main import main
+from modfun.commands.main import main
 from modfun.study import run as study_run
 
 STUDY = """

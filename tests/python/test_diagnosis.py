@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import modfun as mf
 import numpy as np
 import pytest
+from modfun._core import noise_level
 from modfun.results.diagnosis import diagnose, high_band_df, level_p
 from modfun.results.scores import correlation_of_lines
 from scipy.special import chdtrc, fdtrc
@@ -75,7 +76,7 @@ def planned(order, *intervals):
 def test_the_levels_degrees_of_freedom_are_those_of_its_scatter(order, intervals, runs, within):
     """2 mean²/variance of n levels is known to √(2/n), 2.2 and 18 %; pieces not counted make four times."""
     noise = np.random.default_rng(0).standard_normal((runs, intervals + 1))
-    power = mf._core.noise_level(noise, order) ** 2
+    power = noise_level(noise, order) ** 2
     assert np.mean(power) == pytest.approx(1.0, abs=0.05)
     assert 2 * power.mean() ** 2 / power.var() == pytest.approx(
         high_band_df(planned(order, intervals)), rel=within

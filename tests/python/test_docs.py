@@ -121,7 +121,7 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
         pytest.importorskip("distributed")
     monkeypatch.chdir(folder)
     if page.name == "README.md" and "flight.csv" in code:
-        from modfun.commands.app.main import main
+        from modfun.commands.main import main
 
         assert main(["sample", "flight.csv"]) == 0
     with warnings.catch_warnings():
@@ -130,7 +130,7 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
 
 
 def test_the_sample_of_the_tour_is_that_of_the_command(tmp_path, monkeypatch, capsys):
-    from modfun.commands.app.main import main
+    from modfun.commands.main import main
 
     monkeypatch.chdir(tmp_path)
     tour = next(block.values for block in blocks("python") if block.values[0].name == "tour.md")

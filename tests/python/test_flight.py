@@ -120,7 +120,7 @@ def test_a_counter_marks_its_manoeuvres():
 def test_the_same_from_the_shell(example, tmp_path, capsys):
     """--on, --only and --missing give the records that Python has."""
     pytest.importorskip("typer")
-    from modfun.commands.app.main import main
+    from modfun.commands.main import main
 
     path = tmp_path / "run7.csv"
     example.write_sample(path)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__
+from .._core import __version__
 from ..errors import SpecError
 from ..fitting import fit as estimation
 from ..models.transfer_function import TransferFunction

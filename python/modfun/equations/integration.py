@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import integrate as core_integrate
 from ..errors import DataError, SpecError
 from ..language.evaluate import Source, evaluate, function, is_samples
 from ..systems.propagate import spline, too_steep
@@ -186,7 +186,7 @@ def integrate_pieces(
     most = CORE[0] + CORE[1] * grid.size
     x = starts[:, :, None]
     for _ in range(3):
-        found, left = _core.integrate(tape, grid, drives, first, own, rtol, absolute, most, (a, b, c, e5, e3))
+        found, left = core_integrate(tape, grid, drives, first, own, rtol, absolute, most, (a, b, c, e5, e3))
         if left is not None:
             raise _outside(left, float(grid[0]))
         if found is None:

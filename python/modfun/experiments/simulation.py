@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import normals
 from ..base.arguments import public, real, reals, whole
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
@@ -227,7 +227,7 @@ def simulate(
                 "give an input that moves every output, or nsr=0 and add noise of your own"
             )
         y = y + nsr * found.rms[:, None] * np.array(
-            [_core.normals(seed, "noise_y", k, replicate, 0, y.shape[1]) for k in range(y.shape[0])]
+            [normals(seed, "noise_y", k, replicate, 0, y.shape[1]) for k in range(y.shape[0])]
         )
     return Record(
         y=y,
@@ -245,7 +245,7 @@ def _initial_state(given: str | ArrayLike, found: Experiment, seed: int, replica
         if given == "zero":
             return np.zeros(n)
         if given == "random":
-            return found.state_rms * _core.normals(seed, "initial_state", 0, replicate, 0, n)
+            return found.state_rms * normals(seed, "initial_state", 0, replicate, 0, n)
         raise SpecError(f"simulate: initial_state={given!r} is unknown; give 'zero', 'random' or {n} numbers")
     state = reals("simulate", "initial_state", given)
     if state.shape != (n,) or not np.all(np.isfinite(state)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import noise_level
 from ..errors import DataError
 from ..records.record import Record
 
@@ -65,7 +65,7 @@ def variances(rec: Record, off: F64, order: int) -> F64 | None:
     if rec.mask is not None:
         level = np.zeros(len(rec.y))
         if rec.dt is not None and rec.intervals >= 8 * (order + 4):
-            level = _core.noise_level(np.ascontiguousarray(rec.y), order)
+            level = noise_level(np.ascontiguousarray(rec.y), order)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = found + (off / level[:, None]) ** 2
         found = np.where(rec.mask, found, np.where(np.isfinite(own), own, np.inf))

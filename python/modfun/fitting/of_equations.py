@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Never
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import TermsFitter
 from ..base.arguments import reals
 from ..base.student import root
 from ..errors import DataError, SpecError
@@ -345,7 +345,7 @@ def prepare_equation(
         sampling = [(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     trend = structure.trend if options.trend == "auto" else options.trend
-    core = _core.TermsFitter(
+    core = TermsFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
         list(uneven),

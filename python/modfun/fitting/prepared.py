@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import Fitter, JointFitter, Stream
 from ..errors import DataError
 from ..models.layout import Layout
 from ..models.noise import weighting
@@ -39,7 +39,7 @@ class Prepared:
 
     Attributes
     ----------
-    core : _core.Fitter, _core.JointFitter or _core.Stream
+    core : Fitter, JointFitter or Stream
     layout : Layout
     intervals : tuple of int
         Sampling intervals used, a record.
@@ -110,7 +110,7 @@ def prepare_stream(
         words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
     remembered = samples + (len(weights) - 1) * intervals
     factors = [weight**0.5 for weight in weights]
-    core = _core.Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
+    core = Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
     return Prepared(core, layout, (intervals,), joint)
 
 
@@ -147,7 +147,7 @@ def _made(
 ) -> Prepared:
     """As `prepare`; `sampling` holds the number of samples and the step (uneven: the times) a record."""
     intervals = _intervals(layout, sampling)
-    core = _core.Fitter(
+    core = Fitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
         **plain_words(layout, intersample, options),
@@ -194,7 +194,7 @@ def _joint(
     # A batch has no masks.
     whole = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
     uneven = [variances(rec, off, order) for rec, _, off in whole] or [None]
-    core = _core.JointFitter(
+    core = JointFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
         uneven,

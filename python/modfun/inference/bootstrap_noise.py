@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import normals
 from ..errors import DataError, SpecError
 from ..models.noise import Noise as GivenNoise
 from ..models.transfer_function import TransferFunction
@@ -52,7 +52,7 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
 
     def draw(replicate: int) -> list[F64]:
         drawn = [
-            root @ _core.normals(seed, "bootstrap", 0, replicate, k, y.size).reshape(y.shape) * size
+            root @ normals(seed, "bootstrap", 0, replicate, k, y.size).reshape(y.shape) * size
             for k, (y, size) in enumerate(zip(clean, sizes, strict=True))
         ]
         return (
@@ -86,7 +86,7 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
     def draw(replicate: int) -> list[F64]:
         found = []
         for k, (line, period, lead) in enumerate(zip(lines, fit.intervals, leads, strict=True)):
-            z = _core.normals(seed, "bootstrap", 0, replicate, k, 2 * line.shape[1])
+            z = normals(seed, "bootstrap", 0, replicate, k, 2 * line.shape[1])
             turn = z[::2] + 1j * z[1::2]
             turn[0] = turn[0].real  # real lines keep or change their sign
             if period % 2 == 0:

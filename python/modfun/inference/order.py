@@ -11,7 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import Fitter
 from ..base import html
 from ..base.arguments import public, whole
 from ..base.tables import Table
@@ -248,7 +248,7 @@ class _Race:
         ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
         rows: list[dict[str, Any]] = []
         for own in self.fits:
-            core = _core.Fitter(
+            core = Fitter(
                 [rec.y.shape[1] for rec in self.records],
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
                 transient=self.transient,

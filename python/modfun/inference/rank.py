@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import noise_level
 from ..base.arguments import public, whole
 from ..base.tables import Table
 from ..errors import DataError, SpecError
@@ -70,7 +70,7 @@ def rank_test(
                 "widen the band or look for fewer poles"
             )
         x = np.asarray(1j * omega / top, dtype=np.complex128)
-        level = _core.noise_level(np.ascontiguousarray(rec.y), q)
+        level = noise_level(np.ascontiguousarray(rec.y), q)
         for own, sigma in zip(y, level, strict=True):
             if not sigma > 0:
                 raise DataError("rank_test: the record carries no noise; select_order needs none")

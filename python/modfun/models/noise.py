@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import noise_level
 from ..base.arguments import public, reals
 from ..errors import DataError, SpecError
 
@@ -224,7 +224,7 @@ def _levels(layout: Layout, records: Sequence[Record], intervals: Sequence[int])
                 "records; give them as noise=mf.Noise(y=..., u=...)"
             )
         window = np.vstack([rec.y, rec.u])[:, rec.intervals - used :]
-        power.append(_core.noise_level(np.ascontiguousarray(window), order) ** 2)
+        power.append(noise_level(np.ascontiguousarray(window), order) ** 2)
     level = np.sqrt(np.mean(power, axis=0))
     outputs = len(layout.outputs)
     if np.any(level[:outputs] == 0):

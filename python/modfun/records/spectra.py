@@ -79,10 +79,10 @@ def noise_table(record: Record, order: int) -> Table:
         raise DataError(
             "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
         )
-    from .. import _core
+    from .._core import noise_level
 
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
-    level = np.asarray(_core.noise_level(both, whole("noise_level", "order", order, 1, 100)))
+    level = np.asarray(noise_level(both, whole("noise_level", "order", order, 1, 100)))
     rms = both.std(axis=1)
     names = (*record.outputs, *record.inputs)
     with np.errstate(divide="ignore", invalid="ignore"):

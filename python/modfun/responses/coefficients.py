@@ -9,7 +9,8 @@ from math import ceil, comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import coefficients as core_coefficients
+from .._core import quadrature_weights
 from ..base.arguments import public, reals, whole
 from ..base.tables import nearest
 from ..errors import DataError, SpecError
@@ -87,8 +88,8 @@ def spectrum(
     kinds = [rule if k == "smooth" else k for k in rec.intersample]
     late = [d / rec.dt if rec.dt else 0.0 for d in delays or (0.0,) * len(rec.inputs)]
     t = None if rec.dt else rec.t - rec.t[0]
-    y = _core.coefficients(rec.y, top, [rule] * len(rec.outputs), [0.0] * len(rec.outputs), lead, t)
-    return y, _core.coefficients(rec.u, top, kinds, late, lead, t)
+    y = core_coefficients(rec.y, top, [rule] * len(rec.outputs), [0.0] * len(rec.outputs), lead, t)
+    return y, core_coefficients(rec.u, top, kinds, late, lead, t)
 
 
 # Regressors --------------------------------------------------------------------------------------
@@ -235,7 +236,7 @@ def regressors(
         im = im[1:]  # the row of m = −n/2 is real
     lines = np.array(columns)
     rows = np.concatenate([re @ lines.real.T, im @ lines.imag.T])
-    weights = _core.quadrature_weights(rule, intervals, None if rec.dt else rec.t - rec.t[0])
+    weights = quadrature_weights(rule, intervals, None if rec.dt else rec.t - rec.t[0])
     return Regressors(
         gamma=np.ascontiguousarray(rows[:, 1:]),
         target=np.ascontiguousarray(rows[:, 0]),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import coefficients, local_responses
 from ..base.arguments import public, reals, whole
 from ..base.progress import Progress
 from ..errors import DataError, ModfunWarning, SpecError
@@ -204,7 +204,7 @@ class _Neighbourhood:
         """The core's estimates with one half-width; `first`: of the longest windows alone."""
         used = [p for p in self.pieces if not first or p[0] < 1.001 * self.pieces[0][0]]
         given = [(p[0], self.half(p, halfwidth), self.zero, p[1], p[2]) for p in used]
-        return _core.local_responses(
+        return local_responses(
             given, np.ascontiguousarray(omega), self.method, self.degree, self.weighting, threads, shown
         )
 
@@ -376,7 +376,7 @@ def _piece(rec: Record, rule: str, varying: bool, trend: str | None) -> Piece:
         along = np.linspace(-0.5, 0.5, rec.intervals + 1)
         kinds = [rule if kind == "smooth" else kind for kind in rec.intersample]
         late = np.ascontiguousarray(rec.u * along)
-        more = _core.coefficients(late, rec.intervals // 2, kinds, [0.0] * len(kinds), 0, None)
+        more = coefficients(late, rec.intervals // 2, kinds, [0.0] * len(kinds), 0, None)
         u = np.concatenate([u, more])
     return 2 * np.pi / rec.duration, y, u
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import coefficients
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
 from .scores import Whiteness, colour_of_lines, correlation_of_lines
@@ -292,7 +292,7 @@ def _columns(fit: Fit, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64
     assert rec.dt is not None
     smooth = [fit.options.rule if kind == "smooth" else kind for kind in fit.intersample]
     late = [delay / rec.dt for delay in fit.layout.delays(fit.params)]
-    found = _core.coefficients(
+    found = coefficients(
         np.ascontiguousarray(np.vstack([rec.y, rec.u])),
         hi,
         [fit.options.rule, *smooth],

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import noise_level
 from ..base.arguments import public, whole
 from ..base.samples import frequencies
 from ..base.student import probability, root, student_interval
@@ -249,7 +249,7 @@ class Fit:
             if rec.mask is not None or rec.sigma is not None:
                 return nothing
             window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
-            variance.append(_core.noise_level(window, order) ** 2)
+            variance.append(noise_level(window, order) ** 2)
         return np.asarray(np.sqrt(np.mean(variance, axis=0)))
 
     @property

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import simulate
 from ..errors import DataError
 
 __all__ = [
@@ -137,7 +137,7 @@ def free_response(den: F64, t: F64) -> F64:
         for i in range(n):
             start = np.zeros(n)
             start[i] = 1.0
-            rows[i] = _core.simulate(
+            rows[i] = simulate(
                 companion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
             )[0]
     else:

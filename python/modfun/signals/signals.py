@@ -166,12 +166,12 @@ class Signals:
         Spectrum
             ``spectrum().plot()`` draws it.
         """
-        from .. import _core
+        from .._core import coefficients
         from ..records.spectra import Spectrum
 
         rules = ["trapezoid" if kind == "smooth" else kind for kind in self.intersample]
         top = self.intervals // 2
-        lines = 2 * np.abs(_core.coefficients(self.u, top, rules, [0.0] * len(self.inputs), 0, None)[:, 1:])
+        lines = 2 * np.abs(coefficients(self.u, top, rules, [0.0] * len(self.inputs), 0, None)[:, 1:])
         omega = 2 * np.pi / self.duration * np.arange(1.0, top + 1)
         return Spectrum(frozen(omega), frozen(lines), self.inputs, {})
 

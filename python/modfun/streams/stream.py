@@ -10,7 +10,7 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import Stream as CoreStream
 from ..base.arguments import public, real
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
@@ -169,7 +169,7 @@ class Stream:
                     "Stream: forgetting= takes a TransferFunction with known delays and white noise; give "
                     "window= for this estimator"
                 )
-            self._core = _core.Stream(channels, remembered, self._samples, self.dt, [])
+            self._core = CoreStream(channels, remembered, self._samples, self.dt, [])
         self.param_names = tuple(model.param_names(self.inputs, self.outputs))
         self._lock = RLock()  # pushing and asking from two threads
         self._latest: Track | None = None

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import count_errors
 from ..base.student import student_factor
 from ..errors import ModfunWarning
 from ..records.record import Record
@@ -208,6 +208,6 @@ class _Cell:
         size = tally.covered.shape
         figures = np.ravel_multi_index(where, size[:-1]) * size[-1] + np.array(columns)
         errors = np.ascontiguousarray(values - truth)
-        moments, bins, counts = _core.count_errors(errors, truth, figures.tolist())
+        moments, bins, counts = count_errors(errors, truth, figures.tolist())
         tally.moments[where][columns] = moments
         return bins, counts

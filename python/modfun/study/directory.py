@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import STREAM_VERSION, __version__
 from ..errors import DataError, ModfunWarning, SpecError
 from .files import SampleFile, alone, append, made, packed, read_part, swept, unpacked, write, write_part
 from .frozen import freeze, thaw
@@ -245,7 +245,7 @@ class Directory:
 
     def note(self, **said: Any) -> None:
         """Add a line on a run that begins: when, by which command and versions, and what is said."""
-        versions = {"modfun": _core.__version__, "python": platform.python_version(), "numpy": np.__version__}
+        versions = {"modfun": __version__, "python": platform.python_version(), "numpy": np.__version__}
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         machine = f"{platform.system()} {platform.machine()}"
         self._append(
@@ -318,8 +318,8 @@ class Directory:
 def _described(work: Work) -> dict[str, Any]:
     return {
         "kind": KIND, "schema": SCHEMA, "study": work.key, "seed": work.plan.seed, "draw": work.draw,
-        "coverage": work.coverage, "part": work.part, "streams": _core.STREAM_VERSION,
-        "modfun": _core.__version__, "replicates": 0,
+        "coverage": work.coverage, "part": work.part, "streams": STREAM_VERSION,
+        "modfun": __version__, "replicates": 0,
     }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import normals
 from ..base.callables import source
 from ..base.samples import numbered
 from ..equations.nonlinear import NonlinearModel
@@ -135,10 +135,10 @@ class Group:
             start = series(drawn, "initial_state", shape, "the states at t = 0")
             y = attempt("response", self.rest.response, start)
         elif self.drawn:
-            z = _core.normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
+            z = normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
             y = attempt("response", self.rest.response, z * self.rest.state_rms)
         elif len(self.free):
-            z = _core.normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
+            z = normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
             y = y + np.tensordot(z, self.free, 1)
         if self.noise is not None:
             rng = generator("noise", seed, replicate, self.index)
@@ -147,7 +147,7 @@ class Group:
             noise = series(drawn, "noise", given.shape, "noise of unit standard deviation for each sample")
         else:
             noise = np.array(
-                [_core.normals(seed, "noise_y", k, replicate, self.index, y.shape[1]) for k in range(len(y))]
+                [normals(seed, "noise_y", k, replicate, self.index, y.shape[1]) for k in range(len(y))]
             )
         return [self.record(y + s * self.unit[:, None] * noise) for s in sigma]
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import figures as core_figures
+from .._core import merge_moments, quantiles
 
 __all__ = ["STATUS", "TEXTS", "USED", "Tally", "united"]
 
@@ -80,7 +81,7 @@ class Tally:
     def merge(self, later: Tally) -> Tally:
         """Both together, `later` holding later replicates; samples are left out."""
         shape = self.moments.shape
-        merged = _core.merge_moments(self.moments.reshape(-1, 5), later.moments.reshape(-1, 5))
+        merged = merge_moments(self.moments.reshape(-1, 5), later.moments.reshape(-1, 5))
         bins, counts = united((self.bins, self.counts), (later.bins, later.counts))
         return Tally(
             moments=merged.reshape(shape),
@@ -106,12 +107,12 @@ class Tally:
         shape = truth.shape
         found = {
             name: values.reshape(shape)
-            for name, values in _core.figures(self.moments.reshape(-1, 5)).items()
+            for name, values in core_figures(self.moments.reshape(-1, 5)).items()
         }  # fmt: skip
         known = np.where(np.isnan(truth), np.nan, 1.0)
         count = self.moments[..., 0]
         zero_if_unknown = np.ascontiguousarray(np.nan_to_num(truth).ravel())
-        median = _core.quantiles(self.bins, self.counts, zero_if_unknown, 0.5).reshape(shape)
+        median = quantiles(self.bins, self.counts, zero_if_unknown, 0.5).reshape(shape)
         with np.errstate(invalid="ignore", divide="ignore"):
             whole = np.where((self.intervals == count) & (count > 0), known, np.nan)
             covered = whole * self.covered / self.intervals

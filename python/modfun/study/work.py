@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import STREAM_VERSION, Study
 from ..base.callables import source
 from .called import LEVEL, called
 from .contenders import Contender
@@ -104,7 +104,7 @@ class Work:
             digest.update(b"\n")
 
         plan = self.plan
-        add(["modfun study", _core.STREAM_VERSION, plan.seed, self.part, self.draw, self.coverage, LEVEL])
+        add(["modfun study", STREAM_VERSION, plan.seed, self.part, self.draw, self.coverage, LEVEL])
         for g in plan.groups:
             for value in (*g.described(), plan.sigma(g)):
                 add(value)
@@ -114,7 +114,7 @@ class Work:
         add([source(call) for _, call in plan.metrics])
         return digest.hexdigest()
 
-    def core(self, groups: Sequence[Group | Generated], chosen: Sequence[int]) -> _core.Study:
+    def core(self, groups: Sequence[Group | Generated], chosen: Sequence[int]) -> Study:
         """Some groups and estimators laid out in the compiled core."""
         plan = self.plan
         given = [
@@ -140,7 +140,7 @@ class Work:
             for g in groups
             if isinstance(g, Group)
         ]
-        return _core.Study(given, plan.shape[2:], draw=self.draw, level=LEVEL)
+        return Study(given, plan.shape[2:], draw=self.draw, level=LEVEL)
 
     def _cov_type(self, contender: Contender) -> str | None:
         return contender.estimators[0].options.cov_type if self.coverage else None
@@ -185,7 +185,7 @@ def _compiled(work: Work, part: Part, threads: int, progress: Progress | None) -
 
 
 @lru_cache(maxsize=2)
-def _laid_out(work: Work) -> tuple[_core.Study, F64]:
+def _laid_out(work: Work) -> tuple[Study, F64]:
     """The study in the core, kept by the process, and the share of each estimator in its time.
 
     Estimators share their noise and its sums; a short run of each alone tells who costs what.
@@ -199,7 +199,7 @@ def _laid_out(work: Work) -> tuple[_core.Study, F64]:
     return work.core(plan.groups, chosen), shares / shares.sum()
 
 
-def _timed(study: _core.Study, seed: int) -> float:
+def _timed(study: Study, seed: int) -> float:
     start = time.perf_counter()
     study.part(seed=seed, first=0, replicates=CHUNK, samples=False, threads=1)
     return time.perf_counter() - start

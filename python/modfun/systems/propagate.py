@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import gauss_legendre, simulate
 from ..errors import DataError, SpecError
 from ..language.evaluate import Source, evaluate, is_samples
 
@@ -46,7 +46,7 @@ def nodes(source: Source, dt: float, intervals: int, delay: float = 0.0) -> F64:
     -------
     ndarray, shape (intervals, nodes)
     """
-    positions = _core.gauss_legendre()[0]
+    positions = gauss_legendre()[0]
     times: F64 = (np.arange(float(intervals))[:, None] + positions) * dt - delay
     if not is_samples(source):
         return evaluate(source, times.ravel()).reshape(times.shape)
@@ -151,7 +151,7 @@ class Inputs:
         # The sum is exact because the system is linear.
         for which, kind, u, inside in groups:
             columns = np.ascontiguousarray(b[:, which]), np.ascontiguousarray(d[:, which])
-            parts.append(_core.simulate(a, columns[0], c, columns[1], start, u, self.dt, kind, inside))
+            parts.append(simulate(a, columns[0], c, columns[1], start, u, self.dt, kind, inside))
             start = np.zeros_like(x0)
         y = parts[0]
         for part in parts[1:]:
@@ -227,7 +227,7 @@ def _fractional(
     n = a.shape[0]
     first = _advance(a, b, np.zeros((n, 1)), fraction * dt, now[:1], until[:1])[:, 0]
     breaks = np.ascontiguousarray(before[None, 1:])
-    at_breaks = _core.simulate(a, b, np.eye(n), np.zeros((n, 1)), first, breaks, dt, kind, None)
+    at_breaks = simulate(a, b, np.eye(n), np.zeros((n, 1)), first, breaks, dt, kind, None)
     states = np.zeros((n, intervals + 1))
     states[:, 1:] = _advance(a, b, at_breaks, rest * dt, before[1:], now[1:])
     return c @ states + d * now

@@ -7,7 +7,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import sinusoids as core_sinusoids
 from ..base.arguments import public, real, reals, whole
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
@@ -148,7 +148,7 @@ def sinusoids(
         raise DataError(f"sinusoids: y is {y[0, 0]:g} throughout: there is no tone in it")
     scale = np.ldexp(1.0, np.frexp(np.where(np.isfinite(peaks) & (peaks > 0), peaks, 1.0))[1])
     with Progress(progress if many else False, "sinusoids", "records") as bar:
-        found = _core.sinusoids(
+        found = core_sinusoids(
             np.ascontiguousarray(real / scale[:, None]),
             weights,
             count=wanted,

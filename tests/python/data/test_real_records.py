@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("typer")
-from modfun.commands.app.main import main
+from modfun.commands.main import main
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 

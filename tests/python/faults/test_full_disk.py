@@ -12,7 +12,7 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.commands.app.main import main
+from modfun.commands.main import main
 from modfun.study import shards
 from study_cases import same, small_parts, study
 

@@ -142,7 +142,7 @@ def test_the_command(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text)
     code = """
 import signal, sys
-from modfun.commands.app.main import main
+from modfun.commands.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.exit(main(["mc", "run", "study.toml", "--out", "a"]))
 """

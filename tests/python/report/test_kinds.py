@@ -107,7 +107,7 @@ def test_a_defect_is_not_turned_into_words(tmp_path, monkeypatch):
 
 
 def test_command_line(tmp_path, monkeypatch, capsys):
-    from modfun.commands.app.main import main
+    from modfun.commands.main import main
 
     monkeypatch.chdir(tmp_path)
     mf.Record(y=noisy(mf.tf([3], [1, 2])), u=U, dt=0.05).to_csv("run.csv")

@@ -53,9 +53,9 @@ def smoothed(values: F64, t: F64, order: int, *, gain: bool = False) -> F64:
 def _window(values: F64) -> int:
     from scipy.signal import savgol_coeffs, savgol_filter
 
-    from ... import _core
+    from ..._core import noise_level
 
-    level = float(_core.noise_level(np.ascontiguousarray(values[None]), 2)[0])
+    level = float(noise_level(np.ascontiguousarray(values[None]), 2)[0])
     least = best = DEGREE + 2 - DEGREE % 2 + 1
     most = max(least, values.size // 4)
     window = least
