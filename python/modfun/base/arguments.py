@@ -96,11 +96,14 @@ def shown(value: Any) -> str:
 def public(thing: Thing, within: str = "") -> Thing:
     """Decorate a function, or a class for its constructor and methods: misfits are a SpecError.
 
-    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`.
+    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`. Methods that a
+    class has of another of this package count as its own.
     """
     if not isinstance(thing, type):
         return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
-    for name, member in list(vars(thing).items()):
+    own_package = __name__.split(".")[0]
+    bases = [base for base in reversed(thing.__mro__) if base.__module__.split(".")[0] == own_package]
+    for name, member in {name: member for base in bases for name, member in vars(base).items()}.items():
         if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
             own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
             setattr(thing, name, _explained(member, own))
