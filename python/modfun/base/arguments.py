@@ -120,6 +120,10 @@ def _explained(function: Any, name: str) -> Any:
                 _blame(function, name, args, given)
             raise
 
+    if "Never" in function.__annotations__.values():  # what collects misspelt options is not shown
+        written = inspect.signature(function)
+        shown = [p for p in written.parameters.values() if p.annotation != "Never"]
+        call.__signature__ = written.replace(parameters=shown)  # type: ignore[attr-defined]
     return call
 
 

@@ -160,7 +160,7 @@ def crlb(
     >>> de = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=0.03, duration=8.0)
     >>> bound = mf.crlb(short_period, de, params=values, sigma=[0.002, 0.004])
     >>> round(bound["Mq"], 3)
-    0.033
+    0.035
     """
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
