@@ -100,8 +100,11 @@ def public(thing: Thing, within: str = "") -> Thing:
     """
     if not isinstance(thing, type):
         return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
-    for name, member in list(vars(thing).items()):
-        if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
+    members = {name: member for kind in reversed(thing.__mro__) for name, member in vars(kind).items()}
+    for name, member in members.items():
+        if not inspect.isfunction(member) or hasattr(member, "__wrapped__"):  # the latter of a public class
+            continue
+        if not name.startswith("_") or name in ("__init__", "__getitem__"):
             own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
             setattr(thing, name, _explained(member, own))
     return thing

@@ -108,7 +108,7 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
         lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
         lower.set_ylabel(f"autocorrelation{of}")
 
-    return _each_row(fit, ax, chosen_rows(fit, output, "plot.residuals"), 2.3, draw)
+    return _each_row(fit, ax, chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals"), 2.3, draw)
 
 
 @drawing
@@ -129,7 +129,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     """
     from ..results.scores import cumulated_power
 
-    chosen = chosen_rows(fit, output, "plot.residual_tests")
+    chosen = chosen_rows(fit.row_names, fit.outputs, output, "plot.residual_tests")
     if hasattr(ax, "plot"):
         raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
 

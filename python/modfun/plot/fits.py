@@ -34,7 +34,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     -------
     Axes or ndarray of Axes, shape (2 · outputs,)
     """
-    chosen = chosen_outputs(fit, output, "plot.response")
+    chosen = chosen_outputs(fit.outputs, output, "plot.response")
     measured = fit._record(rec, "plot.response")
     simulated, errors = fit.predict(measured), fit.errors(measured)
     levels = fit.score(measured)["signal_to_error"]
@@ -46,7 +46,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         upper.plot(
             simulated.t, simulated.y[i], color="C3", linewidth=1.0, label=f"simulated: {levels[i]:.1f} dB"
         )
-        bridge_gaps(upper, measured, name, label="masked")
+        bridge_gaps(upper, measured.t, measured[name], measured._good(name), label="masked")
         lower.plot(measured.t, errors[i], color="C0", linewidth=0.8, label="error")
         upper.set_ylabel(f"{name}{unit}")
         if lower is not upper:

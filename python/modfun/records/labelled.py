@@ -6,23 +6,21 @@ A data set names the role of each variable in its attributes; a frame holds the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.optional import optional
 from ..errors import DataError, SpecError
+from .samples import Samples
 from .sources import ATTRS, Source, Told, from_arrays
-
-if TYPE_CHECKING:
-    from .record import Record
 
 __all__ = ["open_xarray", "to_pandas", "to_xarray"]
 
 TIMES = ("t", "time", "timestamp")
 
 
-def to_pandas(rec: Record) -> Any:
+def to_pandas(rec: Samples) -> Any:
     """Return the frame of `Record.to_pandas`."""
     pandas = optional("pandas", "pandas", "Record.to_pandas")
     sigma = _sigma_names(rec)
@@ -44,7 +42,7 @@ def to_pandas(rec: Record) -> Any:
     return frame
 
 
-def to_xarray(rec: Record) -> Any:
+def to_xarray(rec: Samples) -> Any:
     """Return the data set of `Record.to_xarray`."""
     xarray = optional("xarray", "xarray", "Record.to_xarray")
     if "t" in rec.channels:
@@ -67,7 +65,7 @@ def to_xarray(rec: Record) -> Any:
     return xarray.Dataset(variables, coords=clock, attrs={} if rec.dt is None else {"dt": rec.dt})
 
 
-def _sigma_names(rec: Record) -> dict[str, str]:
+def _sigma_names(rec: Samples) -> dict[str, str]:
     """Return a free name for the sigma of each output."""
     names: dict[str, str] = {}
     for output in rec.outputs if rec.sigma is not None else ():
