@@ -1,4 +1,4 @@
-"""Records as xarray data sets and pandas frames, and xarray objects as sources.
+"""Records as xarray data sets and pandas frames, and these as columns.
 
 A data set names the role of each variable in its attributes; a frame holds the same in ``frame.attrs``, which
 .parquet files keep.
@@ -12,11 +12,12 @@ import numpy as np
 
 from ..base.optional import optional
 from ..errors import DataError, SpecError
+from .columns import Columns, Told, from_arrays
 from .samples import Samples
-from .sources import ATTRS, Source, Told, from_arrays
 
-__all__ = ["open_xarray", "to_pandas", "to_xarray"]
+__all__ = ["open_frame", "open_xarray", "to_pandas", "to_xarray", "told_of_frame"]
 
+ATTRS = "modfun"  # where a pandas frame keeps what a record knows beside the samples
 TIMES = ("t", "time", "timestamp")
 
 
@@ -76,7 +77,38 @@ def _sigma_names(rec: Samples) -> dict[str, str]:
     return names
 
 
-def open_xarray(data: Any) -> Source:
+def open_frame(frame: Any, label: str, attrs: Any) -> Columns:
+    """Return the columns of a pandas or polars frame; `attrs` is what it knows beside them."""
+    arrays = {str(name): frame[name] for name in frame.columns}
+    name = getattr(getattr(frame, "index", None), "name", None)
+    if isinstance(name, str) and name not in arrays:  # pandas often keeps the times there
+        arrays = {name: frame.index, **arrays}
+    return from_arrays(arrays, label, told_of_frame(attrs, arrays))
+
+
+def told_of_frame(attrs: Any, names: Any) -> Told:
+    """What `Record.to_pandas` wrote, of the columns that are still there."""
+    about = attrs.get(ATTRS) if isinstance(attrs, dict) else None
+    if not isinstance(about, dict):
+        return Told()
+
+    def there(role: str) -> tuple[str, ...]:
+        return tuple(name for name in about.get(role, ()) if name in names)
+
+    return Told(
+        outputs=there("outputs"),
+        inputs=there("inputs"),
+        kept=there("kept"),
+        time=about["time"] if about.get("time") in names else None,
+        dt=about.get("dt"),
+        units=about.get("units", {}),
+        intersample=about.get("intersample", {}),
+        masked=about.get("masked", False),
+        sigma={name: column for name, column in about.get("sigma", {}).items() if column in names},
+    )
+
+
+def open_xarray(data: Any) -> Columns:
     """Return the columns of an xarray.Dataset or DataArray."""
     variables = data.data_vars if hasattr(data, "data_vars") else {data.name or "y": data}
     clock = _time_dim(data)
