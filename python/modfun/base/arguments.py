@@ -155,9 +155,7 @@ class _Names(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:
-        import modfun
-
-        return getattr(builtins, name, None) or getattr(modfun, name, Any)
+        return getattr(builtins, name, Any)
 
 
 def _surely_fits(value: Any, kind: Any) -> bool:

@@ -51,7 +51,7 @@ MOST_PRIMES = 12
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
-    r"|(?P<op>\*\*|<=|>=|==|//|[-+*/%()<>=,'])|(?P<end>$)|(?P<other>.))",
+    r"|(?P<op>\*\*|<=|>=|==|//|[-+*/%()<>=,'])|(?P<end>$)|(?P<other>_\w*|.))",
     re.ASCII | re.DOTALL,
 )
 _HINTS = {

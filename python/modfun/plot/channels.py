@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +10,8 @@ from ..base.axes import decibels, drawing, frequency_axis, label_axes, returned,
 from ..records.record import Record
 from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
-
-if TYPE_CHECKING:
-    from ..streams.track import Track
-    from ..tones.results import Sinusoids
+from ..streams.track import Track
+from ..tones.results import Sinusoids
 
 
 @drawing

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import chosen_rows, drawing, frequency_axis, returned, take_axes, take_pairs
 from ..errors import SpecError
+from ..records.record import Record
+from ..results.fit import Fit
 from .channels import spectrum
-
-if TYPE_CHECKING:
-    from ..records.record import Record
-    from ..results.fit import Fit
 
 __all__ = ["correlation", "harmonics", "residual_tests", "residuals"]
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
 from ..base.student import root
 from ..errors import SpecError
-
-if TYPE_CHECKING:
-    from ..records.record import Record
-    from ..results.fit import Fit
+from ..records.record import Record
+from ..results.fit import Fit
 
 
 @drawing

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import drawing, label_axes, returned, take_axes, take_grid
 from ..errors import SpecError
-
-if TYPE_CHECKING:
-    from ..inference.comparison import Comparison, CrossValidation
-    from ..inference.order import OrderSelection
-    from ..study.results import Results
+from ..inference.comparison import Comparison, CrossValidation
+from ..inference.order import OrderSelection
+from ..study.results import Results
 
 
 @drawing

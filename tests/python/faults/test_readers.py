@@ -221,7 +221,7 @@ WRONG = {
         "study.toml: .*intervals=10000000000000 must be a whole number from 1 to",
     ),
     "deep": ("a = " + "[" * 20000, "study.toml: this is not TOML: .*recursion"),
-    "code": (PLAIN.replace("sin(t)", "__import__('os').mkdir('harmed')"), "is not a known function"),
+    "code": (PLAIN.replace("sin(t)", "__import__('os').mkdir('harmed')"), "is not part of the language"),
     "NUL": ("a = \0", "study.toml: this is not TOML"),
 }
 
