@@ -21,8 +21,8 @@ from .errors import DataError, FitError, SpecError
 from .experiments.sensitivities import Sensitivities, time_unit
 from .models.options import MOST
 from .models.transfer_function import TransferFunction
-from .records.mask import refuse_own_noise
 from .records.record import Record
+from .records.samples import refuse_own_noise
 from .responses.coefficients import regressors
 from .systems.propagate import Inputs
 

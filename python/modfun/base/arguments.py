@@ -104,7 +104,9 @@ def public(thing: Thing, within: str = "") -> Thing:
     own_package = __name__.split(".")[0]
     bases = [base for base in reversed(thing.__mro__) if base.__module__.split(".")[0] == own_package]
     for name, member in {name: member for base in bases for name, member in vars(base).items()}.items():
-        if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
+        if not inspect.isfunction(member) or hasattr(member, "__wrapped__"):  # the latter of a public class
+            continue
+        if not name.startswith("_") or name in ("__init__", "__getitem__"):
             own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
             setattr(thing, name, _explained(member, own))
     return thing
@@ -159,9 +161,7 @@ class _Names(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:
-        import modfun
-
-        return getattr(builtins, name, None) or getattr(modfun, name, Any)
+        return getattr(builtins, name, Any)
 
 
 def _surely_fits(value: Any, kind: Any) -> bool:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import drawing, label_axes, returned, take_axes
-
-if TYPE_CHECKING:
-    from ..inference.comparison import Comparison, CrossValidation
-    from ..inference.order import OrderSelection
+from ..inference.comparison import Comparison, CrossValidation
+from ..inference.order import OrderSelection
 
 
 @drawing

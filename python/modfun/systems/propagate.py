@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._core import gauss_legendre, simulate
 from ..errors import DataError, SpecError
-from ..language.evaluate import Source, evaluate, is_samples
+from ..signals.sources import Source, evaluate, is_samples
 
 __all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import modfun as mf
 import pytest
-from modfun.language import evaluate as expressions
+from modfun.language.evaluate import function_of
+from modfun.signals.sources import evaluate
 from modfun.study import toml_file
 
 ROOT = Path(__file__).parents[3]
@@ -94,8 +95,8 @@ def study(text: str) -> Any:
 TAKES: dict[str, Callable[[str], Any]] = {
     "equation": lambda x: mf.Equation(f"y' + {x} = u").compiled(),
     "entry": lambda x: mf.StateSpace([[x]], [1]).compiled(),
-    "signal": lambda x: expressions.evaluate(x, [0.0, 1.0]),
-    "expression": lambda x: expressions.expression(x, ["y"]),
+    "signal": lambda x: evaluate(x, [0.0, 1.0]),
+    "expression": lambda x: function_of(x, ["y"]),
     "input": lambda x: mf.simulate(mf.tf([1], [1, 1]), input=x, duration=1.0, intervals=8),
     "study": study,
 }
