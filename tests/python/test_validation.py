@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun import validation as v
+from modfun.results import scores as v
 
 
 def test_scores_of_a_known_error():

@@ -13,6 +13,7 @@ from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..systems.polynomials import companion
 from .scores import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
@@ -136,9 +137,8 @@ def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> Initial
     # The outputs' free responses have no state in common: an observer each.
     for i, n in enumerate(orders):
         den, _ = fit.polynomials(i)
-        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
         left = (rec.y[i] - _forced(fit, rec, i))[None]
-        found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
+        found = observe(companion(den), np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
         cov[first : first + n, first : first + n] = found.cov
         states.append(found.state)
         trends.append(found.trend.ravel())

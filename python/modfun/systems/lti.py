@@ -16,7 +16,17 @@ from ..errors import DataError, SpecError
 from ..language.evaluate import is_samples, sources
 from ..signals import Signals
 from .frequency_response import FrequencyResponse
-from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
+from .polynomials import (
+    Polynomials,
+    all_equal,
+    by_modulus,
+    companion,
+    polynomials_of,
+    roots,
+    strip,
+    text_of,
+    time_unit,
+)
 from .propagate import intersample_kinds, respond
 
 __all__ = ["LTI", "ss", "tf"]
@@ -45,8 +55,8 @@ class LTI:
         Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
     """
 
-    numerators: Table | None
-    denominators: Table | None
+    numerators: Polynomials | None
+    denominators: Polynomials | None
     matrices: Matrices | None
     delays: tuple[float, ...]
     inputs: tuple[str, ...] | None = None
@@ -292,7 +302,7 @@ class LTI:
         """Feedthrough matrix of `to_ss`."""
         return self.to_ss()._state()[3]
 
-    def polynomials(self) -> tuple[Table, Table]:
+    def polynomials(self) -> tuple[Polynomials, Polynomials]:
         """Numerators and monic denominators, each (output, input), in descending powers of s."""
         if self.matrices is None:
             assert self.numerators is not None
@@ -393,13 +403,12 @@ class LTI:
         at = 0
         for i, which, p in blocks:
             m = p.size - 1
-            w = max((abs(p[k]) ** (1.0 / k) for k in range(1, m + 1)), default=1.0) or 1.0
+            w = time_unit(p)
             powers = w ** -np.arange(m + 1.0)
             q = p * powers
             rows = slice(at, at + m)
             if m:
-                a[rows, rows] = np.eye(m, k=1) * w
-                a[at + m - 1, rows] = -w * q[:0:-1]
+                a[rows, rows] = companion(p, w)
                 c[i, at] = 1.0
                 scale[rows] = powers[:m]
             for j in which:
