@@ -1,4 +1,4 @@
-"""Known functions of time: samples, callables, their derivatives, and what varying coefficients are made of."""
+"""Known functions of time: samples, callables, derivatives, and what varying coefficients are made of."""
 
 from __future__ import annotations
 
