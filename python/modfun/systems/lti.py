@@ -16,6 +16,7 @@ from ..errors import DataError, SpecError
 from ..language.evaluate import is_samples, sources
 from ..signals import Signals
 from .frequency_response import FrequencyResponse
+from .gains import gains
 from .polynomials import (
     Polynomials,
     all_equal,
@@ -150,12 +151,7 @@ class LTI:
                     for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                         g[i, j] = np.polyval(n, s) / np.polyval(d, s)
         else:
-            a, b, c, d0 = self.matrices
-            for k, point in enumerate(s):
-                try:
-                    g[:, :, k] = c @ np.linalg.solve(point * np.eye(a.shape[0]) - a, b) + d0
-                except np.linalg.LinAlgError:
-                    g[:, :, k] = np.inf
+            g[:] = gains(*self.matrices, w).transpose(1, 2, 0)
         with np.errstate(over="ignore", invalid="ignore"):
             g *= np.exp(-s * np.array(self.delays)[:, None])[None]
         return FrequencyResponse(omega=w, response=g)
