@@ -13,9 +13,9 @@ from ..base.arguments import public, reals
 from ..base.tables import Table, nearest
 from ..errors import DataError, SpecError
 from ..models.transfer_function import TransferFunction
+from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.fit import Fit
-from ..results.prediction import sample_weights
 from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .slopes import Known
@@ -243,8 +243,7 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
 
 def _whitened(columns: F64, cov: F64, rec: Record) -> F64:
     """Derivatives (unknown, output, time) as rows with noise of unit variance, (row, unknown)."""
-    weights = [sample_weights(rec, k) for k in range(len(cov))]
-    own = np.array([np.ones(rec.t.size) if w is None else w for w in weights])
+    own = sample_weights(rec.mask, rec.sigma, columns.shape[1:])
     columns = columns * own
     rows = []
     for seen in np.unique(own > 0, axis=1).T:  # outputs that are measured at once

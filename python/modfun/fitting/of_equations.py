@@ -124,7 +124,7 @@ class EquationFit(Fit):
         -------
         value, bse : (time,) arrays
         """
-        from ..equations.symbolic.varying import basis
+        from ..equations.symbolic.known import basis
 
         instants = np.atleast_1d(reals("varying", "t", t))
         names, values, held = basis(self.layout.compiled, name, instants)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError
 
-__all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "scarce", "sigma_of"]
+__all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "sample_weights", "scarce", "sigma_of"]
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -73,6 +73,12 @@ def filled(values: F64, mask: Mask | None, times: F64) -> F64:
         if good.any() and not good.all():
             row[~good] = np.interp(times[~good], times[good], row[good])
     return out
+
+
+def sample_weights(mask: Mask | None, sigma: F64 | None, shape: tuple[int, ...]) -> F64:
+    """Return 1/standard deviation of each sample (output, time) up to a factor, 0 where masked."""
+    weights = np.ones(shape) if sigma is None else 1 / sigma
+    return weights if mask is None else np.where(mask, weights, 0.0)
 
 
 def scarce(mask: Mask | None) -> NDArray[np.intp]:

@@ -12,12 +12,20 @@ from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..language.evaluate import function_of
-from ..systems.polynomials import roots_of
+from ..systems.polynomials import root_slopes
 
 if TYPE_CHECKING:
     from .fit import Fit
 
-__all__ = ["cancelling", "damp", "denominators", "derived", "frequency_response", "poles"]
+__all__ = [
+    "cancelling",
+    "damp",
+    "denominators",
+    "derived",
+    "frequency_response",
+    "poles",
+    "root_gradients",
+]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -81,18 +89,21 @@ def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: 
 
 
 def poles(fit: Fit, output: int = 0) -> tuple[C128, C128]:
-    """Poles of an output and their derivatives (pole, p): dp/da_j = -p^(n-j)/A'(p)."""
+    """Poles of an output and their derivatives (pole, parameter)."""
     den, _ = fit.polynomials(output)
-    n = fit.layout.orders[output]
-    found = roots_of(den)
-    slope = np.polyval(np.polyder(den), found)
-    gradient = np.zeros((n, fit.params.size), complex)
     first = fit.layout.places[0][output]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for j in range(1, n + 1):
-            at = fit.layout.positions[first + j - 1]
-            if at is not None:
-                gradient[:, at] = -(found ** (n - j)) / slope
+    places = fit.layout.positions[first : first + den.size - 1]
+    return root_gradients(den, [None, *places], fit.params.size)
+
+
+def root_gradients(p: F64, places: Sequence[int | None], size: int) -> tuple[C128, C128]:
+    """Roots and their derivatives (root, parameter); `places`: which of so many parameters each coefficient
+    is, None where it is none."""
+    found, slopes = root_slopes(p)
+    gradient = np.zeros((found.size, size), complex)
+    for k, at in enumerate(places):
+        if at is not None:
+            gradient[:, at] = slopes[:, k]
     return found, gradient
 
 
@@ -115,10 +126,10 @@ def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
     den, nums = fit.layout.polynomials(theta)
     degrees = fit.layout.numerators[0]
     ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in degrees)])
-    found = _roots(den, np.arange(1, fit.order + 1), theta.size, 0)
+    found = _roots(den, [None, *range(fit.order)], theta.size)
     paths = [
-        _roots(num, np.arange(num.size), theta.size, int(at))
-        for num, at, d in zip(nums, ends[:-1], degrees, strict=True)
+        _roots(num, range(at, at + num.size), theta.size)
+        for num, at, d in zip(nums, ends[:-1].tolist(), degrees, strict=True)
         if d is not None
     ]
     apart = [max((_nearest(pole, path, cov) for path in paths), default=np.inf) for pole in found]
@@ -128,16 +139,8 @@ def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
 Root = tuple[complex, C128]
 
 
-def _roots(coefficients: F64, free: NDArray[np.intp], size: int, at: int) -> list[Root]:
-    """Roots of a polynomial with their derivatives; its coefficients `free` are parameters from `at` on."""
-    degree, slope = coefficients.size - 1, np.polyder(coefficients)
-    made = []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for root in np.roots(coefficients):
-            gradient = np.zeros(size, complex)
-            gradient[at : at + free.size] = -(complex(root) ** (degree - free)) / np.polyval(slope, root)
-            made.append((complex(root), gradient))
-    return made
+def _roots(p: F64, places: Sequence[int | None], size: int) -> list[Root]:
+    return list(zip(*root_gradients(p, places, size), strict=True))
 
 
 def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:

@@ -27,6 +27,7 @@ from ..models.options import Options
 from ..models.transfer_function import system_of
 from ..records.record import Record
 from ..systems.lti import LTI, ss, tf
+from ..systems.polynomials import companion
 from . import check as doubts
 from . import derived as derivations
 from . import prediction
@@ -420,9 +421,9 @@ class Fit:
         if self.inputs:
             return system_of(self.layout, self.params)
         blocks = []  # free motion: companion forms without inputs
-        for i, n in enumerate(self.layout.orders):
+        for i in range(len(self.layout.orders)):
             den, _ = self.polynomials(i)
-            blocks.append(np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]]))
+            blocks.append(companion(den))
         size = sum(self.layout.orders)
         a, c = np.zeros((size, size)), np.zeros((len(blocks), size))
         at = 0

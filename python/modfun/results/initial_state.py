@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
+from ..records.mask import sample_weights
 from ..records.record import Record
 from ..systems.lti import ss
 from .linear_state import linear_state
-from .prediction import InitialState, given_state, sample_weights
+from .prediction import InitialState, given_state
 
 if TYPE_CHECKING:
     from .fit import Fit
@@ -169,8 +170,7 @@ class _Search:
             model = model_of(wider, np.append(self.params, np.zeros(extra)))
         self.model = model
         self.found = len(model.states) if state is None else 0  # so many of the unknowns are states
-        rows = [sample_weights(rec, i) for i in range(len(rec.outputs))]
-        self.own = np.array([np.ones(rec.t.size) if row is None else row for row in rows])
+        self.own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
         spread = np.std(rec.y, axis=1)
         self.weights = self.own / np.where(spread > 0, spread, 1.0)[:, None]
         # A state's size in time: derivatives of an output by the time in which it turns.

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from ..records.mask import sample_weights
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.propagate import respond
-from .prediction import InitialState, sample_weights
+from .prediction import InitialState
 
 __all__ = ["linear_state"]
 
@@ -70,8 +71,7 @@ def linear_state(
     columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
     if not columns:
         return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0))
-    known = [sample_weights(rec, i) for i in range(outputs)]
-    own = np.array([np.ones(rec.t.size) if one is None else one for one in known])
+    own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
     left, regressors = rec.y - forced, np.array(columns)
     if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
         raise DataError(

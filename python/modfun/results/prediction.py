@@ -11,15 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import shown
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
+from ..records.mask import sample_weights
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
+from ..systems.polynomials import companion
 from .scores import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
     from ..systems.lti import LTI
     from .fit import Fit
 
-__all__ = ["InitialState", "given_state", "observe_fit", "sample_weights", "simulate_fit"]
+__all__ = ["InitialState", "given_state", "observe_fit", "simulate_fit"]
 
 F64 = NDArray[np.float64]
 
@@ -80,6 +82,7 @@ def simulate_fit(
     orders = fit.layout.orders
     given = None if initial_state is None else given_state(initial_state, sum(orders))
     trend = trend_columns(rec.t, fit.trend)
+    weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
     states, offsets, first = [], [], 0
@@ -88,9 +91,8 @@ def simulate_fit(
         forced = _forced(fit, rec, i)
         free = free_response(den, rec.t)
         left = rec.y[i] - forced
-        weight = sample_weights(rec, i)
         if given is None:
-            found = regress(left, np.vstack([free, trend]), weight)
+            found = regress(left, np.vstack([free, trend]), weights[i])
             states.append(found.coefficients[:n])
             cov[first : first + n, first : first + n] = found.covariance[:n, :n]
             offsets.append(found.coefficients[n:])
@@ -98,7 +100,7 @@ def simulate_fit(
         else:
             states.append(given[first : first + n])
             start = states[-1] @ free
-            found = regress(left - start, trend, weight)
+            found = regress(left - start, trend, weights[i])
             offsets.append(found.coefficients)
             fitted = start + found.fitted
         simulated[i] = forced + fitted
@@ -109,14 +111,6 @@ def simulate_fit(
             "predict a shorter piece with rec.window(start, stop)"
         )
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
-
-
-def sample_weights(rec: Record, output: int) -> F64 | None:
-    """1/standard deviation of each sample of an output, 0 where masked; None where all count alike."""
-    if rec.mask is None and rec.sigma is None:
-        return None
-    weight = np.ones(rec.t.size) if rec.sigma is None else 1 / rec.sigma[output]
-    return weight if rec.mask is None else np.where(rec.mask[output], weight, 0.0)
 
 
 def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
@@ -136,9 +130,8 @@ def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> Initial
     # The outputs' free responses have no state in common: an observer each.
     for i, n in enumerate(orders):
         den, _ = fit.polynomials(i)
-        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
         left = (rec.y[i] - _forced(fit, rec, i))[None]
-        found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
+        found = observe(companion(den), np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
         cov[first : first + n, first : first + n] = found.cov
         states.append(found.state)
         trends.append(found.trend.ravel())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._core import simulate
 from ..errors import DataError
+from ..systems.polynomials import companion, time_unit
 
 __all__ = [
     "Regression",
@@ -115,17 +116,13 @@ def free_response(den: F64, t: F64) -> F64:
         Row i is the output for y^(i) = 1 and all other derivatives 0 at t[0]. Entries overflow to inf
         where an unstable mode grows beyond all numbers.
     """
-    a = np.asarray(den, float)[1:]
-    n = a.size
+    den = np.asarray(den, float)
+    n = den.size - 1
     if n == 0:
         return np.zeros((0, t.size))
     # Derivatives in units of the fastest rate: a companion matrix of entries near one.
-    powers = np.arange(1, n + 1)
-    rate = float(np.max(np.abs(a) ** (1.0 / powers))) or 1.0 / float(t[-1] - t[0])
-    companion = np.zeros((n, n))
-    companion[:-1, 1:] = np.eye(n - 1)
-    companion[-1] = -(a / rate**powers)[::-1]
-    companion *= rate
+    rate = time_unit(den, 1.0 / float(t[-1] - t[0]))
+    a = companion(den, rate)
     step = np.diff(t)
     rows = np.empty((n, t.size))
     even = bool(np.ptp(step) <= 1e-9 * step.mean())
@@ -137,15 +134,15 @@ def free_response(den: F64, t: F64) -> F64:
         for i in range(n):
             start = np.zeros(n)
             start[i] = 1.0
-            rows[i] = simulate(
-                companion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
-            )[0]
+            rows[i] = simulate(a, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None)[
+                0
+            ]
     else:
         from scipy.linalg import expm
 
         state = np.eye(n)
         rows[:, 0] = state[0]
-        for k, transition in enumerate(expm(companion * step[:, None, None])):
+        for k, transition in enumerate(expm(a * step[:, None, None])):
             state = transition @ state
             rows[:, k + 1] = state[0]
     return rows / rate ** np.arange(n)[:, None]
@@ -166,7 +163,7 @@ class Regression:
     fitted: F64
 
 
-def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
+def regress(y: F64, columns: F64, weight: F64) -> Regression:
     """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
 
     `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
@@ -181,16 +178,15 @@ def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
             "The free response of the model overflows within this record: a mode is too unstable for a "
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
-    each = np.ones_like(y) if weight is None else weight
-    scale = np.array([_rms(row) * np.sqrt(y.size) for row in columns * each])
+    scale = np.array([_rms(row) * np.sqrt(y.size) for row in columns * weight])
     scale[scale == 0] = 1.0
-    q, s, rotation = np.linalg.svd((columns * each / scale[:, None]).T, full_matrices=False)
+    q, s, rotation = np.linalg.svd((columns * weight / scale[:, None]).T, full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
-    coefficients = inverse @ (q[:, keep].T @ (y * each))
+    coefficients = inverse @ (q[:, keep].T @ (y * weight))
     fitted = (columns / scale[:, None]).T @ coefficients
-    rest = float(np.sum((each * (y - fitted)) ** 2))
-    rest /= max(int(np.count_nonzero(each)) - int(keep.sum()), 1)
+    rest = float(np.sum((weight * (y - fitted)) ** 2))
+    rest /= max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
     covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
     return Regression(coefficients / scale, covariance, fitted)
 

@@ -16,7 +16,18 @@ from ..errors import DataError, SpecError
 from ..signals import Signals
 from ..signals.sources import is_samples, sources
 from .frequency_response import FrequencyResponse
-from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
+from .gains import gains
+from .polynomials import (
+    Polynomials,
+    all_equal,
+    by_modulus,
+    companion,
+    polynomials_of,
+    roots,
+    strip,
+    text_of,
+    time_unit,
+)
 from .propagate import intersample_kinds, respond
 
 __all__ = ["LTI", "ss", "tf"]
@@ -45,8 +56,8 @@ class LTI:
         Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
     """
 
-    numerators: Table | None
-    denominators: Table | None
+    numerators: Polynomials | None
+    denominators: Polynomials | None
     matrices: Matrices | None
     delays: tuple[float, ...]
     inputs: tuple[str, ...] | None = None
@@ -140,12 +151,7 @@ class LTI:
                     for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                         g[i, j] = np.polyval(n, s) / np.polyval(d, s)
         else:
-            a, b, c, d0 = self.matrices
-            for k, point in enumerate(s):
-                try:
-                    g[:, :, k] = c @ np.linalg.solve(point * np.eye(a.shape[0]) - a, b) + d0
-                except np.linalg.LinAlgError:
-                    g[:, :, k] = np.inf
+            g[:] = gains(*self.matrices, w).transpose(1, 2, 0)
         with np.errstate(over="ignore", invalid="ignore"):
             g *= np.exp(-s * np.array(self.delays)[:, None])[None]
         return FrequencyResponse(omega=w, response=g)
@@ -292,7 +298,7 @@ class LTI:
         """Feedthrough matrix of `to_ss`."""
         return self.to_ss()._state()[3]
 
-    def polynomials(self) -> tuple[Table, Table]:
+    def polynomials(self) -> tuple[Polynomials, Polynomials]:
         """Numerators and monic denominators, each (output, input), in descending powers of s."""
         if self.matrices is None:
             assert self.numerators is not None
@@ -393,13 +399,12 @@ class LTI:
         at = 0
         for i, which, p in blocks:
             m = p.size - 1
-            w = max((abs(p[k]) ** (1.0 / k) for k in range(1, m + 1)), default=1.0) or 1.0
+            w = time_unit(p)
             powers = w ** -np.arange(m + 1.0)
             q = p * powers
             rows = slice(at, at + m)
             if m:
-                a[rows, rows] = np.eye(m, k=1) * w
-                a[at + m - 1, rows] = -w * q[:0:-1]
+                a[rows, rows] = companion(p, w)
                 c[i, at] = 1.0
                 scale[rows] = powers[:m]
             for j in which:
