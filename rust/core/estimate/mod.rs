@@ -10,6 +10,7 @@ mod iterate;
 pub mod joint;
 mod ls;
 mod ml;
+mod outcome;
 mod pass;
 mod qr_step;
 mod spare;
@@ -25,13 +26,15 @@ pub use batch::{Batch, Many};
 pub use design::Design;
 pub use fit::{Band, BandRule, Fit, FitOptions, RecordView, Time};
 pub use fitter::Fitter;
+pub use outcome::Outcome;
 pub use stream::{Slider, Stream};
 pub use workspace::Workspace;
 
 use crate::error::Status;
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
-use iterate::{Progress, Rule, iterate};
+use iterate::{Rule, iterate};
+use outcome::{lost_in_rounding, statuses};
 use pass::{Factors, Prepare, Weights};
 
 /// When an iteration stops.
@@ -54,15 +57,6 @@ pub enum Wanted {
     Cost,
     /// Covariances as well.
     Covariance,
-}
-
-/// Outcome of eight replicates; estimates stay in the workspace.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outcome {
-    /// One a lane.
-    pub status: [Status; LANES],
-    /// Iterations after the start.
-    pub nit: [u32; LANES],
 }
 
 /// Where an iteration starts.
@@ -105,7 +99,7 @@ pub fn estimate(
     }
     uncertainty::finish(isa, d, w, live, o.wanted);
     let asked = o.wanted == Wanted::Covariance;
-    let status = std::array::from_fn(|k| within_range(status(w, k, asked), w.theta(d, k)));
+    let status = status(d, w, asked);
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             w.forget_covariance(k);
@@ -114,48 +108,14 @@ pub fn estimate(
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }
 
-fn status(w: &Workspace, k: usize, with_covariance: bool) -> Status {
-    let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    let dependent = w.dependent[k]
-        || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
-    outcome_of(k, &w.theta, data, &w.progress, dependent)
-}
-
-/// The status, unless an estimate leaves the range of floating point in the user's units.
-fn within_range(status: Status, mut theta: impl Iterator<Item = f64>) -> Status {
-    match status {
-        Status::Ok | Status::MaxIter if !theta.all(f64::is_finite) => Status::NonFinite,
-        other => other,
-    }
-}
-
-/// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as
-/// no number.
-fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize, k: usize) -> bool {
-    let variance = |cov: &[Wide], i: usize| cov[i * (parameters + 1)].0[k];
-    let mut variances =
-        covariances.iter().flat_map(|cov| (0..parameters).map(|i| variance(cov, i)));
-    variances.any(|v| v.is_nan() || v < 0.0)
-}
-
-/// How lane `k` ended: with finite numbers, else by whether its data were.
-fn outcome_of<'a>(
-    k: usize,
-    theta: &[Wide],
-    data: impl Iterator<Item = &'a Wide>,
-    progress: &Progress,
-    dependent: bool,
-) -> Status {
-    let finite = theta.iter().all(|t| t.0[k].is_finite()) && progress.cost.0[k].is_finite();
-    if !finite {
-        let sound = data.fold(true, |ok, x| ok & x.0[k].is_finite());
-        return if sound { Status::Rank } else { Status::NonFinite };
-    }
-    match (dependent, progress.active.0[k] == 0.0) {
-        (true, _) => Status::Rank,
-        (false, true) => Status::Ok,
-        (false, false) => Status::MaxIter,
-    }
+fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
+    let p = w.theta.len();
+    let dependent = std::array::from_fn(|k| {
+        w.dependent[k]
+            || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
+    });
+    let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    statuses(&w.theta, |k| d.scale[k], &w.progress, dependent, data)
 }
 
 /// Replaces steps that small pivots spoiled by steps from orthogonal factors.

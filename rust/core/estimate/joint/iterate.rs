@@ -8,8 +8,9 @@ use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::iterate::{Rule, unsound};
+use crate::estimate::outcome::{Outcome, lost_in_rounding, statuses};
 use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::estimate::{Options, Outcome, Wanted, lost_in_rounding, outcome_of, within_range};
+use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -93,7 +94,7 @@ pub(crate) fn estimate(
         uncertainty::finish(isa, d, w, live, o.wanted == Wanted::Covariance);
     }
     let asked = o.wanted == Wanted::Covariance;
-    let status = std::array::from_fn(|k| within_range(status(w, k, asked), w.theta(d, k)));
+    let status = status(d, w, asked);
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             for c in w.cov_hc3.iter_mut().chain(&mut w.cov_nonrobust) {
@@ -104,11 +105,14 @@ pub(crate) fn estimate(
     Ok(Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) })
 }
 
-fn status(w: &JointSpace, k: usize, with_covariance: bool) -> Status {
-    let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    let dependent = w.dependent[k]
-        || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
-    outcome_of(k, &w.theta, data, &w.progress, dependent)
+fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
+    let p = w.theta.len();
+    let dependent = std::array::from_fn(|k| {
+        w.dependent[k]
+            || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
+    });
+    let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    statuses(&w.theta, |k| d.parameter_scale(k), &w.progress, dependent, data)
 }
 
 /// How far a call of the vector code came.
