@@ -1,6 +1,7 @@
 //! What a fit is told and what it answers.
 
-use super::Options;
+use super::band::{Band, BandRule, default_lines};
+use super::options::Options;
 use crate::error::{Error, Status};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
@@ -23,17 +24,6 @@ pub struct RecordView<'a> {
     pub y: &'a [f64],
     /// Inputs.
     pub u: Vec<&'a [f64]>,
-}
-
-/// Which lines are used.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Band {
-    /// By the default rule (docs/architecture.md, "Default band").
-    Default,
-    /// From and to, in rad/s.
-    Edges(f64, f64),
-    /// The report's M: the highest harmonic is M + n.
-    Harmonics(usize),
 }
 
 /// Everything that says how a record is fitted.
@@ -59,19 +49,6 @@ pub struct FitOptions {
     pub band: Band,
     /// Iteration.
     pub options: Options,
-}
-
-/// What the default rule saw and chose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BandRule {
-    /// Highest line of the wide fit.
-    pub wide: usize,
-    /// Highest line of the narrow fit that gave the second start.
-    pub narrow: usize,
-    /// Cost on the wide band from `wls`, and from the narrow fit.
-    pub costs: [f64; 2],
-    /// Highest line chosen.
-    pub chosen: usize,
 }
 
 /// A finished fit.
@@ -157,25 +134,5 @@ impl FitOptions {
     /// Highest lines of the default rule for a window of `intervals`: wide, narrow.
     pub(crate) fn default_lines(&self, intervals: usize) -> (usize, usize) {
         default_lines(self.method, self.unknowns(), self.structure.order, intervals)
-    }
-}
-
-/// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
-///
-/// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
-pub(crate) fn default_lines(
-    method: Method,
-    unknowns: usize,
-    order: usize,
-    intervals: usize,
-) -> (usize, usize) {
-    let narrow = unknowns.saturating_mul(3).saturating_add(order);
-    let wide = (intervals / 8).max((intervals / 4).min(16));
-    match method {
-        Method::Ls | Method::Wls => {
-            let only = narrow.min(intervals / 2);
-            (only, only)
-        }
-        _ => (wide, narrow.min(wide)),
     }
 }

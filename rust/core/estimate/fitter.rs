@@ -3,14 +3,17 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::batch::{Many, Shared};
-use super::default_band::Choice;
-use super::fit::{BandRule, Fit, FitOptions, RecordView, Time};
+use super::band::{BandRule, Choice, Range};
+use super::design::Design;
+use super::fit::{Fit, FitOptions, RecordView, Time};
+use super::many::Many;
+use super::options::{Options, Start, Wanted};
+use super::replicates::estimate;
+use super::shared::Shared;
 use super::spare::Spare;
-use super::stream::Spectra;
 use super::uncertainty::Residuals;
-use super::window::{Window, coefficient_plans};
-use super::{Design, Options, Start, Wanted, Workspace, estimate};
+use super::window::{Spectra, Window, coefficient_plans};
+use super::workspace::Workspace;
 use crate::error::{Error, Status};
 use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
@@ -21,9 +24,6 @@ use crate::spectrum::{CoefficientPlan, Scratch};
 const PROBLEMS: usize = 4;
 /// Bands lately chosen for batches that are kept.
 const BANDS: usize = 4;
-
-/// First and last line of a record.
-pub(crate) type Range = (usize, usize);
 
 /// How one record becomes coefficients.
 pub(crate) struct RecordPlan {

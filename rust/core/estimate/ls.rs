@@ -57,7 +57,7 @@ impl Kernel for LsStep<'_> {
         eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
         substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
         let p = d.parameters();
-        w.theta.copy_from_slice(&w.unknowns[size - p..size]);
+        w.iterates.theta.now.copy_from_slice(&w.unknowns[size - p..size]);
     }
 }
 

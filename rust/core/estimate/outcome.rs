@@ -1,6 +1,6 @@
 //! How replicates ended: a status for each lane.
 
-use super::iterate::Progress;
+use super::iterates::Progress;
 use crate::error::Status;
 use crate::simd::{LANES, Wide};
 

@@ -1,15 +1,13 @@
 //! Estimates from the last samples of a stream: sliding coefficients into a fitter, at any moment.
 
-use super::batch::Many;
 use super::fit::{Fit, FitOptions, Time};
 use super::fitter::Fitter;
 use super::joint::{JointFit, JointFitter, JointOptions};
+use super::many::Many;
+use super::window::Spectra;
 use crate::error::{Error, Status};
 use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Sliding};
-
-/// Coefficients (re, im) of each record, each of its channels.
-pub(crate) type Spectra = Vec<Vec<(Vec<f64>, Vec<f64>)>>;
 
 /// What estimates from the coefficients of one or several records, the latest first.
 pub trait Slider: Sized {

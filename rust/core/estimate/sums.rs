@@ -4,7 +4,7 @@
 //! weight of a line. Entries share sums. What does not depend on θ, x^k times the product, is written
 //! once a replicate; a step is left with λ and one multiply-add a sum and line.
 
-use super::workspace::RecordSpace;
+use super::record_space::RecordSpace;
 use crate::linalg::lanes::Entry;
 use crate::modulation::{Column, Signal};
 use crate::simd::{Lanes, Wide};

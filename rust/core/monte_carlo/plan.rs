@@ -3,9 +3,8 @@
 use std::sync::Arc;
 
 use crate::error::Error;
-use crate::estimate::batch::Shared;
 use crate::estimate::joint::{self, JointFitter, JointOptions, JointRecord};
-use crate::estimate::{FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use crate::estimate::{FitOptions, Fitter, Options, RecordView, Shared, Time, Wanted};
 use crate::modulation::Lines;
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;

@@ -8,6 +8,7 @@ use super::fitter::{JointFitter, JointRecord, RecordPlan};
 use super::iterate::{Start, estimate};
 use super::workspace::JointSpace;
 use crate::error::Error;
+use crate::estimate::band::Choice;
 use crate::estimate::batch::CHUNK;
 use crate::estimate::{Many, Options, Outcome, Wanted};
 use crate::simd::{Isa, LANES, Wide};
@@ -70,7 +71,7 @@ impl JointFitter {
         }
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
-        let (ranges, _, theta) = self.choose(&loaded, std::slice::from_ref(record))?;
+        let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
         let design = self.design(&ranges, &loaded.units, &self.o.noise)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
         Ok(Shared {

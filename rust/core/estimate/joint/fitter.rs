@@ -1,6 +1,5 @@
 //! A joint structure and a way of sampling made ready, and a fit of its records with everything a user sees.
 
-use super::default_band::{SAME, criterion};
 use super::delays::{self, Delayed};
 use super::dense::Whitener;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
@@ -9,10 +8,10 @@ use super::structure::{Delay, JointStructure};
 use super::uncertainty::Residuals;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::fit::{Band, BandRule, Time, default_lines};
-use crate::estimate::fitter::{LIVE, Range, binary_unit};
-use crate::estimate::stream::Spectra;
-use crate::estimate::window::{Window, coefficient_plans};
+use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, default_lines};
+use crate::estimate::fit::Time;
+use crate::estimate::fitter::{LIVE, binary_unit};
+use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::estimate::{Options, Wanted};
 use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
@@ -265,7 +264,7 @@ impl JointFitter {
     }
 
     fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
-        let (ranges, rule, theta) = self.choose(loaded, records)?;
+        let Choice { ranges, rule, theta } = self.choose(loaded, records)?;
         let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
         let mut w = self.space(&d, loaded);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
@@ -278,7 +277,7 @@ impl JointFitter {
             let mut cost = |start| -> Result<f64, Error> {
                 let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &brief, &mut refresh)?;
                 let usable = outcome.status[0] == Status::Ok;
-                Ok(if usable { criterion(&d, &w, 0) } else { f64::INFINITY })
+                Ok(if usable { w.criterion(&d, 0) } else { f64::INFINITY })
             };
             let from_wide = cost(start)?;
             // Delays stand where that ended.
@@ -443,7 +442,7 @@ impl JointSpace {
     pub(crate) fn begin_delays(&mut self, d: &JointDesign) {
         for (at, s) in d.free_delays.iter().enumerate() {
             if let Delay::Free { start, .. } = d.structure.paths[*s].delay {
-                self.theta[d.free.len() + at] = Wide::splat(start / d.delay_scale);
+                self.iterates.theta.now[d.free.len() + at] = Wide::splat(start / d.delay_scale);
             }
         }
     }

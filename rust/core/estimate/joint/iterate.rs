@@ -7,9 +7,11 @@ use super::step::{line_weight, step};
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::iterate::{Rule, unsound};
+use crate::estimate::iterate::Rule;
+use crate::estimate::iterates::unsound;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_in_rounding, statuses};
-use crate::estimate::pass::{Factors, Weights, tiles};
+use crate::estimate::pass::tiles;
 use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -57,7 +59,7 @@ pub(crate) fn estimate(
     let held = start == Start::Held;
     match start {
         Start::Theta(theta) => {
-            for (k, (to, value)) in w.theta.iter_mut().zip(theta).enumerate() {
+            for (k, (to, value)) in w.iterates.theta.now.iter_mut().zip(theta).enumerate() {
                 *to = Wide::splat(value / d.parameter_scale(k));
             }
             w.spread_theta(d);
@@ -66,7 +68,7 @@ pub(crate) fn estimate(
         }
         Start::Here => {}
         Start::Wls | Start::Held => {
-            w.theta[..d.free.len()].fill(Wide::ZERO);
+            w.iterates.theta.now[..d.free.len()].fill(Wide::ZERO);
             w.spread_theta(d);
             refresh(w)?;
             iterate(isa, d, w, Rule::Wls, o, true, refresh)?;
@@ -106,13 +108,13 @@ pub(crate) fn estimate(
 }
 
 fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
-    let p = w.theta.len();
+    let p = w.iterates.theta.now.len();
     let dependent = std::array::from_fn(|k| {
         w.dependent[k]
             || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
     });
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(&w.theta, |k| d.parameter_scale(k), &w.progress, dependent, data)
+    statuses(&w.iterates.theta.now, |k| d.parameter_scale(k), &w.progress, dependent, data)
 }
 
 /// How far a call of the vector code came.
@@ -154,7 +156,7 @@ impl Kernel for Iteration<'_> {
             if rule != Rule::Wls {
                 (L::load(&w.progress.nit) + L::load(&w.progress.active)).store(&mut w.progress.nit);
             }
-            rule.take::<L>(w, limit);
+            rule.take::<L>(&mut w.iterates, &mut w.progress, limit);
             w.spread_theta(d);
             if !held && !d.free_delays.is_empty() {
                 return Came::NewDelays;
@@ -325,9 +327,9 @@ impl Kernel for Covariance<'_> {
         super::step::clear::<L>(&mut w.hat[0][..q]);
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
-                rows::<L>(d, w, k, range.clone(), Weights::Adapted, Factors::Data, false);
+                rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
                 for (t, m) in range.enumerate() {
-                    let weight = L::splat(line_weight(d, k, m, Weights::Adapted));
+                    let weight = L::splat(line_weight(d, k, m, RowWeights::Adapted));
                     let lines = w.records[k].lines;
                     for i in 0..q {
                         let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);

@@ -17,6 +17,7 @@ mod qr_step;
 mod rows;
 mod step;
 mod structure;
+mod tile;
 mod uncertainty;
 mod workspace;
 

@@ -1,9 +1,11 @@
 //! Many fits at once, one record after the other over threads, on lines chosen once.
 
-use super::fitter::{Chosen, TermsFit, TermsFitter, TermsRecord};
+use super::fitter::TermsFit;
 use super::lines::Desk;
+use super::plan::{TermsFitter, TermsRecord};
 use crate::error::{Error, Status};
 use crate::estimate::Many;
+use crate::estimate::band::Choice;
 use crate::modulation::Lines;
 use crate::threads::{self, Control};
 
@@ -43,7 +45,7 @@ impl TermsFitter {
             true => None,
             false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.theta),
         };
-        let shared = Chosen { ranges: chosen.ranges, rule: None, theta: start };
+        let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
         let work = |desk: &mut Desk, chunk: usize| {
             let mut out = Many::default();
             let mut told = None;

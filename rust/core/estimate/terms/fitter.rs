@@ -1,63 +1,24 @@
-//! Equations and a way of sampling made ready, and a fit of records with everything a user sees.
+//! Fits of equations to records, with everything a user sees.
 
-use super::equations::Equations;
 use super::iterate::{Ended, Problem};
-use super::lines::{Desk, Pairs, RecordPlan};
+use super::lines::Desk;
+use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Factors, Spot, Weights};
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
-use crate::estimate::Options;
-use crate::estimate::default_band::fewest_lines;
-use crate::estimate::fit::{Band, BandRule, Time, default_lines};
-use crate::estimate::fitter::Range;
+use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::options::Options;
 use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
 use crate::noise_level::noise_level;
-use crate::quadrature::Rule;
-use crate::simd::Isa;
-use crate::structure::{Method, Trend};
+use crate::structure::Method;
 
-/// Costs that differ by less, in parts of themselves, are those of one minimum.
-const SAME: f64 = 1e-9;
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
 /// A band of more than so many times the lines that tell the unknowns is wide.
 const WIDE: usize = 2;
 /// Precision of an estimate that slopes are taken at.
 const START: f64 = 1e-4;
-/// Most lines of the wide band: beyond, dense factors cost more than they tell.
-const WIDEST: usize = 128;
-
-/// Everything that says how records are fitted.
-#[derive(Debug, Clone)]
-pub struct TermsOptions {
-    /// What is fitted.
-    pub equations: Equations,
-    /// Quadrature behind the noise; signals say their own.
-    pub rule: Rule,
-    /// Estimator.
-    pub method: Method,
-    /// White noise in the equations instead of the channels'.
-    pub flat: bool,
-    /// Constant and drift of each equation.
-    pub trend: Trend,
-    /// Lines.
-    pub band: Band,
-    /// Noise standard deviation of each noisy channel, where known.
-    pub levels: Option<Vec<f64>>,
-    /// Whether the levels' sizes matter, not only their existence.
-    pub levels_matter: bool,
-    /// Iteration.
-    pub options: Options,
-}
-
-/// One record's channels.
-#[derive(Debug, Clone)]
-pub struct TermsRecord<'a> {
-    /// In the order that the formulas number them.
-    pub channels: Vec<&'a [f64]>,
-}
-
 /// A finished fit.
 #[derive(Debug, Clone)]
 pub struct TermsFit {
@@ -95,67 +56,7 @@ pub struct TermsFit {
     pub band_rule: Option<BandRule>,
 }
 
-/// Everything about fits of one kind that their samples do not change.
-pub struct TermsFitter {
-    pub(crate) o: TermsOptions,
-    pub(crate) isa: Isa,
-    pub(crate) pairs: Pairs,
-    pub(crate) records: Vec<RecordPlan>,
-    given: Vec<Range>,
-    narrow: Vec<Range>,
-}
-
-/// Lines, the rule's account, and where to start from.
-pub(crate) struct Chosen {
-    pub ranges: Vec<Range>,
-    pub rule: Option<BandRule>,
-    pub theta: Option<Vec<f64>>,
-}
-
 impl TermsFitter {
-    /// Makes ready for records of these lengths (in samples) and instants; `uneven` holds the variance of
-    /// each sample of each noisy channel of each record over the channel's, where they differ.
-    ///
-    /// # Errors
-    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
-    pub fn new(
-        o: TermsOptions,
-        sampling: &[(usize, Time<'_>)],
-        uneven: &[Vec<Vec<f64>>],
-        isa: Isa,
-    ) -> Result<TermsFitter, Error> {
-        o.equations.check()?;
-        if sampling.is_empty() {
-            return Err(Error::Data("fitting: no record was given".into()));
-        }
-        if o.levels.as_ref().is_some_and(|l| l.len() != o.equations.noisy.len()) {
-            return Err(Error::Spec(
-                "fitting: noise levels are needed for each noisy channel".into(),
-            ));
-        }
-        let e = &o.equations;
-        let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
-        let trends = usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear);
-        let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
-        let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
-        for (k, (samples, time)) in sampling.iter().enumerate() {
-            if order > *samples {
-                return Err(Error::Data(format!(
-                    "fitting: derivatives up to order {order} from {samples} samples a record; take fewer"
-                )));
-            }
-            let window = crate::estimate::window::Window::new(*samples, *time, e.longest_lag())?;
-            let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
-            let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
-            let own = uneven.get(k).cloned().unwrap_or_default();
-            records.push(RecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
-            given.push(range);
-            narrow.push((range.0, few.min(range.1)));
-        }
-        let pairs = Pairs::new(e);
-        Ok(TermsFitter { isa, pairs, records, given, narrow, o })
-    }
-
     /// Fits one set of parameters to one record, or to several as one problem.
     ///
     /// # Errors
@@ -172,7 +73,7 @@ impl TermsFitter {
         &self,
         records: &[TermsRecord<'_>],
         variances: Vec<f64>,
-        chosen: &Chosen,
+        chosen: &Choice,
         desk: Desk,
     ) -> Result<(TermsFit, Desk), Error> {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
@@ -312,14 +213,6 @@ impl TermsFitter {
         Ok(usable(&guess).then_some(guess.theta))
     }
 
-    pub(crate) fn weights(&self) -> (Weights, Factors) {
-        match (self.o.flat, self.o.method) {
-            (true, _) | (_, Method::Wls | Method::Ls) => (Weights::Flat, Factors::Data),
-            (_, Method::Awls) => (Weights::Noise, Factors::Data),
-            (_, Method::Ml) => (Weights::Noise, Factors::Denoised),
-        }
-    }
-
     /// Estimates from θ, or from where one may begin without.
     fn estimate(&self, problem: &mut Problem<'_>, from: Option<&[f64]>) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
@@ -359,10 +252,10 @@ impl TermsFitter {
         &self,
         records: &[TermsRecord<'_>],
         variances: &[f64],
-    ) -> Result<Chosen, Error> {
+    ) -> Result<Choice, Error> {
         let adapts = self.weights().0 == Weights::Noise;
         if self.o.band != Band::Default || !adapts {
-            return Ok(Chosen { ranges: self.given.clone(), rule: None, theta: None });
+            return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let wide = self.widest(records, variances)?;
@@ -392,7 +285,7 @@ impl TermsFitter {
             }
         }
         let Some(best) = best else {
-            return Ok(Chosen { ranges: wide, rule: Some(rule), theta: None });
+            return Ok(Choice { ranges: wide, rule: Some(rule), theta: None });
         };
         let (weights, factors) = self.weights();
         all.cost(&best.theta, weights)?;
@@ -403,7 +296,7 @@ impl TermsFitter {
             all.variances_up_to(&last, &best.at_bound)
         });
         rule.chosen = last(&ranges);
-        Ok(Chosen { ranges, rule: Some(rule), theta: Some(best.theta) })
+        Ok(Choice { ranges, rule: Some(rule), theta: Some(best.theta) })
     }
 
     /// The wide band: as planned, for nonlinear signals no wider than the channels show more than noise, since

@@ -2,8 +2,8 @@
 
 use super::complex::C;
 use super::equations::Equations;
-use super::fitter::{TermsFitter, TermsRecord};
 use super::lines::Desk;
+use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Factors, Spot, Weights, dot};
 use crate::error::{Error, Status};
 use crate::linalg::qr::Absorber;

@@ -11,10 +11,12 @@ mod fitter;
 mod instruments;
 mod iterate;
 mod lines;
+mod plan;
 mod rows;
 mod starts;
 mod uncertainty;
 
 pub use batch::TermsBatch;
 pub use equations::{Equations, Lag, Signal, Term};
-pub use fitter::{TermsFit, TermsFitter, TermsOptions, TermsRecord};
+pub use fitter::TermsFit;
+pub use plan::{TermsFitter, TermsOptions, TermsRecord};

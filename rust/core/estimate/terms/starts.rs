@@ -4,6 +4,7 @@ use super::equations::Equations;
 use super::iterate::Problem;
 use super::rows::{Factors, Weights};
 use crate::error::Error;
+use crate::estimate::band::SAME;
 
 /// Starts that are tried where coefficients or signals are not linear in θ.
 const TRIALS: usize = 24;
@@ -11,8 +12,6 @@ const TRIALS: usize = 24;
 const STEPS: usize = 20;
 /// Decades that the starts of an unbounded parameter reach to either side of 1.
 const DECADES: f64 = 2.0;
-/// Costs that differ by less, in parts of themselves, are those of one minimum: the first counts.
-const SAME: f64 = 1e-9;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
 /// Where lags are free, so many ends are followed under the weights that will count, so many steps far.
