@@ -1,9 +1,9 @@
 //! What a fit is told and what it answers.
 
-use super::band::{Band, BandRule, default_lines};
+use super::answer::Answer;
+use super::band::{Band, default_lines};
 use super::options::Options;
-use crate::error::{Error, Status};
-use crate::modulation::Lines;
+use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
 use crate::structure::{Method, Noise, Structure, Trend};
@@ -54,33 +54,13 @@ pub struct FitOptions {
 /// A finished fit.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// Estimates in the user's units.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns; infinite where they are dependent.
-    pub condition_bound: f64,
-    /// Σ|r|²/(hS) in units of the output squared.
-    pub cost: f64,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
+    /// Estimates, covariances, outcome.
+    pub answer: Answer,
     /// Noise standard deviation, √(cost/degrees of freedom): of the output's samples, or of the
     /// equation error's.
     pub sigma: f64,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals on the lines of each record over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<(f64, f64)>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
 }
 
 impl FitOptions {

@@ -10,6 +10,9 @@ use super::{awls, ml, qr_step, wls};
 use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::threads::stopped;
 
+/// Steps after which it is asked whether to go on.
+const ASK: usize = 4;
+
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Rule {
@@ -76,7 +79,11 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> bool {
         let Iteration { design, space: w, run } = self;
         let limit = L::splat(run.limit);
-        while run.left > 0 && L::load(&w.progress.active).any() && !stopped() {
+        while run.left > 0 && L::load(&w.progress.active).any() {
+            // Steps are short beside the question.
+            if run.left.is_multiple_of(ASK) && stopped() {
+                break;
+            }
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
                 if unsound::<L>(&w.progress, &w.trusted).any() {

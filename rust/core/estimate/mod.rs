@@ -1,5 +1,6 @@
 //! Estimators of θ for eight replicates at once; a single fit is the same kernel with one live lane.
 
+mod answer;
 mod awls;
 mod band;
 pub(crate) mod batch;
@@ -30,6 +31,7 @@ mod window;
 mod wls;
 mod workspace;
 
+pub use answer::Answer;
 pub use band::{Band, BandRule};
 pub use batch::Batch;
 pub use design::Design;

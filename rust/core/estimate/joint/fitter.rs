@@ -8,12 +8,12 @@ use super::structure::{Delay, JointStructure};
 use super::uncertainty::Residuals;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::{LIVE, binary_unit};
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::estimate::{Options, Wanted};
-use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
 use crate::simd::{Isa, Wide};
@@ -85,36 +85,16 @@ pub struct JointRecord<'a> {
 /// A finished joint fit.
 #[derive(Debug, Clone)]
 pub struct JointFit {
-    /// Estimates: free coefficients, then free delays in seconds.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns.
-    pub condition_bound: f64,
-    /// Weighted sum of squares: in units of the output squared for one output, else of Σ̂.
-    pub cost: f64,
+    /// Estimates (free coefficients, then free delays in seconds), covariances, outcome.
+    pub answer: Answer,
     /// Variance of the noise over that given: cost in units of Σ over degrees of freedom.
     pub scale: f64,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
     /// Covariance of the noise of the outputs' samples (of the equations', for equation noise).
     pub noise: Vec<f64>,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
     /// Whether each parameter stands at a bound.
     pub at_bound: Vec<bool>,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals of each record and output over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
 }
 
 /// How one record becomes coefficients.
@@ -400,10 +380,7 @@ impl JointFitter {
         nit: u32,
         band_rule: Option<BandRule>,
     ) -> JointFit {
-        let (p, q) = (d.parameters(), d.outputs());
-        let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();
-        let gram: Vec<f64> =
-            (0..p * p).map(|k| w.gram[k].0[0] / (root[k / p] * root[k % p])).collect();
+        let q = d.outputs();
         let freedom = d.degrees_of_freedom();
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
@@ -415,24 +392,25 @@ impl JointFitter {
         let noise =
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
         JointFit {
-            theta: w.theta(d, 0).collect(),
-            cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
-            cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
-            condition_bound: condition_bound(&gram, p),
-            gram,
-            cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
+            answer: Answer {
+                theta: w.theta(d, 0).collect(),
+                cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
+                cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
+                gram: unit_diagonal(&w.gram, d.parameters()),
+                cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
+                degrees_of_freedom: freedom,
+                status,
+                nit,
+                lines: d.lines(),
+                band_rule,
+            },
             scale,
-            degrees_of_freedom: freedom,
             noise,
-            status,
-            nit,
             at_bound: w.pinned.iter().map(|v| v.0[0] > 0.0).collect(),
-            lines: d.lines(),
             residuals: residuals
                 .iter()
                 .map(|r| r.iter().map(|o| o.iter().map(over).collect()).collect())
                 .collect(),
-            band_rule,
         }
     }
 }

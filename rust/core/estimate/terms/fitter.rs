@@ -6,10 +6,9 @@ use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Factors, Spot, Weights};
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
+use crate::estimate::answer::Answer;
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
 use crate::estimate::options::Options;
-use crate::linalg::condition::condition_bound;
-use crate::modulation::Lines;
 use crate::noise_level::noise_level;
 use crate::structure::Method;
 
@@ -22,38 +21,18 @@ const START: f64 = 1e-4;
 /// A finished fit.
 #[derive(Debug, Clone)]
 pub struct TermsFit {
-    /// Estimates.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns.
-    pub condition_bound: f64,
-    /// Weighted sum of squares in units of the levels' variances.
-    pub cost: f64,
+    /// Estimates, covariances, outcome.
+    pub answer: Answer,
     /// Variance of the noise over that of the levels: cost over degrees of freedom.
     pub scale: f64,
     /// Standard deviation of each noisy channel that weighed the rows.
     pub levels: Vec<f64>,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
     /// Degrees of freedom of each HC3 standard error (Satterthwaite).
     pub hc3_degrees: Vec<f64>,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
     /// Whether each parameter stands at a bound.
     pub at_bound: Vec<bool>,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals of each record and equation over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
 }
 
 impl TermsFitter {
@@ -363,22 +342,23 @@ impl TermsFitter {
             })
             .collect();
         Ok(TermsFit {
-            theta: ended.theta.clone(),
-            condition_bound: condition_bound(&worth.gram, p),
-            cov_nonrobust: worth.nonrobust,
-            cov_hc3: worth.hc3,
-            gram: worth.gram,
-            hc3_degrees,
-            cost,
+            answer: Answer {
+                theta: ended.theta.clone(),
+                cov_nonrobust: worth.nonrobust,
+                cov_hc3: worth.hc3,
+                gram: worth.gram,
+                cost,
+                degrees_of_freedom: degrees,
+                status: ended.status,
+                nit: ended.nit,
+                lines: problem.spots.iter().map(|s| s.lines).collect(),
+                band_rule,
+            },
             scale,
             levels,
-            degrees_of_freedom: degrees,
-            status: ended.status,
-            nit: ended.nit,
+            hc3_degrees,
             at_bound: ended.at_bound.clone(),
-            lines: problem.spots.iter().map(|s| s.lines).collect(),
             residuals,
-            band_rule,
         })
     }
 }
