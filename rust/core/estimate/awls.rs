@@ -1,4 +1,13 @@
 //! `awls`: weights from the last estimate, again and again (report, section 4.4).
+//!
+//! White noise on the output gives a line the variance h_m S_m, S_m = |A(s)|² but for a constant. Step k + 1 takes it
+//! at the estimate k, in the notation of `wls`:
+//!
+//! ```text
+//! [θ, T]₊ = −(Γ* S⁻¹ Γ)⁻¹ Γ* S⁻¹ γ₀,   S = diag(h_m |A(s; θ_k)|²).
+//! ```
+//!
+//! The gradient of S is left out: some bias stays, and it does not vanish with the length of the record.
 
 use super::iterates::{Iterates, Progress, settled};
 use crate::simd::Lanes;

@@ -1,4 +1,14 @@
 //! The lines of a fit that was given none: wide enough for the estimate, and not an error bar wider.
+//!
+//! With N intervals, n poles and # unknowns, trend terms included:
+//!
+//! ```text
+//! wide    K  = max(⌊N/8⌋, min(⌊N/4⌋, 16)),        narrow  k₀ = min(3# + n, K),
+//! chosen  k* = min { k : se_i(k) ≤ 1.01 se_i(K) for every parameter i, at equal σ }.
+//! ```
+//!
+//! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
+//! is the report's guideline (eq. 20).
 
 use super::band::{BandRule, Choice, Range, SAME, fewest_lines};
 use super::fitter::{Desk, Fitter, Problem};

@@ -1,8 +1,19 @@
-//! `ml`: the criterion of `awls` with the gradient through the covariance, by denoised regressors.
+//! `ml`: the minimum of the criterion whose weights follow θ, by denoised regressors.
 //!
-//! [θ, T]₊ = (JᵀS⁻¹Γ)⁻¹ JᵀS⁻¹γ₀ with J made of the model's own response, transient included. Its fixed
-//! point is the minimiser of Σ|r|²/S. log det S does not belong in the criterion for θ: the residual is
-//! a θ-dependent transform of the data, and its Jacobian cancels it; with it the bias comes back.
+//! ```text
+//! minimise over θ, T:  V(θ, T) = Σ_m |r(m)|² / S_m,   r = A(s)Y − B(s)U − T(s) = γ₀ + Γ[θ, T],
+//!                      S_m = h_m |A(s)|²,  h₀ = 1, h_m = ½.
+//! ```
+//!
+//! As r/A = Y − Ŷ with the model's own response Ŷ = (BU + T)/A, transient included, half the gradient is
+//! Re J* S⁻¹ r, where J has the columns of Γ with Ŷ in place of Y. The step sets it to zero with J and S held:
+//!
+//! ```text
+//! [θ, T]₊ = −(J* S⁻¹ Γ)⁻¹ J* S⁻¹ γ₀.
+//! ```
+//!
+//! Its fixed point is a minimum of V. log det S does not belong in the criterion for θ: the residual is a θ-dependent
+//! transform of the data, and its Jacobian cancels it; with it the bias comes back.
 
 use super::iterates::{Iterates, Progress, at_most, settled};
 use crate::simd::Lanes;

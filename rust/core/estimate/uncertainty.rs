@@ -1,8 +1,16 @@
 //! At the estimate: the transient that belongs to it, cost, and covariance of θ, classical and HC3.
 //!
-//! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i with instruments z. Its covariance is
-//! H (Σ_i z_i z_iᵀ v_i) Hᵀ with H = (Zᵀ Γ)⁻¹: v_i = σ²·(variance of the line) gives the classical one,
-//! v_i = e_i²/(1 − h_i)² gives HC3, which assumes nothing about the colour of the noise.
+//! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i (Re and Im of each line) with instruments z; columns
+//! have the transient projected out. With H = (Σ_i z_i γ_i)⁻¹ its covariance is
+//!
+//! ```text
+//! cov θ̂ = H (Σ_i z_i z_iᵀ v_i) Hᵀ,
+//! v_i = σ̂² · (variance of the row),  σ̂² = cost / degrees of freedom    classical,
+//! v_i = e_i² / (1 − h_i)²                                             HC3,
+//! ```
+//!
+//! e_i the residual, h_i the leverage of the row. HC3 assumes nothing about the colour of the noise. Where the
+//! instruments are the weighted columns themselves (`awls`, and `ml` with J for Γ) the classical one is σ̂²(J* S⁻¹ J)⁻¹.
 
 use super::Wanted;
 use super::design::Design;

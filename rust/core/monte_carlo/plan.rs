@@ -89,7 +89,7 @@ pub struct Group {
 /// What the replicates of an estimator share.
 pub(crate) enum Problem {
     Plain(Arc<Shared>),
-    Joint(Box<joint::Shared>),
+    Joint(Box<joint::JointShared>),
 }
 
 impl Problem {

@@ -3,7 +3,7 @@
 use super::delays;
 use super::design::{Colour, JointDesign, NoiseModel};
 use super::fitter::{JointFitter, JointRecord, Loaded};
-use super::iterate::{Start, estimate};
+use super::iterate::{JointStart, estimate};
 use super::structure::Delay;
 use super::uncertainty::Information;
 use super::workspace::JointSpace;
@@ -99,7 +99,7 @@ impl JointFitter {
         let options = Options { wanted: Wanted::Cost, maxiter, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
-        let start = start.map_or(Start::Wls, Start::Theta);
+        let start = start.map_or(JointStart::Wls, JointStart::Theta);
         let outcome = estimate(self.isa, d, w, LIVE, start, &options, &mut refresh)?;
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
         let cost = w.criterion(d, 0);
@@ -160,8 +160,9 @@ impl JointFitter {
             let mut refresh =
                 |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
             // First with the delays where they are, then on from there.
-            estimate(self.isa, &d, &mut w, live, Start::Held, &few, &mut refresh)?;
-            let outcome = estimate(self.isa, &d, &mut w, live, Start::Here, &few, &mut refresh)?;
+            estimate(self.isa, &d, &mut w, live, JointStart::Held, &few, &mut refresh)?;
+            let outcome =
+                estimate(self.isa, &d, &mut w, live, JointStart::Here, &few, &mut refresh)?;
             for lane in 0..count {
                 let cost = w.criterion(&d, lane);
                 let usable = matches!(outcome.status[lane], Status::Ok | Status::MaxIter);

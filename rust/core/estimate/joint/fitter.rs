@@ -3,7 +3,7 @@
 use super::delays::{self, Delayed};
 use super::dense::Whitener;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
-use super::iterate::{Start, estimate};
+use super::iterate::{JointStart, estimate};
 use super::structure::{Delay, JointStructure};
 use super::uncertainty::Residuals;
 use super::workspace::JointSpace;
@@ -98,7 +98,7 @@ pub struct JointFit {
 }
 
 /// How one record becomes coefficients.
-pub(crate) struct RecordPlan {
+pub(crate) struct JointRecordPlan {
     pub samples: usize,
     pub dt: f64,
     pub window: Window,
@@ -115,7 +115,7 @@ pub(crate) struct RecordPlan {
 pub struct JointFitter {
     pub(crate) o: JointOptions,
     pub(crate) isa: Isa,
-    pub(crate) records: Vec<RecordPlan>,
+    pub(crate) records: Vec<JointRecordPlan>,
     pub(crate) kinds: Vec<Kind>,
 }
 
@@ -215,7 +215,7 @@ impl JointFitter {
                 _ => Vec::new(),
             };
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
-            Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
+            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         Ok(JointFitter { o, isa, records, kinds })
@@ -250,7 +250,7 @@ impl JointFitter {
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
-        let mut start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        let mut start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         if rule.is_some() && theta.is_some() {
             // The way from the wide band may end in another minimum than that from `wls`.
             let brief = Options { wanted: Wanted::Cost, ..options };
@@ -261,8 +261,8 @@ impl JointFitter {
             };
             let from_wide = cost(start)?;
             // Delays stand where that ended.
-            if cost(Start::Wls)? < from_wide - SAME * from_wide.abs() {
-                start = Start::Wls;
+            if cost(JointStart::Wls)? < from_wide - SAME * from_wide.abs() {
+                start = JointStart::Wls;
             }
         }
         let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options, &mut refresh)?;
@@ -311,7 +311,7 @@ impl JointFitter {
         noise: &NoiseModel,
     ) -> Result<JointDesign, Error> {
         let o = &self.o;
-        let record = |((first, last), r): (&Range, &RecordPlan)| {
+        let record = |((first, last), r): (&Range, &JointRecordPlan)| {
             let highest = match noise.colour {
                 Colour::Fitted => r.plans[0].harmonics(),
                 Colour::Given => *last,
@@ -362,7 +362,7 @@ impl JointFitter {
     }
 
     pub(crate) fn delayed<'a>(&'a self, records: &[JointRecord<'a>]) -> Vec<Delayed<'a>> {
-        let one = |(record, plan): (&JointRecord<'a>, &RecordPlan)| Delayed {
+        let one = |(record, plan): (&JointRecord<'a>, &JointRecordPlan)| Delayed {
             samples: self.o.structure.paths.iter().map(|p| vec![record.u[p.input]]).collect(),
             kinds: &self.kinds,
             dt: plan.dt,

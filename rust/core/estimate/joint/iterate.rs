@@ -32,7 +32,7 @@ pub(crate) type Refresh<'a> = dyn FnMut(&mut JointSpace) -> Result<(), Error> + 
 
 /// Where an iteration starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Start<'a> {
+pub(crate) enum JointStart<'a> {
     /// From `wls`, at the delays that stand in the workspace.
     Wls,
     /// From `wls` with delays held all the way: for a first look from many of them.
@@ -49,16 +49,16 @@ pub(crate) fn estimate(
     d: &JointDesign,
     w: &mut JointSpace,
     live: [bool; LANES],
-    start: Start<'_>,
+    start: JointStart<'_>,
     o: &Options,
     refresh: &mut Refresh<'_>,
 ) -> Result<Outcome, Error> {
     w.progress.begin(live);
     w.dependent = [false; LANES];
     w.begin_noise(d);
-    let held = start == Start::Held;
+    let held = start == JointStart::Held;
     match start {
-        Start::Theta(theta) => {
+        JointStart::Theta(theta) => {
             for (k, (to, value)) in w.iterates.theta.now.iter_mut().zip(theta).enumerate() {
                 *to = Wide::splat(value / d.parameter_scale(k));
             }
@@ -66,8 +66,8 @@ pub(crate) fn estimate(
             refresh(w)?;
             isa.run(uncertainty::Transients { design: d, space: w });
         }
-        Start::Here => {}
-        Start::Wls | Start::Held => {
+        JointStart::Here => {}
+        JointStart::Wls | JointStart::Held => {
             w.iterates.theta.now[..d.free.len()].fill(Wide::ZERO);
             w.spread_theta(d);
             refresh(w)?;

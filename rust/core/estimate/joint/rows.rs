@@ -1,9 +1,9 @@
 //! Whitened rows of Γ, J and the residual, line by line, for eight replicates.
 
 use super::design::JointDesign;
-use super::structure::Signal;
+use super::structure::JointSignal;
 use super::tile::Rows;
-use super::workspace::{JointSpace, RecordSpace};
+use super::workspace::{JointRecordSpace, JointSpace};
 use crate::covariance::{polynomial, variance};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::simd::{Lanes, Wide};
@@ -111,7 +111,7 @@ fn mix<L: Lanes>(root: &[Wide], rows: &mut Rows, t: usize, q: usize, width: usiz
 
 /// A signal's coefficient on line m.
 #[inline(always)]
-fn signal<L: Lanes>(r: &RecordSpace, at: usize, m: usize) -> Complex<L> {
+fn signal<L: Lanes>(r: &JointRecordSpace, at: usize, m: usize) -> Complex<L> {
     (L::load(&r.re[at * r.lines + m]), L::load(&r.im[at * r.lines + m]))
 }
 
@@ -466,8 +466,8 @@ fn columns<L: Lanes>(
             }
             for term in terms {
                 let (at, sign) = match term.signal {
-                    Signal::Output => (term.output, 1.0),
-                    Signal::Path(s) => (q + s, -1.0),
+                    JointSignal::Output => (term.output, 1.0),
+                    JointSignal::Path(s) => (q + s, -1.0),
                 };
                 let mut by = L::splat(sign * powers[term.power]);
                 if target {

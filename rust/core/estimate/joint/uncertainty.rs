@@ -1,7 +1,15 @@
 //! At a joint estimate: transients, cost, classical and HC3 covariance, residuals.
 //!
-//! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together. HC3
-//! adds them up before squaring: what is left of the correlation between outputs is allowed for.
+//! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together by W,
+//! W S W* = 1. With J_mi the whitened row of output i, Re and Im apart, transients projected out, e_mi its whitened
+//! residual and h_mi its leverage,
+//!
+//! ```text
+//! H = (Σ_mi J_miᵀ J_mi)⁻¹,   classical:  σ̂² H,
+//!                            HC3:        H (Σ_m g_mᵀ g_m) H,   g_m = Σ_i J_mi e_mi / (1 − h_mi).
+//! ```
+//!
+//! HC3 adds the outputs up before squaring, so that what is left of the correlation between them is allowed for.
 
 use super::design::JointDesign;
 use super::qr_step;

@@ -9,7 +9,7 @@ use crate::simd::{LANES, Wide};
 
 /// One record of eight replicates.
 #[derive(Debug, Clone)]
-pub(crate) struct RecordSpace {
+pub(crate) struct JointRecordSpace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
     pub im: Vec<Wide>,
@@ -65,7 +65,7 @@ impl QrSpace {
 /// Scratch for one [`JointDesign`].
 #[derive(Debug, Clone)]
 pub struct JointSpace {
-    pub(crate) records: Vec<RecordSpace>,
+    pub(crate) records: Vec<JointRecordSpace>,
     /// Columns the step weighs by, of the data, whitened; and the whitened residual.
     pub(crate) left: Rows,
     pub(crate) right: Rows,
@@ -127,7 +127,7 @@ impl JointSpace {
         let records = d
             .records
             .iter()
-            .map(|r| RecordSpace {
+            .map(|r| JointRecordSpace {
                 re: wide((q + 2 * paths) * r.x.len()),
                 im: wide((q + 2 * paths) * r.x.len()),
                 matrix: wide(size * (size + 1)),

@@ -1,13 +1,14 @@
 //! Fits of equations to records, with everything a user sees.
 
-use super::iterate::{Ended, Problem};
+use super::iterate::{Ended, TermsProblem};
 use super::lines::Desk;
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Factors, Spot, Weights};
+use super::rows::Spot;
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
 use crate::estimate::answer::Answer;
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
 use crate::noise_level::noise_level;
 use crate::structure::Method;
@@ -128,7 +129,7 @@ impl TermsFitter {
         variances: Vec<f64>,
         ranges: &[Range],
         desk: Desk,
-    ) -> Result<Problem<'a>, Error> {
+    ) -> Result<TermsProblem<'a>, Error> {
         let e = &self.o.equations;
         let (mut rows, mut unknowns) = (0, e.parameters);
         let equations = e.orders.len();
@@ -151,10 +152,10 @@ impl TermsFitter {
                     .fold(0.0, |m: f64, (r, p)| { m.max(r.1 as f64 * p.window.omega0) })
             )));
         }
-        let mut problem = Problem::new(self, records, variances, spots, desk);
+        let mut problem = TermsProblem::new(self, records, variances, spots, desk);
         if equations > 1 {
             // Flat weights compare equations by what they hold without parameters.
-            problem.cost(&vec![0.0; e.parameters], Weights::Flat)?;
+            problem.cost(&vec![0.0; e.parameters], RowWeights::Flat)?;
             let power = problem.target_power();
             let largest = power.iter().copied().fold(0.0, f64::max);
             let sound =
@@ -193,7 +194,11 @@ impl TermsFitter {
     }
 
     /// Estimates from θ, or from where one may begin without.
-    fn estimate(&self, problem: &mut Problem<'_>, from: Option<&[f64]>) -> Result<Ended, Error> {
+    fn estimate(
+        &self,
+        problem: &mut TermsProblem<'_>,
+        from: Option<&[f64]>,
+    ) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
         let Options { tol, maxiter, .. } = self.o.options;
         if self.o.method == Method::Ls {
@@ -210,11 +215,11 @@ impl TermsFitter {
 
     /// Whether slopes are taken a second time, where the first estimate's noise is taken away.
     fn refines(&self) -> bool {
-        self.weights().1 == Factors::Denoised && self.o.equations.bends()
+        self.weights().1 == LeftColumns::Denoised && self.o.equations.bends()
     }
 
     /// The estimate once more, with slopes at channels that the first one's noise was taken from.
-    fn again(&self, problem: &mut Problem<'_>, first: Ended) -> Result<Ended, Error> {
+    fn again(&self, problem: &mut TermsProblem<'_>, first: Ended) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
         if !usable(&first) || !self.refines() {
             return Ok(first);
@@ -232,7 +237,7 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         variances: &[f64],
     ) -> Result<Choice, Error> {
-        let adapts = self.weights().0 == Weights::Noise;
+        let adapts = self.weights().0 == RowWeights::Adapted;
         if self.o.band != Band::Default || !adapts {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
@@ -301,7 +306,7 @@ impl TermsFitter {
 
     fn finished(
         &self,
-        problem: &mut Problem<'_>,
+        problem: &mut TermsProblem<'_>,
         ended: &Ended,
         levels: Vec<f64>,
         band_rule: Option<BandRule>,

@@ -1,11 +1,12 @@
 //! Equations and a way of sampling made ready: what the samples do not change.
 
 use super::equations::Equations;
-use super::lines::{Pairs, RecordPlan};
-use super::rows::{Factors, Weights};
+use super::lines::{Pairs, TermsRecordPlan};
+
 use crate::error::Error;
 use crate::estimate::band::{Band, Range, default_lines};
 use crate::estimate::fit::Time;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
 use crate::estimate::window::Window;
 use crate::quadrature::Rule;
@@ -50,7 +51,7 @@ pub struct TermsFitter {
     pub(crate) o: TermsOptions,
     pub(crate) isa: Isa,
     pub(crate) pairs: Pairs,
-    pub(crate) records: Vec<RecordPlan>,
+    pub(crate) records: Vec<TermsRecordPlan>,
     pub(crate) given: Vec<Range>,
     pub(crate) narrow: Vec<Range>,
 }
@@ -91,7 +92,7 @@ impl TermsFitter {
             let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
-            records.push(RecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
+            records.push(TermsRecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
@@ -100,11 +101,11 @@ impl TermsFitter {
     }
 
     /// What weighs the rows, and of which signals the columns are made.
-    pub(crate) fn weights(&self) -> (Weights, Factors) {
+    pub(crate) fn weights(&self) -> (RowWeights, LeftColumns) {
         match (self.o.flat, self.o.method) {
-            (true, _) | (_, Method::Wls | Method::Ls) => (Weights::Flat, Factors::Data),
-            (_, Method::Awls) => (Weights::Noise, Factors::Data),
-            (_, Method::Ml) => (Weights::Noise, Factors::Denoised),
+            (true, _) | (_, Method::Wls | Method::Ls) => (RowWeights::Flat, LeftColumns::Data),
+            (_, Method::Awls) => (RowWeights::Adapted, LeftColumns::Data),
+            (_, Method::Ml) => (RowWeights::Adapted, LeftColumns::Denoised),
         }
     }
 }
