@@ -219,6 +219,7 @@ def test_public_names_mentioned_exist(page):
                     break
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", ["fit_simulated", "flight_record", "feedback_collinearity"])
 def test_examples_run(name, tmp_path):
     done = subprocess.run(

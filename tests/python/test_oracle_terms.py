@@ -110,6 +110,7 @@ def test_a_linear_model_is_that_of_the_lines():
     assert found.df == known.df
 
 
+@pytest.mark.statistics
 def test_correction_removes_the_bias_of_the_duffing_equation():
     """Zero bias at NSR .3 by Hotelling on 40 records, false alarm .001; uncorrected it fails by far."""
     values = {}

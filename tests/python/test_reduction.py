@@ -344,6 +344,7 @@ def test_bad_input_is_named(args, options, words):
         mf.reduce(*args, **options)
 
 
+@pytest.mark.process
 def test_the_example_runs(tmp_path):
     done = subprocess.run(
         [sys.executable, "-W", "error", str(Path(__file__).parents[2] / "examples" / "reduce_model.py")],
