@@ -1,4 +1,4 @@
-"""One thread of BLAS in all processes of the tests, and a kind for every test: `markers` in pyproject.toml."""
+"""One thread of BLAS in all processes of the tests; a kind for every test, of `markers` in pyproject.toml."""
 
 import os
 from types import ModuleType
