@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
+from .base.words import TRENDS
 from .errors import DataError, FitError, SpecError
 from .experiments.sensitivities import Sensitivities
 from .models.options import MOST
@@ -495,7 +496,7 @@ def _check(
         raise SpecError(
             f"{what}: initial_state={state!r} is unknown; choose {' or '.join(map(repr, states))}"
         )
-    if trend not in (None, "constant", "linear"):
+    if trend not in TRENDS:
         raise SpecError(f"{what}: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     whole(what, "maxiter", maxiter, 1, MOST)
 

@@ -203,6 +203,7 @@ def test_scale_of_time_and_gain_change_nothing():
     assert there == pytest.approx(here * np.array([1e6, 1e12, 1e-3, 1e3]), rel=1e-9)
 
 
+@pytest.mark.statistics
 def test_the_covariance_is_the_scatter_where_the_weights_are_right():
     """e' cov⁻¹ e is χ² of 4; the mean of 100 within 3.3 standard errors: false alarm 1 in 1,000 of seeds.
 

@@ -116,6 +116,7 @@ def start(place: Path, replicates: int, threads: int = 1, more: str = "") -> sub
     return process
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     replicates = 40 * 512 + 7
@@ -130,6 +131,7 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     assert same(found, made.run(keep="samples", progress=False))
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize("executor", ["", ", executor=__import__('concurrent.futures').futures."
                                           "ProcessPoolExecutor(2, __import__('multiprocessing')"
@@ -153,6 +155,7 @@ def test_ctrl_c_stops_at_once_and_leaves_what_is_made(tmp_path: Path, executor: 
     assert same(made.run(directory=tmp_path, progress=False), made.run(progress=False))
 
 
+@pytest.mark.process
 def test_two_processes_share_a_directory(tmp_path: Path) -> None:
     replicates = 30 * 512
     both = [start(tmp_path / "s", replicates, more=", keep='samples'") for _ in range(2)]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public, reals
 from ..base.tables import Table, nearest
+from ..base.words import TRENDS
 from ..errors import DataError, SpecError
 from ..models.transfer_function import TransferFunction
 from ..records.mask import sample_weights
@@ -20,10 +21,9 @@ from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .slopes import Known
 
-__all__ = ["TRENDS", "Bound", "crlb"]
+__all__ = ["Bound", "crlb"]
 
 F64 = NDArray[np.float64]
-TRENDS = (None, "constant", "linear")
 
 
 @dataclass(frozen=True, eq=False)

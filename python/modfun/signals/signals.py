@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import coefficients
 from ..base.arguments import public, reals
-from ..base.samples import INTERSAMPLE, frozen
+from ..base.samples import frozen
 from ..base.tables import Table
+from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..files.delimited import write_delimited
 from . import drawing

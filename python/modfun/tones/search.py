@@ -12,9 +12,8 @@ from ..base.arguments import public, real, reals, whole
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
 from ..base.tables import nearest
+from ..base.words import STATUS, TRENDS
 from ..errors import DataError, SpecError
-from ..experiments.bound import TRENDS
-from ..fitting.many import STATUS
 from ..models.options import MOST_THREADS
 from ..records.batches import Batch
 from ..records.record import Record

@@ -111,8 +111,8 @@ AFTERWARDS = """
     print("usable", flush=True)
 """
 
-# Loads modfun once; forks a process for each line it reads, a folder and a call, and says its number and how it
-# ended. That process goes on below the loop, so that its end is that of an interpreter.
+# Loads modfun once; forks a process for each line it reads, a folder and a call, and says its number and how
+# it ended. That process goes on below the loop, so that its end is that of an interpreter.
 FORKS = """
     import os, sys
     for line in sys.stdin:

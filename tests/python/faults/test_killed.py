@@ -29,6 +29,7 @@ FORKS = """
     import modfun as mf, modfun.study.directory, modfun.study.run, modfun.study.work
     from study_cases import quick_study
     modfun.study.work.PART = 1.0
+    quick_study(1).run(progress=False, threads=1)  # so that no child has to load what runs need
     pwrite = os.pwrite
 
     def counted(call, steps):

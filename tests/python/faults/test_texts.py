@@ -41,10 +41,12 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return report
 
 
+@pytest.mark.process
 def test_the_hook_sees_what_is_run(told: dict[str, Any]) -> None:
     assert told["run"] == ["compile <string>", "exec <module> of <string>", "open run"]
 
 
+@pytest.mark.process
 def test_no_text_is_run(told: dict[str, Any]) -> None:
     """No import, file, process, socket or code but what a harmless text with a fault causes."""
     assert told["attempts"] > 1000
@@ -52,6 +54,7 @@ def test_no_text_is_run(told: dict[str, Any]) -> None:
     assert told["files"] == ["run", "study.toml"]
 
 
+@pytest.mark.process
 def test_generated_code_holds_no_name_of_a_text(told: dict[str, Any]) -> None:
     """`exec`, `open` and `eval` are fair names of parameters: in generated code they have others."""
     assert told["named"] == "a result"

@@ -118,6 +118,7 @@ def test_a_place_that_does_not_serve_is_refused(fit, tmp_path, name, said):
         fit.report(tmp_path / name)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("absent", ["jinja2", "matplotlib"])
 def test_an_absent_package_is_named_with_its_cure(absent, tmp_path):
     code = (
