@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._core import simulate_uneven
 from ..base.arguments import shown
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
@@ -182,25 +183,7 @@ def _forced(fit: Fit, rec: Record, output: int) -> F64:
 
 
 def _forced_uneven(model: LTI, rec: Record) -> F64:
-    """Uneven steps, one exact transition each; smooth inputs are taken as straight between samples."""
-    from scipy.linalg import expm
-
+    """Exact at uneven instants; smooth inputs are taken as straight between samples."""
     a, b, c, d, _ = model.scaled()
-    n, inputs = b.shape
-    step = np.diff(rec.t)
-    block = np.zeros((n + 2 * inputs, n + 2 * inputs))
-    block[:n, :n], block[:n, n : n + inputs] = a, b
-    # The slope enters as a state that is constant over the step: du/h, so its row is not scaled by h.
-    blocks = block * step[:, None, None]
-    blocks[:, n : n + inputs, n + inputs :] = np.eye(inputs)
-    transition = expm(blocks)
-    rise = np.where(np.array(rec.intersample)[:, None] == "zoh", 0.0, np.diff(rec.u))
-    drive = np.einsum("kij,jk->ki", transition[:, :n, n : n + inputs], rec.u[:, :-1])
-    drive += np.einsum("kij,jk->ki", transition[:, :n, n + inputs :], rise)
-    x = np.zeros(n)
-    y = np.empty(rec.t.size)
-    y[0] = 0.0
-    for k, move in enumerate(transition[:, :n, :n]):
-        x = move @ x + drive[k]
-        y[k + 1] = (c @ x)[0]
-    return np.asarray(y + (d @ rec.u)[0], dtype=float)
+    held = [kind == "zoh" for kind in rec.intersample]
+    return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)

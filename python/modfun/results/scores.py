@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import simulate
+from .._core import simulate, simulate_uneven
 from ..errors import DataError
 from ..systems.polynomials import companion, time_unit
 
@@ -126,25 +126,15 @@ def free_response(den: F64, t: F64) -> F64:
     step = np.diff(t)
     rows = np.empty((n, t.size))
     even = bool(np.ptp(step) <= 1e-9 * step.mean())
-    if even:
-        nothing = np.zeros((1, t.size))
-        pick = np.zeros((1, n))
-        pick[0, 0] = 1.0
-        dt = float(t[-1] - t[0]) / step.size
-        for i in range(n):
-            start = np.zeros(n)
-            start[i] = 1.0
-            rows[i] = simulate(a, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None)[
-                0
-            ]
-    else:
-        from scipy.linalg import expm
-
-        state = np.eye(n)
-        rows[:, 0] = state[0]
-        for k, transition in enumerate(expm(a * step[:, None, None])):
-            state = transition @ state
-            rows[:, k + 1] = state[0]
+    dt = float(t[-1] - t[0]) / step.size
+    nothing, into, through = np.zeros((1, t.size)), np.zeros((n, 1)), np.zeros((1, 1))
+    pick = np.eye(n)[:1]
+    for i, start in enumerate(np.eye(n)):
+        system = a, into, pick, through, start, nothing
+        if even:
+            rows[i] = simulate(*system, dt, "zoh", None)[0]
+        else:
+            rows[i] = simulate_uneven(*system, [True], t)[0]
     return rows / rate ** np.arange(n)[:, None]
 
 
