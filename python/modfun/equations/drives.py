@@ -37,7 +37,8 @@ def refined(grid: F64, drives: Sequence[Signal | Function], delays: Sequence[flo
     """The grid with the instants at which a piece begins.
 
     These are where delayed samples stand, the first multiples of the delays of states, since the constant
-    past ends with a kink, and points that close in on jumps and kinks of functions.
+    past ends with a kink, a delay after each sample of a held input, which is a kink of the past, and points
+    that close in on jumps and kinks of functions.
 
     Raises
     ------
@@ -46,6 +47,8 @@ def refined(grid: F64, drives: Sequence[Signal | Function], delays: Sequence[flo
     """
     late = [one.knots + one.delay for one in drives if isinstance(one, Signal) and one.delay]
     late += [grid[0] + delay * np.arange(1.0, RESTARTS + 1) for delay in delays]
+    jumping = [one for one in drives if isinstance(one, Signal) and one.pieces.shape[1] == 1]
+    late += [one.knots + one.delay + delay for one in jumping for delay in delays]
     near = 1e-9 * float(np.min(np.diff(grid)))
     if late:
         new = np.sort(np.concatenate(late))
