@@ -130,7 +130,7 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
         bound = written.bind(*args, **given).arguments
     except TypeError:
         return  # another number of arguments, or names that do not exist: Python has said it
-    meant = inspect.signature(function, locals=_Names(function.__globals__), eval_str=True).parameters
+    meant = inspect.signature(function, locals=_Meanings(function.__globals__), eval_str=True).parameters
     for key, parameter in meant.items():
         if key not in bound or parameter.annotation is parameter.empty:
             continue
@@ -151,7 +151,7 @@ def _written(annotation: Any) -> str:
     return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
 
 
-class _Names(dict[str, Any]):
+class _Meanings(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:

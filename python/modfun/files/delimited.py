@@ -176,7 +176,7 @@ def write_delimited(
     Raises
     ------
     ModfunError
-        As `whole.write_text`; `what` begins the message.
+        As `writing.write_text`; `what` begins the message.
     """
     import csv  # not needed to read
 

@@ -125,14 +125,14 @@ def read(
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
     named = {new: name for role in (out, into, kept) for new, name in role.items()}
-    whole = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
-    wanted = list(dict.fromkeys([*whole, *out.values(), *trust.values()]))
+    complete = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
+    wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)
     values = table.load(wanted)
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
     for name in wanted:
-        if name in whole or name not in may_miss:
+        if name in complete or name not in may_miss:
             _refuse_missing(table, name, values[name], name in out.values())
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)

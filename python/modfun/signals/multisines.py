@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public
 from ..errors import SpecError
-from .checks import Names, amplitudes_of, band_of, intervals_of, names_of
+from .checks import amplitudes_of, band_of, intervals_of, names_of
 from .signals import Signals
 
 __all__ = ["multisine"]
@@ -26,7 +26,7 @@ FINER = 8  # times as many where the peak is measured
 
 @public
 def multisine(
-    inputs: Names = "u",
+    inputs: str | int | Sequence[str] = "u",
     *,
     band: float | Sequence[float],
     duration: float,

@@ -18,7 +18,7 @@ from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..files.delimited import write_delimited
 from . import drawing
-from .checks import Names, amplitudes_of, names_of, number
+from .checks import amplitudes_of, names_of, number
 from .spectrum import Spectrum
 
 __all__ = ["Signals"]
@@ -77,7 +77,7 @@ class Signals:
         self,
         u: ArrayLike,
         dt: float,
-        inputs: Names | None = None,
+        inputs: str | int | Sequence[str] | None = None,
         intersample: str | Sequence[str] = "zoh",
         functions: Sequence[Function | None] | None = None,
     ) -> None:
