@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModfunError, SpecError
+from .arrays import C128, F64
 
 __all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
 _WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.samples import EVEN, Origin
 from ..base.tables import Table, listed, nearest
 from ..errors import DataError, SpecError
@@ -22,7 +23,6 @@ from .record import Record
 
 __all__ = ["columns", "read"]
 
-F64 = NDArray[np.float64]
 Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import real, reals
+from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES, numbered
 from ..errors import SpecError
 
@@ -21,8 +22,6 @@ __all__ = [
     "one_input",
     "samples_of",
 ]
-
-F64 = NDArray[np.float64]
 
 
 def number(what: str, value: Any, *, least: float = 0.0, strict: bool = True) -> float:

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._core import coefficients
 from ..base.arguments import public, reals
+from ..base.arrays import F64
 from ..base.samples import frozen
 from ..base.tables import Table
 from ..base.words import INTERSAMPLE
@@ -23,7 +24,6 @@ from .spectrum import Spectrum
 
 __all__ = ["Signals"]
 
-F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]
 
 
