@@ -27,8 +27,6 @@ __all__ = [
     "Explanation",
     "Written",
     "channel_names",
-    "free_from_dict",
-    "free_to_dict",
     "outputs_left",
     "parameters_given",
 ]
@@ -275,21 +273,3 @@ def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple
             )
         found.append((name, float(value)))
     return tuple(found)
-
-
-def free_to_dict(params: tuple[tuple[str, float | Free], ...]) -> dict[str, Any]:
-    """params= as plain values."""
-    return {
-        name: {"start": given.start, "min": given.min, "max": given.max} if isinstance(given, Free) else given
-        for name, given in params
-    }
-
-
-def free_from_dict(values: Mapping[str, Any]) -> dict[str, float | Free]:
-    """params= from what `free_to_dict` gave."""
-    return {
-        name: Free(given["start"], min=float(given["min"]), max=float(given["max"]))
-        if isinstance(given, dict)
-        else float(given)
-        for name, given in values.items()
-    }

@@ -186,6 +186,9 @@ def _provenance(fit: Fit, command: str | None) -> Iterable[Block]:
         "for any number of threads and any instruction set."
     )
     if isinstance(fit, ResponseFit):
-        yield from provenance.hashes_of_gains(fit.data)
+        gains = ("omega", "response", "cov")
+        yield from provenance.hashes_of_gains({name: getattr(fit.data, name) for name in gains})
     elif fit.records is not None:
-        yield from provenance.hashes(fit.records)
+        names = ("t", "y", "u", "mask", "sigma")
+        arrays = ({name: getattr(rec, name) for name in names} for rec in fit.records)
+        yield from provenance.hashes(zip((rec.source for rec in fit.records), arrays, strict=True))

@@ -16,7 +16,7 @@ from ..base.arguments import public
 from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..files.writing import named
-from ..models.free import Free
+from ..models.free import from_plain, to_plain
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -175,9 +175,9 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
     if not isinstance(structure, TransferFunction):
         return {"family": type(structure).__name__, **structure.to_dict()}
     values: dict[str, Any] = {"poles": structure.poles, "zeros": structure.zeros}
-    values["delay"] = _freed(structure.delay)
+    values["delay"] = to_plain(structure.delay)
     values["denominator"] = structure.denominator
-    values["params"] = {name: _freed(given) for name, given in structure.params}
+    values["params"] = {name: to_plain(given) for name, given in structure.params}
     return values
 
 
@@ -189,21 +189,8 @@ def _structure_from_dict(values: dict[str, Any]) -> Any:
         own = dict(values)
         family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]
         return family.from_dict(own)
-    params = {name: _unfreed(given) for name, given in values["params"].items()}
-    return TransferFunction(**{**values, "delay": _unfreed(values["delay"]), "params": params})
-
-
-def _freed(value: Any) -> Any:
-    """A value in which `Free` stands as a mapping."""
-    if isinstance(value, Free):
-        return {"start": value.start, "min": value.min, "max": value.max}
-    return [_freed(one) for one in value] if isinstance(value, tuple) else value
-
-
-def _unfreed(value: Any) -> Any:
-    if isinstance(value, dict):
-        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
-    return [_unfreed(one) for one in value] if isinstance(value, list) else value
+    params = {name: from_plain(given) for name, given in values["params"].items()}
+    return TransferFunction(**{**values, "delay": from_plain(values["delay"]), "params": params})
 
 
 def _options_to_dict(options: Options) -> dict[str, Any]:
