@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
+from .base.words import TRENDS
 from .errors import DataError, FitError, SpecError
 from .experiments.sensitivities import Sensitivities
 from .models.options import MOST
 from .models.transfer_function import TransferFunction
-from .records.mask import refuse_own_noise
 from .records.record import Record
+from .records.samples import refuse_own_noise
 from .responses.coefficients import regressors
 from .systems.polynomials import companion, time_unit
 from .systems.propagate import Inputs
@@ -495,7 +496,7 @@ def _check(
         raise SpecError(
             f"{what}: initial_state={state!r} is unknown; choose {' or '.join(map(repr, states))}"
         )
-    if trend not in (None, "constant", "linear"):
+    if trend not in TRENDS:
         raise SpecError(f"{what}: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     whole(what, "maxiter", maxiter, 1, MOST)
 

@@ -96,12 +96,17 @@ def shown(value: Any) -> str:
 def public(thing: Thing, within: str = "") -> Thing:
     """Decorate a function, or a class for its constructor and methods: misfits are a SpecError.
 
-    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`.
+    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`. Methods that a
+    class has of another of this package count as its own.
     """
     if not isinstance(thing, type):
         return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
-    for name, member in list(vars(thing).items()):
-        if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
+    own_package = __name__.split(".")[0]
+    bases = [base for base in reversed(thing.__mro__) if base.__module__.split(".")[0] == own_package]
+    for name, member in {name: member for base in bases for name, member in vars(base).items()}.items():
+        if not inspect.isfunction(member) or hasattr(member, "__wrapped__"):  # the latter of a public class
+            continue
+        if not name.startswith("_") or name in ("__init__", "__getitem__"):
             own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
             setattr(thing, name, _explained(member, own))
     return thing
@@ -117,6 +122,10 @@ def _explained(function: Any, name: str) -> Any:
                 _blame(function, name, args, given)
             raise
 
+    if "Never" in function.__annotations__.values():  # what collects misspelt options is not shown
+        written = inspect.signature(function)
+        shown = [p for p in written.parameters.values() if p.annotation != "Never"]
+        call.__signature__ = written.replace(parameters=shown)  # type: ignore[attr-defined]
     return call
 
 
@@ -152,9 +161,7 @@ class _Names(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:
-        import modfun
-
-        return getattr(builtins, name, None) or getattr(modfun, name, Any)
+        return getattr(builtins, name, Any)
 
 
 def _surely_fits(value: Any, kind: Any) -> bool:

@@ -18,9 +18,21 @@ from ..pages.page import check_place
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.storage import told
-from .output import Json, command_line, say, write_json
 from .study import mc
-from .words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
+from .words import (
+    Json,
+    band_of,
+    by_path,
+    command_line,
+    degree_of,
+    delay_of,
+    one_or_all,
+    param_of,
+    picked,
+    poles_of,
+    say,
+    write_json,
+)
 
 __all__ = ["app"]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._core import integrate as core_integrate
 from ..errors import DataError, SpecError
-from ..language.evaluate import Source, evaluate, function, is_samples
+from ..signals.sources import Source, evaluate, function, is_samples
 from ..systems.propagate import spline, too_steep
 
 __all__ = ["Function", "History", "Signal", "integrate", "integrate_pieces", "signal"]

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import public, reals
 from ..base.samples import steps_of
 from ..errors import DataError, SpecError
-from ..language.evaluate import Source, is_samples, sources
 from ..signals import Signals
+from ..signals.sources import Source, is_samples, sources
 from ..systems.propagate import intersample_kinds
 from .drives import pieces, refined
 from .integration import Function, History, Signal, integrate, integrate_pieces, signal

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public, reals
 from ..base.tables import Table, nearest
+from ..base.words import TRENDS
 from ..errors import DataError, SpecError
 from ..models.transfer_function import TransferFunction
 from ..records.mask import sample_weights
@@ -20,10 +21,9 @@ from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .slopes import Known
 
-__all__ = ["TRENDS", "Bound", "crlb"]
+__all__ = ["Bound", "crlb"]
 
 F64 = NDArray[np.float64]
-TRENDS = (None, "constant", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def crlb(
     >>> de = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=0.03, duration=8.0)
     >>> bound = mf.crlb(short_period, de, params=values, sigma=[0.002, 0.004])
     >>> round(bound["Mq"], 3)
-    0.033
+    0.035
     """
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")

@@ -14,6 +14,7 @@ from ..base.optional import optional
 from ..base.progress import Progress
 from ..base.student import probability, student_interval
 from ..base.tables import Table, nearest
+from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -22,10 +23,9 @@ from ..records.record import Record
 from ..results.fit import Fit
 from .prepared import prepare, refuse_standing
 
-__all__ = ["STATUS", "FitMany", "collect", "fit_batch", "fit_each"]
+__all__ = ["FitMany", "collect", "fit_batch", "fit_each"]
 
 F64 = NDArray[np.float64]
-STATUS = ("ok", "maxiter", "rank", "nonfinite")
 _WORDS = np.array(STATUS)
 _NONFINITE = STATUS.index("nonfinite")
 SHOWN = ("fitting", "records")  # of their progress

@@ -11,8 +11,8 @@ from .._core import normals
 from ..errors import DataError, SpecError
 from ..models.noise import Noise as GivenNoise
 from ..models.transfer_function import TransferFunction
-from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 from ..results.fit import Fit
 from ..results.prediction import InitialState

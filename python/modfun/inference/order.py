@@ -21,8 +21,8 @@ from ..fitting.prepared import plain_words
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
-from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.fit import Fit

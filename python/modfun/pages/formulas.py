@@ -197,7 +197,7 @@ class _Tree:
     def _times(self, parts: Sequence[Node]) -> str:
         said: list[str] = []
         for part in parts:
-            alone = ("sum", "negative") if len(parts) > 1 else ()
+            alone = ("sum", "negative", "compare") if len(parts) > 1 else ()
             said += [*([_mo("⋅")] if said else []), self._inside(part, alone)]
         return _row(*said)
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import chosen_rows, drawing, frequency_axis, returned, take_axes, take_pairs
 from ..errors import SpecError
+from ..records.record import Record
+from ..results.fit import Fit
 from .channels import spectrum
-
-if TYPE_CHECKING:
-    from ..records.record import Record
-    from ..results.fit import Fit
 
 __all__ = ["correlation", "harmonics", "residual_tests", "residuals"]
 
@@ -108,7 +106,7 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
         lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
         lower.set_ylabel(f"autocorrelation{of}")
 
-    return _each_row(fit, ax, chosen_rows(fit, output, "plot.residuals"), 2.3, draw)
+    return _each_row(fit, ax, chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals"), 2.3, draw)
 
 
 @drawing
@@ -129,7 +127,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     """
     from ..results.scores import cumulated_power
 
-    chosen = chosen_rows(fit, output, "plot.residual_tests")
+    chosen = chosen_rows(fit.row_names, fit.outputs, output, "plot.residual_tests")
     if hasattr(ax, "plot"):
         raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
 

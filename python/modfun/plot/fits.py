@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import bridge_gaps, chosen_outputs, drawing, returned, take_axes, take_pairs
 from ..base.student import root
 from ..errors import SpecError
-
-if TYPE_CHECKING:
-    from ..records.record import Record
-    from ..results.fit import Fit
+from ..records.record import Record
+from ..results.fit import Fit
 
 
 @drawing
@@ -34,7 +32,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     -------
     Axes or ndarray of Axes, shape (2 · outputs,)
     """
-    chosen = chosen_outputs(fit, output, "plot.response")
+    chosen = chosen_outputs(fit.outputs, output, "plot.response")
     measured = fit._record(rec, "plot.response")
     simulated, errors = fit.predict(measured), fit.errors(measured)
     levels = fit.score(measured)["signal_to_error"]
@@ -46,7 +44,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         upper.plot(
             simulated.t, simulated.y[i], color="C3", linewidth=1.0, label=f"simulated: {levels[i]:.1f} dB"
         )
-        bridge_gaps(upper, measured, name, label="masked")
+        bridge_gaps(upper, measured.t, measured[name], measured._good(name), label="masked")
         lower.plot(measured.t, errors[i], color="C0", linewidth=0.8, label="error")
         upper.set_ylabel(f"{name}{unit}")
         if lower is not upper:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from ..base.arguments import shown
 from ..base.axes import clip_to_lines, drawing, frequency_axis, returned, take_axes
 from ..base.student import root
 from ..errors import SpecError
-
-if TYPE_CHECKING:
-    from ..reduction.reduction import Reduction
+from ..reduction.reduction import Reduction
 
 
 @drawing

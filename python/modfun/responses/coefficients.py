@@ -16,8 +16,8 @@ from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..models.options import MOST, WORDS
 from ..models.transfer_function import TransferFunction
-from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
 

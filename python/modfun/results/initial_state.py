@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.least_squares import levenberg_marquardt
+from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
 from ..records.mask import sample_weights
@@ -31,7 +32,6 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
-TERMS = {None: 0, "constant": 1, "linear": 2}  # unknowns of a trend
 NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
 
@@ -80,7 +80,7 @@ def _linear(fit: Fit, rec: Record, structure: Any, state: F64 | None) -> tuple[F
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
     system = ss(a, b @ pick, c[rows], d[rows] @ pick)
-    return linear_state(system, rec, TERMS[fit.trend], algebraic, state)
+    return linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
 
 
 def find_state(
@@ -106,7 +106,7 @@ def find_state(
     initial : InitialState
         `trend` holds the constant, or the constant and the slope by t, of each equation.
     """
-    search = _Search(model, rec, TERMS[trend], state)
+    search = _Search(model, rec, TRENDS.index(trend), state)
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
     tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import shown
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
-from ..records.mask import refuse_own_noise, sample_weights
+from ..records.mask import sample_weights
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 from ..systems.polynomials import companion
 from .scores import free_response, regress, trend_columns
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .._core import __version__
 from ..base.arguments import public
+from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..files.writing import named
 from ..models.free import Free
@@ -25,7 +26,6 @@ __all__ = ["fit_from_dict", "fit_to_dict", "load", "told"]
 
 KIND = "modfun.Fit"
 SCHEMA = 2
-STATUS = ("ok", "maxiter", "rank", "nonfinite")
 
 # Fields that are plain numbers, texts, or lists of them.
 _PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")

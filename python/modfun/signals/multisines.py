@@ -76,8 +76,8 @@ def multisine(
     --------
     >>> import modfun as mf
     >>> s = mf.signals.multisine(["de", "da"], band=(0.6, 12), duration=20, dt=0.02)
-    >>> bool(abs(s.u[0, :-1] @ s.u[1, :-1]) < 1e-10), s.peak_factor.round(2)
-    (True, array([1.01, 1.  ]))
+    >>> bool(abs(s.u[0, :-1] @ s.u[1, :-1]) < 1e-10), bool(s.peak_factor.max() < 1.02)
+    (True, True)
     """
     what = "multisine"
     names = names_of(what, inputs)

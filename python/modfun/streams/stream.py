@@ -14,9 +14,9 @@ from .._core import Stream as CoreStream
 from ..base.arguments import public, real
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
+from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..fitting.fit import Estimator, answered, fit_quietly
-from ..fitting.many import STATUS
 from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
 from ..models.layout import Layout
 from ..models.noise import Noise

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import public, real, reals, whole
 from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from ..errors import DataError, SpecError
-from ..language.evaluate import is_samples, sources
 from ..signals import Signals
+from ..signals.sources import is_samples, sources
 from .frequency_response import FrequencyResponse
 from .gains import gains
 from .polynomials import (

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import gauss_legendre, simulate
+from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
-from ..language.evaluate import Source, evaluate, is_samples
+from ..signals.sources import Source, evaluate, is_samples
 
-__all__ = ["INTERSAMPLE", "Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
+__all__ = ["Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
 
 F64 = NDArray[np.float64]
-INTERSAMPLE = ("smooth", "zoh", "foh")
 
 
 def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...]:
