@@ -15,7 +15,7 @@ from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
 from ..records.mask import sample_weights
 from ..records.record import Record
-from ..systems.lti import ss
+from ..systems.making import ss
 from .linear_state import linear_state
 from .prediction import InitialState, given_state
 
