@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from .study.monte_carlo import MonteCarlo
     from .study.results import Results
     from .systems.frequency_response import FrequencyResponse
-    from .systems.lti import LTI, ss, tf
+    from .systems.lti import LTI
+    from .systems.making import ss, tf
     from .tones.results import Sinusoids, SinusoidsMany
     from .tones.search import sinusoids
 
@@ -93,8 +94,8 @@ _PLACES = {
     "signals": ".signals",
     "simulate": ".experiments.simulation",
     "sinusoids": ".tones.search",
-    "ss": ".systems.lti",
-    "tf": ".systems.lti",
+    "ss": ".systems.making",
+    "tf": ".systems.making",
     "timelag": ".timelag",
 }
 

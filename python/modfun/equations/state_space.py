@@ -14,7 +14,8 @@ from ..base.arguments import public, shown
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, expression
 from ..models.free import Free, from_plain, to_plain
-from ..systems.lti import LTI, ss
+from ..systems.lti import LTI
+from ..systems.making import ss
 from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:

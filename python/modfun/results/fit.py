@@ -26,7 +26,8 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import system_of
 from ..records.record import Record
-from ..systems.lti import LTI, ss, tf
+from ..systems.lti import LTI
+from ..systems.making import ss, tf
 from ..systems.polynomials import companion
 from . import check as doubts
 from . import derived as derivations

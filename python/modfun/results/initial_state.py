@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.least_squares import levenberg_marquardt
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
 from ..records.mask import sample_weights
 from ..records.record import Record
-from ..systems.lti import ss
+from ..systems.making import ss
 from .linear_state import linear_state
 from .prediction import InitialState, given_state
 
@@ -30,7 +32,7 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
-TOL = 1e-10
+NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
 
 def simulate_fit(
@@ -118,18 +120,18 @@ def find_state(
             "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
-        z, _ = search.refine(z, length, ROUNDS, 1e-2)
-    for rtol, tol in ((ROUGH, 1e-2), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
+        z, _ = search.refine(z, length, ROUNDS, NEARLY)
+    for rtol, tol in ((ROUGH, NEARLY), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
         search.weigh(z)
         search.rtol = rtol
         z, _ = search.refine(z, count, ROUNDS, tol)
-    y, jacobian, residual = search.at(z, count)  # DataError: it leaves all bounds, and says when
+    here = search.at(z, count)  # DataError: it leaves all bounds, and says when
     freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
     whole = np.zeros((n + z.size - search.found, n + z.size - search.found))
-    cov = np.linalg.pinv(jacobian.T @ jacobian) * (residual @ residual / freedom)
+    cov = np.linalg.pinv(here.jacobian.T @ here.jacobian) * (here.cost / freedom)
     whole[n - search.found :, n - search.found :] = cov
     x, drift = search.split(z)
-    return y, InitialState(x, whole[:n, :n], drift)
+    return here.y, InitialState(x, whole[:n, :n], drift)
 
 
 def slopes(fit: Fit, rec: Record, initial: InitialState) -> F64:
@@ -210,14 +212,14 @@ class _Search:
     def weigh(self, z: F64) -> None:
         """Weigh outputs by the residuals that z leaves."""
         try:
-            e = self.own * (self.rec.y - self.at(z, self.rec.t.size)[0])
+            e = self.own * (self.rec.y - self.at(z, self.rec.t.size).y)
         except DataError:
             return
         level = np.sqrt(np.sum(e**2, axis=1) / np.maximum(np.count_nonzero(self.own, axis=1), 1))
         level = np.maximum(level, 1e-9 * np.max(np.abs(self.rec.y)))
         self.weights = self.own / level[:, None]
 
-    def at(self, z: F64, length: int) -> tuple[F64, F64, F64]:
+    def at(self, z: F64, length: int) -> _Point:
         """Response, Jacobian and residuals, weighted, over the first samples."""
         rec, steps = self.rec, STEP * np.maximum(np.abs(z), self.sizes)
         moved = z[:, None] + np.hstack([np.zeros((z.size, 1)), np.diag(steps)])
@@ -232,33 +234,54 @@ class _Search:
         w = self.weights[:, None, :length]
         jacobian = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1)
         jacobian = jacobian.reshape(y.shape[0] * y.shape[2], z.size)
-        return y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        return _Point(
+            z, y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        )
 
     def refine(self, z: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
         """Levenberg–Marquardt steps until one gains less than `tol`; cost inf where there is no response."""
         try:
-            _, jacobian, residual = self.at(z, length)
+            here = self.at(z, length)
         except DataError:
             return z, np.inf
-        cost, damping = float(residual @ residual), 1e-6
-        for _ in range(rounds if z.size else 0):
-            size = np.linalg.norm(jacobian, axis=0)
-            size = np.where(size > 0, size, 1.0)
-            rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(z.size)])
-            step = np.linalg.lstsq(rows, np.append(residual, np.zeros(z.size)), rcond=None)[0] / size
+
+        def moved(at: _Point, step: F64) -> _Point | None:
             try:
-                _, new, left = self.at(z + step, length)
-                less = float(left @ left)
+                return self.at(at.z + step, length)
             except DataError:
-                less = np.inf
-            if less < cost:
-                done = cost - less <= tol * cost
-                z, jacobian, residual, cost = z + step, new, left, less
-                damping = max(damping / 10, 1e-12)
-                if done:
-                    break
-            elif damping > 1e8 or np.all(np.abs(step) <= tol * np.maximum(np.abs(z), self.sizes)):
-                break
-            else:
-                damping = max(10 * damping, 1e-4)
-        return z, cost
+                return None
+
+        here, _, _ = levenberg_marquardt(
+            here,
+            lambda at: at.jacobian,
+            _step,
+            moved,
+            enough=0.0,
+            tol=tol,
+            maxiter=rounds if z.size else 0,
+            damping=1e-6,
+        )
+        return here.z, here.cost
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Unknowns, their response, and weighted derivatives and residuals."""
+
+    z: F64
+    y: F64
+    jacobian: F64
+    residual: F64
+
+    @property
+    def cost(self) -> float:
+        return float(self.residual @ self.residual)
+
+
+def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float]:
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
+    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0] / size
+    left = here.residual - jacobian @ step
+    return step, here.cost - float(left @ left)

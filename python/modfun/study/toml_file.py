@@ -16,7 +16,8 @@ from ..base.words import TRENDS
 from ..errors import DataError, ModfunError, SpecError
 from ..fitting.fit import Estimator
 from ..models.transfer_function import TransferFunction
-from ..systems.lti import LTI, ss, tf
+from ..systems.lti import LTI
+from ..systems.making import ss, tf
 from . import toml_values as values
 from .monte_carlo import MonteCarlo
 from .toml_values import Key, Reader
