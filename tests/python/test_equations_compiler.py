@@ -280,13 +280,13 @@ def test_saturation_in_a_compartment_of_two():
 
 def test_rosenfeld_and_groebner_say_the_same():
     pytest.importorskip("DifferentialAlgebra")
+    from modfun.equations.equation import equations_of
     from modfun.equations.symbolic.elimination import eliminate
     from modfun.equations.symbolic.rosenfeld import rosenfeld
-    from modfun.equations.symbolic.system import system_of
 
     for name in ("prey only", "fitzhugh nagumo, v only", "four compartments"):
         text, words, _, _ = HIDDEN[name]
-        system = system_of(mf.Equation(text, **words))
+        system = equations_of(mf.Equation(text, **words))
         (theirs,) = rosenfeld(system.equations, system.hidden, system.outputs, system.moving)
         (ours,), _ = eliminate(system.equations, system.hidden, system.moving)
         assert sympy.cancel(theirs / ours).is_number

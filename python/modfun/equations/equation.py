@@ -27,6 +27,7 @@ from .written import (
 if TYPE_CHECKING:
     from .nonlinear import NonlinearModel
     from .symbolic.compiled import Compiled
+    from .symbolic.system import System
 
 __all__ = ["Equation"]
 
@@ -257,9 +258,23 @@ class Equation(Written):
 @lru_cache(128)
 def _compiled(model: Equation) -> Compiled:
     from .symbolic.compiler import compile_system
+
+    return compile_system(equations_of(model), "Equation")
+
+
+def equations_of(model: Equation) -> System:
+    """What the texts of a model say, before anything is eliminated."""
     from .symbolic.system import system_of
 
-    return compile_system(system_of(model), "Equation")
+    return system_of(
+        model.parsed,
+        outputs=model.outputs,
+        inputs=model.inputs,
+        hidden=model.hidden,
+        varying=model.varying,
+        params=model.params,
+        parameters=model.all_parameters,
+    )
 
 
 def _made(

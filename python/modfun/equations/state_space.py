@@ -10,21 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.arguments import public, shown
+from ..base.arguments import public
 from ..errors import SpecError
-from ..language.parser import CONSTANTS, expression
 from ..models.free import Free, from_plain, to_plain
 from ..systems.lti import LTI
 from ..systems.making import ss
+from .matrices import Matrix, column_of, line, matrix_of, names_in, row_of, rows_of, state_of
 from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
 
-__all__ = ["Matrix", "StateSpace"]
+__all__ = ["StateSpace"]
 
-Entry = float | str
-Matrix = tuple[tuple[Entry, ...], ...]
 MOST_STATES = 20
 
 
@@ -90,17 +88,17 @@ class StateSpace(Written):
         outputs: Sequence[str] | None = None,
         params: Mapping[str, float | Free] | None = None,
     ) -> None:
-        n = _rows(A)
+        n = rows_of(A)
         if not 0 < n <= MOST_STATES:
             raise SpecError(f"StateSpace: A has {n} rows; 1 to {MOST_STATES} states are taken")
-        a = _matrix("A", A, n, n)
-        b = _matrix("B", np.zeros((n, 0)) if B is None else _column(B, n), n, None)
+        a = matrix_of("A", A, n, n)
+        b = matrix_of("B", np.zeros((n, 0)) if B is None else column_of(B, n), n, None)
         k = len(b[0])
-        c = _matrix("C", np.eye(n) if C is None else _row(C), None, n)
-        d = _matrix("D", np.zeros((len(c), k)) if D is None else _row(D), len(c), k)
+        c = matrix_of("C", np.eye(n) if C is None else row_of(C), None, n)
+        d = matrix_of("D", np.zeros((len(c), k)) if D is None else row_of(D), len(c), k)
         own = channel_names("StateSpace", "states", states, n, "x", always=True)
         drives = channel_names("StateSpace", "inputs", inputs, k, "u")
-        picked = [_picked(c[i], d[i]) for i in range(len(c))]
+        picked = [state_of(c[i], d[i]) for i in range(len(c))]
         natural = None if outputs is None and None in picked else [own[j] for j in picked if j is not None]
         given = natural if outputs is None else outputs
         measured = channel_names("StateSpace", "outputs", given, len(c), "y")
@@ -109,7 +107,7 @@ class StateSpace(Written):
                 raise SpecError(f"StateSpace: the output {name!r} has the name of a state that it is not")
         if twice := [name for name in drives if name in (*own, *measured)]:
             raise SpecError(f"StateSpace: {twice[0]!r} is named twice among states, inputs and outputs")
-        names = list(dict.fromkeys(_names_of(a, b, c, d)))
+        names = list(dict.fromkeys(names_in(a, b, c, d)))
         if clash := [name for name in names if name in (*own, *drives, *measured, "t")]:
             raise SpecError(
                 f"StateSpace: {clash[0]!r} stands in a matrix; entries are numbers and parameters, no "
@@ -188,7 +186,7 @@ class StateSpace(Written):
                 f"StateSpace.model: {', '.join(lost)} cannot be found from {', '.join(self.outputs)}, and so "
                 "have no numbers; hold them, params={...}"
             )
-        made = ss(*(numbers(matrix, self, given) for matrix in (self.A, self.B, self.C, self.D)))
+        made = ss(*(numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)))
         return replace(made, inputs=self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
@@ -212,9 +210,13 @@ class StateSpace(Written):
         return _compiled(self)
 
     def _title(self) -> tuple[str, ...]:
-        rows = [_line(f"{x}'", a, b, self) for x, a, b in zip(self.states, self.A, self.B, strict=True)]
+        signals = (*self.states, *self.inputs)
+        rows = [
+            line(f"{x}'", zip((*a, *b), signals, strict=True))
+            for x, a, b in zip(self.states, self.A, self.B, strict=True)
+        ]
         rows += [
-            _line(y, c, d, self)
+            line(y, zip((*c, *d), signals, strict=True))
             for y, c, d in zip(self.outputs, self.C, self.D, strict=True)
             if y not in self.states
         ]
@@ -242,99 +244,12 @@ def _compiled(model: StateSpace) -> Compiled:
     from .symbolic.compiler import compile_system
     from .symbolic.linear import system_of
 
-    return compile_system(system_of(model), "StateSpace")
-
-
-def _rows(matrix: Any) -> int:
-    try:
-        return len(matrix)
-    except Exception:  # of whatever an unknown object raises
-        raise SpecError(
-            f"StateSpace: A={shown(matrix)} is no matrix; give rows of numbers and names"
-        ) from None
-
-
-def _matrix(name: str, given: Any, rows: int | None, columns: int | None) -> Matrix:
-    try:
-        table = [list(row) for row in given]
-    except TypeError:
-        raise SpecError(f"StateSpace: {name} must be a matrix, a list of rows") from None
-    shape = (len(table), len(table[0]) if table else 0)
-    wanted = (shape[0] if rows is None else rows, shape[1] if columns is None else columns)
-    if uneven := [k for k, row in enumerate(table) if len(row) != shape[1]]:
-        raise SpecError(
-            f"StateSpace: row {uneven[0] + 1} of {name} has {len(table[uneven[0]])} entries, its first "
-            f"row {shape[1]}"
-        )
-    if shape != wanted or not table:
-        raise SpecError(f"StateSpace: {name} has shape {shape}, with this A it is {wanted}")
-    return tuple(
-        tuple(_entry(f"{name}[{i}][{j}]", one) for j, one in enumerate(row)) for i, row in enumerate(table)
+    system = system_of(
+        (model.A, model.B, model.C, model.D),
+        states=model.states,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        params=model.params,
+        parameters=model.all_parameters,
     )
-
-
-def _entry(where: str, given: Any) -> Entry:
-    if isinstance(given, str):
-        source = expression(given, f"entry {where}")
-        for node in source.tree.walk():
-            if node.kind in ("prime", "compare") or node.primes or (node.kind == "name" and node.parts):
-                source.refuse(node.at, node.end, "is no number or parameter; a matrix has no signals")
-        return float(given) if source.tree.kind == "number" else given
-    if type(given).__module__.partition(".")[0] == "sympy":
-        from .symbolic.words import said
-
-        return _entry(where, said(given, exact=True))
-    try:
-        if isinstance(given, bool) or given is np.ma.masked:
-            raise TypeError
-        number = float(given)
-    except Exception:  # of whatever the conversion of an unknown object raises
-        raise SpecError(
-            f"StateSpace: {where} is {shown(given)}; give a number, a name or an expression"
-        ) from None
-    if not np.isfinite(number):
-        raise SpecError(f"StateSpace: {where} is {number}; entries are finite")
-    return number
-
-
-def _column(given: Any, n: int) -> Any:
-    """B of one input may be given as n entries."""
-    flat = _is_flat("B", given)
-    return [[one] for one in given] if flat and len(given) == n else given
-
-
-def _row(given: Any) -> Any:
-    """C or D of one output may be given as a row."""
-    return [given] if _is_flat("C or D", given) else given
-
-
-def _is_flat(name: str, given: Any) -> bool:
-    try:
-        return all(isinstance(one, str) or np.ndim(one) == 0 for one in given)
-    except Exception:  # of whatever an unknown object raises
-        raise SpecError(f"StateSpace: {name}={shown(given)} is no matrix; give rows") from None
-
-
-def _picked(c: Sequence[Entry], d: Sequence[Entry]) -> int | None:
-    """The state that an output is, if it is one."""
-    set_ = [j for j, one in enumerate(c) if one != 0]
-    return set_[0] if len(set_) == 1 and c[set_[0]] == 1 and all(one == 0 for one in d) else None
-
-
-def _names_of(*matrices: Matrix) -> list[str]:
-    texts = [one for matrix in matrices for row in matrix for one in row if isinstance(one, str)]
-    nodes = [node for text in texts for node in expression(text).tree.walk() if node.kind == "name"]
-    return [str(node.value) for node in nodes if node.value not in CONSTANTS]
-
-
-def _line(left: str, own: Sequence[Entry], driven: Sequence[Entry], model: StateSpace) -> str:
-    parts = []
-    for entry, name in [*zip(own, model.states, strict=True), *zip(driven, model.inputs, strict=True)]:
-        if entry == 0:
-            continue
-        if entry == 1:
-            parts.append(name)
-            continue
-        text = entry if isinstance(entry, str) else f"{entry:g}"
-        parts.append(f"{text if text.isalnum() or not isinstance(entry, str) else f'({text})'}*{name}")
-    return f"{left} = {' + '.join(parts) or '0'}"
+    return compile_system(system, "StateSpace")

@@ -137,8 +137,8 @@ class States:
         rows = [model.outputs.index(name) for name in self.outputs or ()]
         self.shape = len(rows), len(model.inputs)
         matrices = [model.A, model.B, model.C, model.D]
-        self.matrices = [numbers(m, model, values) for m in matrices]
-        self.moved = [derivatives(m, model, values) for m in matrices]
+        self.matrices = [numbers(m, model.params, values) for m in matrices]
+        self.moved = [derivatives(m, model.params, values) for m in matrices]
         for k in (2, 3):
             self.matrices[k] = self.matrices[k][rows]
             self.moved[k] = self.moved[k][:, rows]

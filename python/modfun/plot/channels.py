@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from ..base.axes import decibels, drawing, frequency_axis, label_axes, returned, take_axes
+from ..base.axes import drawing
 from ..records.record import Record
 from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
@@ -89,26 +87,7 @@ def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
     -------
     Axes
     """
-    here = take_axes(ax, 1, height=3.0)[0]
-    scale, label = frequency_axis(hz)
-    size = 8 * found.y.size
-    omega = 2 * np.pi / found.dt * np.fft.fftfreq(size)
-    shown = np.argsort(omega) if np.iscomplexobj(found.y) else slice(0, size // 2)
-    gain = (1.0 if np.iscomplexobj(found.y) else 2.0) / np.sum(found.weights > 0)
-    left = np.where(found.weights > 0, found.errors(), 0.0)
-    for values, name, style in (
-        (np.where(found.weights > 0, found.y, 0.0), "record", {"color": "C0", "linewidth": 1.2}),
-        (left, "without the tones", {"color": "0.6", "linewidth": 0.8}),
-    ):
-        lines = gain * np.abs(np.fft.fft(values, size)[shown])
-        here.plot(scale * omega[shown], decibels(lines), label=name, **style)
-    here.plot(scale * found.omega, decibels(found.amplitude), "C3o", markersize=5, label="tones")
-    for omega_i, reach in zip(found.omega, 1.96 * found.bse[: len(found)], strict=True):
-        here.axvspan(scale * (omega_i - reach), scale * (omega_i + reach), color="C3", alpha=0.2, linewidth=0)
-    here.set(xlabel=label, ylabel="amplitude (dB)")
-    here.grid(True, alpha=0.3)
-    here.legend(frameon=False)
-    return here
+    return found.plot(ax=ax, hz=hz)
 
 
 @drawing
@@ -127,12 +106,4 @@ def track(found: Track, ax: Any = None) -> Any:
     Axes or ndarray of Axes
         One Axes where there is one parameter, otherwise one a parameter.
     """
-    axes = take_axes(ax, len(found.param_names), height=1.5)
-    good = found.success
-    for here, values, errors in zip(axes, found.params.T, found.bse.T, strict=True):
-        values, half = np.where(good, values, np.nan), 2 * np.where(good, errors, np.nan)
-        here.fill_between(found.t, values - half, values + half, alpha=0.25, linewidth=0)
-        here.plot(found.t, values, linewidth=1.2)
-        here.grid(True, alpha=0.3)
-    label_axes(axes, found.param_names, {}, "end of the window (s)")
-    return returned(ax, axes)
+    return found.plot(ax)

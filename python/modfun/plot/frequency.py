@@ -112,16 +112,7 @@ def reduction(red: Reduction, ax: Any = None, *, hz: bool = False) -> Any:
     Axes
         With several channels the largest gain over directions is drawn.
     """
-    axes = take_axes(ax, 1, height=3.2)
-    scale, label = frequency_axis(hz)
-    omega, curves = red.gains()
-    for (name, values), style in zip(curves.items(), ("-", "--", ":", ":"), strict=False):
-        axes[0].plot(scale * omega, values, style, label=name, linewidth=1.2)
-    axes[0].set_xscale("log")
-    axes[0].set_yscale("log")
-    axes[0].set(xlabel=label, ylabel="gain", xlim=(scale * omega[0], scale * omega[-1]))
-    axes[0].legend()
-    return returned(ax, axes)
+    return red.plot(ax=ax, hz=hz)
 
 
 def _range(systems: Sequence[Any]) -> tuple[float, float]:

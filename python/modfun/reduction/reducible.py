@@ -13,9 +13,10 @@ from ..base.arguments import reals
 from ..errors import DataError, SpecError
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
+from ..systems.making import system_of
 from .gramians import AXIS, Balanced, Realisation, balance, split
 
-__all__ = ["Lines", "Source", "realisation", "source_of"]
+__all__ = ["FullOrder", "Lines", "read_system", "realisation"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -25,7 +26,7 @@ DENSE = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class FullOrder:
     """A system as a balanced stable part, what is not stable, and the delays of the inputs."""
 
     order: int
@@ -68,7 +69,7 @@ def realisation(system: LTI) -> Realisation:
     return Realisation(a, b, c, d)
 
 
-def source_of(given: Any) -> Source | Lines:
+def read_system(given: Any) -> FullOrder | Lines:
     """Read what `reduce` was given.
 
     Raises
@@ -82,15 +83,11 @@ def source_of(given: Any) -> Source | Lines:
         return _lines(
             given.omega, getattr(given, "frdata", None) if hasattr(given, "frdata") else given.fresp
         )
-    if hasattr(given, "model") and hasattr(given, "cov_params"):  # a Fit
-        given = given.model
     if isinstance(given, tuple):
-        return _source(_matrices(given), None)
+        return _full_order(_matrices(given), None)
     if not isinstance(given, LTI):
-        from ..systems.making import system_of
-
-        given = system_of(given, 0.0)
-    return _source(realisation(given), given.delays)
+        given = system_of(getattr(given, "model", given), 0.0)  # the model of a fit
+    return _full_order(realisation(given), given.delays)
 
 
 def _lines(omega: Any, response: Any) -> Lines:
@@ -130,7 +127,7 @@ def _matrices(given: tuple[Any, ...]) -> Realisation:
     return Realisation(a, b, c, d)
 
 
-def _source(system: Realisation, delays: tuple[float, ...] | None) -> Source:
+def _full_order(system: Realisation, delays: tuple[float, ...] | None) -> FullOrder:
     n, (outputs, inputs) = system.order, system.d.shape
     if hasattr(system.a, "tocsc") and n <= DENSE:
         system = Realisation(system.a.toarray(), system.b, system.c, system.d)
@@ -140,7 +137,7 @@ def _source(system: Realisation, delays: tuple[float, ...] | None) -> Source:
     if isinstance(system.a, np.ndarray) and n and not _settles(system.a):
         system, kept = split(system)
     empty = Balanced(system, np.zeros(0))
-    return Source(
+    return FullOrder(
         n, balance(system) if system.order else empty, kept, (0.0,) * inputs if delays is None else delays
     )
 

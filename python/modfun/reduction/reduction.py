@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,11 @@ from ..base.tables import Table, nearest
 from ..errors import SpecError
 from ..models.transfer_function import TransferFunction
 from ..systems.lti import LTI
-
-if TYPE_CHECKING:
-    from .steps import Found
+from . import drawing
+from .criterion import measured
+from .norms import largest_gain
+from .reducible import Lines, read_system
+from .steps import Found, of_lines, to_order, to_structure
 
 __all__ = ["Reduction", "reduce"]
 
@@ -96,8 +98,6 @@ class Reduction:
 
         Without delays that are kept and poles that are; those are in no difference.
         """
-        from .norms import largest_gain
-
         found = self._found
         grid = found.criterion.grid
         low, high = found.target.range
@@ -112,9 +112,7 @@ class Reduction:
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Gains of the system, the model and their difference; see `modfun.plot.reduction`."""
-        from .. import plot
-
-        return plot.reduction(self, ax=ax, hz=hz)
+        return drawing.gains(*self.gains(), ax, hz)
 
 
 @public
@@ -168,22 +166,18 @@ def reduce(
     the model. Delays of inputs are kept when an order is asked for, or where the structure has the same;
     where it has none, poles stand in for them.
     """
-    from .criterion import measured
-    from .reducible import Lines, source_of
-    from .steps import of_lines, to_order, to_structure
-
     _checked(structure, method)
-    source = source_of(system)
-    if isinstance(source, Lines):
+    full = read_system(system)
+    if isinstance(full, Lines):
         if method == "balanced":
             raise SpecError("reduce: a frequency response has no states to balance; use method='awls'")
-        found, hankel = of_lines(source, structure, weight, band, dcgain), np.zeros(0)
+        found, hankel = of_lines(full, structure, weight, band, dcgain), np.zeros(0)
     else:
-        hankel = source.balanced.hankel
+        hankel = full.balanced.hankel
         if isinstance(structure, TransferFunction) and method == "awls":
-            found = to_structure(source, structure, weight, band, dcgain)
+            found = to_structure(full, structure, weight, band, dcgain)
         else:
-            found = to_order(source, structure, weight, band, method, dcgain)
+            found = to_order(full, structure, weight, band, method, dcgain)
     names = [name for name, _, _ in found.contenders]
     rows = [measured(found.target, found.criterion, gains, model) for _, gains, model in found.contenders]
     return Reduction(

@@ -21,7 +21,7 @@ from .gramians import Realisation
 from .modes import fit_modes
 from .norms import Response, h2_norm, hinf_norm, largest_gain
 from .rational import RationalFit, fit_rational
-from .reducible import Lines, Source, realisation
+from .reducible import FullOrder, Lines, realisation
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]
 
@@ -49,32 +49,32 @@ class Found:
 # To a state space of some order -------------------------------------------------------------------
 
 
-def to_order(source: Source, structure: Any, weight: Weight, band: Any, method: str, dcgain: bool) -> Found:
+def to_order(full: FullOrder, structure: Any, weight: Weight, band: Any, method: str, dcgain: bool) -> Found:
     """Balanced truncation, and modes fitted from there."""
-    order = _poles(structure, source)
-    count = order - source.kept.order
-    if order >= source.order or count < 0:
-        kept = f", {source.kept.order} of them not stable and kept" if source.kept.order else ""
+    order = _poles(structure, full)
+    count = order - full.kept.order
+    if order >= full.order or count < 0:
+        kept = f", {full.kept.order} of them not stable and kept" if full.kept.order else ""
         raise SpecError(
-            f"reduce: {order} poles for a system of {source.order} states{kept}; give fewer than it has and "
+            f"reduce: {order} poles for a system of {full.order} states{kept}; give fewer than it has and "
             "not fewer than are kept"
         )
-    target = Target(source.stable.response, source.range, source.stable)
+    target = Target(full.stable.response, full.range, full.stable)
     criterion = criterion_of(target, weight, band)
-    truncated = source.balanced.truncated(count)
-    found, nit = _settled(source, count) if dcgain else truncated, 0
-    notes = _kept_notes(source)
-    if count >= source.stable.order:
+    truncated = full.balanced.truncated(count)
+    found, nit = _settled(full, count) if dcgain else truncated, 0
+    notes = _kept_notes(full)
+    if count >= full.stable.order:
         notes.append(
-            f"Inputs reach and outputs show only {source.stable.order} states of the stable part; nothing "
+            f"Inputs reach and outputs show only {full.stable.order} states of the stable part; nothing "
             "was left out."
         )
     elif method == "awls" and count:
-        found, nit = _fitted_modes(source, found, criterion, dcgain)
-    whole = found.plus(source.kept)
-    model = ss(whole.a, whole.b, whole.c, whole.d, delay=source.delays)
+        found, nit = _fitted_modes(full, found, criterion, dcgain)
+    whole = found.plus(full.kept)
+    model = ss(whole.a, whole.b, whole.c, whole.d, delay=full.delays)
     if isinstance(structure, TransferFunction):
-        model = tf(*model.polynomials(), delay=source.delays)
+        model = tf(*model.polynomials(), delay=full.delays)
     contenders: list[Contender] = [("this", found.response, found), _truncation(truncated)]
     return Found(model, target, criterion, contenders, count, nit, "ok", notes)
 
@@ -83,18 +83,18 @@ def _truncation(own: Realisation) -> Contender:
     return "balanced truncation", own.response, own
 
 
-def _kept_notes(source: Source) -> list[str]:
-    if not source.kept.order:
+def _kept_notes(full: FullOrder) -> list[str]:
+    if not full.kept.order:
         return []
-    poles = ", ".join(f"{p:.4g}" for p in source.kept.poles)
+    poles = ", ".join(f"{p:.4g}" for p in full.kept.poles)
     return [f"Poles that are not stable are kept with their residues: {poles} rad/s."]
 
 
-def _poles(structure: Any, source: Source) -> int:
+def _poles(structure: Any, full: FullOrder) -> int:
     if not isinstance(structure, TransferFunction):
         return int(structure)
     plain = structure.poles - 1 == structure.zeros and not structure.params  # type: ignore[operator]
-    if source.stable.d.size > 1 or not plain:
+    if full.stable.d.size > 1 or not plain:
         raise SpecError(
             f"reduce: balanced truncation cannot make {structure}; give the number of poles, or use "
             "method='awls'"
@@ -102,9 +102,9 @@ def _poles(structure: Any, source: Source) -> int:
     return int(structure.poles)  # type: ignore[arg-type]
 
 
-def _settled(source: Source, count: int) -> Realisation:
+def _settled(full: FullOrder, count: int) -> Realisation:
     """Balanced truncation with the states left out taken as settled, which keeps the dc gain."""
-    whole = source.stable
+    whole = full.stable
     if count >= whole.order:
         return whole
     k, rest = slice(0, count), slice(count, None)
@@ -118,10 +118,10 @@ def _settled(source: Source, count: int) -> Realisation:
 
 
 def _fitted_modes(
-    source: Source, start: Realisation, criterion: Criterion, dcgain: bool
+    full: FullOrder, start: Realisation, criterion: Criterion, dcgain: bool
 ) -> tuple[Realisation, int]:
     """Modes of the least criterion from balanced truncation on; never worse than that on the lines."""
-    whole, lines = source.stable, criterion.grid
+    whole, lines = full.stable, criterion.grid
     dc = whole.response(np.zeros(1))[0].real - whole.d if dcgain else None
     region = _region(whole, criterion.minimax)
 
@@ -138,7 +138,7 @@ def _fitted_modes(
         return Realisation(found.a, found.b, found.c, whole.d), nit
 
     found, nit = fit(criterion.weight, start, 200)
-    candidates = [found] if dcgain else [found, source.balanced.truncated(start.order)]
+    candidates = [found] if dcgain else [found, full.balanced.truncated(start.order)]
     if whole.d.size == 1:  # of one path the poles say all, and other starts for them cost little
         layout = _layout(TransferFunction(poles=start.order), 1, 1)
         poles = fit_rational(
@@ -209,48 +209,48 @@ def _least_largest(
 
 
 def to_structure(
-    source: Source, structure: TransferFunction, weight: Weight, band: Any, dcgain: bool
+    full: FullOrder, structure: TransferFunction, weight: Weight, band: Any, dcgain: bool
 ) -> Found:
     """A rational fit of the structure, begun at the poles of balanced truncation and elsewhere."""
-    outputs, inputs = source.stable.d.shape
+    outputs, inputs = full.stable.d.shape
     layout = _layout(structure, outputs, inputs)
     notes: list[str] = []
-    if _same_delays(layout, source):
+    if _same_delays(layout, full):
         layout = replace(layout, paths=tuple(replace(path, delay=0.0) for path in layout.paths))
-        bare = _without(layout, source.kept.order)
+        bare = _without(layout, full.kept.order)
         if bare is not None:
-            target = Target(source.stable.response, source.range, source.stable)
+            target = Target(full.stable.response, full.range, full.stable)
             criterion = criterion_of(target, weight, band)
-            bare = _with_feedthrough(bare, source.stable.d, criterion)
-            fit = _fitted(bare, target, criterion, source, dcgain, 0)
+            bare = _with_feedthrough(bare, full.stable.d, criterion)
+            fit = _fitted(bare, target, criterion, full, dcgain, 0)
             own = system_of(bare, fit.theta)
-            model = _together(own, source)
+            model = _together(own, full)
             contenders: list[Contender] = [("this", _gains(own), realisation(own))]
             if bare.common:
-                contenders.append(_truncation(source.balanced.truncated(bare.orders[0])))
-            count = bare.orders[0] if bare.common else source.balanced.hankel.size
-            notes = _kept_notes(source) + _status_notes(fit)
+                contenders.append(_truncation(full.balanced.truncated(bare.orders[0])))
+            count = bare.orders[0] if bare.common else full.balanced.hankel.size
+            notes = _kept_notes(full) + _status_notes(fit)
             return Found(model, target, criterion, contenders, count, fit.nit, _status(fit), notes)
-        late = source.delays
+        late = full.delays
     else:
         late = (0.0,) * inputs
         notes.append(
             "The model has other delays than the system; its poles take their place as far as they can."
         )
-    if source.kept.order and band is None:
+    if full.kept.order and band is None:
         raise SpecError(
-            f"reduce: {source.kept.order} pole(s) of the system are not stable, and {structure} cannot hold "
+            f"reduce: {full.kept.order} pole(s) of the system are not stable, and {structure} cannot hold "
             "them with their residues; take zeros=poles-1 with the system's delays and without params=, or "
             "name a band= to fit in"
         )
 
     def response(omega: F64) -> C128:
-        found: C128 = source.response(omega) * np.exp(1j * omega[:, None, None] * np.array(late))
+        found: C128 = full.response(omega) * np.exp(1j * omega[:, None, None] * np.array(late))
         return found
 
-    target = Target(response, source.range, None)
+    target = Target(response, full.range, None)
     criterion = criterion_of(target, weight, band)
-    fit = _fitted(layout, target, criterion, source, dcgain, source.kept.order)
+    fit = _fitted(layout, target, criterion, full, dcgain, full.kept.order)
     own = system_of(layout, fit.theta)
     model = tf(own.numerators, own.denominators, delay=late) if any(late) else own
     notes += _status_notes(fit)
@@ -279,8 +279,8 @@ def _layout(structure: TransferFunction, outputs: int, inputs: int) -> Layout:
     return structure.layout(numbered("y", outputs), numbered("u", inputs))
 
 
-def _same_delays(layout: Layout, source: Source) -> bool:
-    return all(path.delay == source.delays[path.input] for path in layout.paths)
+def _same_delays(layout: Layout, full: FullOrder) -> bool:
+    return all(path.delay == full.delays[path.input] for path in layout.paths)
 
 
 def _without(layout: Layout, kept: int) -> Layout | None:
@@ -316,15 +316,15 @@ def _with_feedthrough(layout: Layout, d: F64, criterion: Criterion) -> Layout:
 
 
 def _fitted(
-    layout: Layout, target: Target, criterion: Criterion, source: Source, dcgain: bool, unstable: int
+    layout: Layout, target: Target, criterion: Criterion, full: FullOrder, dcgain: bool, unstable: int
 ) -> RationalFit:
     start = None
     held = any(value is not None for value in layout.fixed[: layout.orders[0]])
     count = layout.orders[0] - unstable
-    if layout.common and not held and 0 < count <= source.stable.order:
-        start = np.concatenate([source.balanced.truncated(count).poles, source.kept.poles[:unstable]])
+    if layout.common and not held and 0 < count <= full.stable.order:
+        start = np.concatenate([full.balanced.truncated(count).poles, full.kept.poles[:unstable]])
     dc = target.response(np.zeros(1))[0].real if dcgain else None
-    region = _region(source.stable, criterion.minimax) if not unstable and source.stable.order else None
+    region = _region(full.stable, criterion.minimax) if not unstable and full.stable.order else None
     return _rational(layout, criterion, start, unstable, dc, region)
 
 
@@ -372,11 +372,11 @@ def _gains(own: LTI) -> Response:
     return lambda omega: own.frequency_response(omega).response.transpose(2, 0, 1)
 
 
-def _together(own: LTI, source: Source) -> LTI:
+def _together(own: LTI, full: FullOrder) -> LTI:
     """The fitted part and the kept poles over one denominator, with the delays."""
     num, den = own.polynomials()
-    if source.kept.order:
-        kept = source.kept
+    if full.kept.order:
+        kept = full.kept
         other, slow = ss(kept.a, kept.b, kept.c).polynomials()
         common, more = den[0][0], slow[0][0]
         num = tuple(
@@ -388,7 +388,7 @@ def _together(own: LTI, source: Source) -> LTI:
         )
         whole = np.asarray(np.polymul(common, more), dtype=np.float64)
         den = tuple((whole,) * len(row) for row in den)
-    return tf(num, den, delay=source.delays)
+    return tf(num, den, delay=full.delays)
 
 
 def _status(fit: RationalFit) -> str:

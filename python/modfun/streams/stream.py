@@ -25,6 +25,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from .forgetting import loss, unweighted, weights_of
+from .samples import block_of, refuse_record
 from .track import Track, joined
 
 __all__ = ["Stream"]
@@ -189,7 +190,7 @@ class Stream:
         DataError
             Values that are not finite, or another number of channels; nothing has been taken then.
         """
-        self._take(self._block(y, u))
+        self._take(block_of(y, u, self.outputs, self.inputs, self.count))
 
     def follow(self, rec: Record, *, every: int = 1, progress: str | bool = "auto") -> Track:
         """Push a record and note the estimates on the way.
@@ -214,7 +215,7 @@ class Stream:
         DataError
             A record with other channels, another step or masked samples.
         """
-        self._refuse(rec)
+        refuse_record(rec, self.outputs, self.inputs, self.dt, self.intersample)
         whole = isinstance(every, int | np.integer) and not isinstance(every, bool)
         if not (whole and 1 <= every <= LONGEST):
             raise SpecError(
@@ -318,30 +319,6 @@ class Stream:
 
     # Inside --------------------------------------------------------------------------------------
 
-    def _block(self, y: ArrayLike, u: ArrayLike | None) -> F64:
-        """What was given as (channel, time), outputs first."""
-        q, k = len(self.outputs), len(self.inputs)
-        if isinstance(y, float) and isinstance(u, float) and q == k == 1 and isfinite(y) and isfinite(u):
-            return np.array([[y], [u]])  # the most frequent case, four times as fast
-        above = _rows("y", y, q)
-        block = np.empty((q + k, above.shape[1]))
-        block[:q] = above
-        if k or (u is not None and np.size(u)):
-            below = _rows("u", () if u is None else u, k)
-            if below.shape[1] != above.shape[1]:
-                raise DataError(
-                    f"Stream.push: {above.shape[1]} samples of y, {below.shape[1]} of u; give as many of both"
-                )
-            block[q:] = below
-        if not np.isfinite(block).all():
-            row, column = np.argwhere(~np.isfinite(block))[0]
-            raise DataError(
-                f"Stream.push: {(*self.outputs, *self.inputs)[row]!r} is {block[row, column]} at sample "
-                f"{self.count + column}; nothing was taken: give its last good value, or clear() and begin "
-                "again"
-            )
-        return block
-
     def _take(self, block: F64) -> None:
         with self._lock:
             self._latest = None
@@ -427,25 +404,6 @@ class Stream:
             units=self._units,
         )
 
-    def _refuse(self, rec: Record) -> None:
-        if not isinstance(rec, Record):
-            raise SpecError(f"Stream.follow: {type(rec).__name__} is no Record; push samples, or make one")
-        if (rec.outputs, rec.inputs) != (self.outputs, self.inputs):
-            raise DataError(
-                f"Stream.follow: the record has outputs {list(rec.outputs)}, inputs {list(rec.inputs)}, the "
-                f"stream {list(self.outputs)} and {list(self.inputs)}; select them, or name the stream's"
-            )
-        if rec.dt is None or abs(rec.dt - self.dt) > 1e-6 * self.dt:
-            have = "uneven steps" if rec.dt is None else f"a step of {rec.dt:g} s"
-            raise DataError(f"Stream.follow: the record has {have}, the stream one of {self.dt:g} s")
-        if rec.intersample != self.intersample:
-            raise DataError(
-                f"Stream.follow: between samples the record's inputs are {', '.join(rec.intersample)}, the "
-                f"stream's {', '.join(self.intersample)}; make it Stream(..., intersample=...)"
-            )
-        if rec.mask is not None or rec.sigma is not None:
-            raise DataError("Stream.follow: masked samples and sigma are for records; fill them first")
-
 
 def _slides(layout: Layout, noise: Any) -> bool:
     """Whether the coefficients of fixed lines are all that a fit needs."""
@@ -486,27 +444,6 @@ def _names(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]
     if count is None:
         count = 1 if given is None or isinstance(given, str) else len(given)
     return names_of(given, count, letter, which)
-
-
-def _rows(name: str, given: ArrayLike, channels: int) -> F64:
-    masked = isinstance(given, np.ma.MaskedArray) and np.ma.getmaskarray(given).any()
-    values = np.asarray(given)
-    if masked or values.dtype.kind not in "biuf":
-        what = "masked samples" if masked else f"{values.dtype.name} values"
-        raise DataError(
-            f"Stream.push: {name} holds {what}; give numbers, the last good one for what is missing"
-        )
-    values = values.astype(np.float64, copy=False)
-    if values.ndim == 0:
-        values = values.reshape(1, 1)
-    elif values.ndim == 1:
-        values = values[None] if channels == 1 else values[:, None]
-    if values.ndim != 2 or values.shape[0] != channels:
-        raise DataError(
-            f"Stream.push: {name} has shape {np.shape(given)}, the stream {channels} channel(s) of it; give "
-            "(channel,) for one sample or (channel, time) for a block, time last"
-        )
-    return values
 
 
 def _seconds(name: str, given: Any) -> float:

@@ -13,6 +13,7 @@ from ..base.arguments import public
 from ..base.optional import optional
 from ..base.tables import Table, nearest
 from ..errors import SpecError
+from . import drawing
 
 __all__ = ["Track", "joined"]
 
@@ -82,9 +83,7 @@ class Track:
         ----------
         ax : Axes or sequence of Axes, optional
         """
-        from ..plot import track
-
-        return track(self, ax)
+        return drawing.estimates(self.t, self.params, self.bse, self.success, self.param_names, ax)
 
     def __repr__(self) -> str:
         if not len(self):

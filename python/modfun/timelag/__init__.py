@@ -6,6 +6,7 @@ may do to it. `equation` is what to fit to data, `from_fit` makes a plant of the
 """
 
 from .identify import equation, errors, from_fit
-from .system import DelaySystem, Uncertainty
+from .mu import Uncertainty
+from .system import DelaySystem
 
 __all__ = ["DelaySystem", "Uncertainty", "equation", "errors", "from_fit"]

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import complexes, public, real, reals
 from ..base.tables import Table
 from ..errors import SpecError
-from .transformation import Transformation, integrals, matrix_exponential, said
+from .plant import Plant
+from .transformation import Transformation, integrals, matrix_exponential, reduced, said
 
 __all__ = ["Controller", "Design", "as_design", "placed", "quadratic", "sampled_words", "seconds"]
 
@@ -335,8 +336,8 @@ def sampled_words(poles: C128, dt: float) -> str:
     )
 
 
-def as_design(plant: Any, given: Any) -> tuple[F64, Transformation]:
+def as_design(plant: Plant, given: Any) -> tuple[F64, Transformation]:
     """K and the transformation it belongs to."""
     if isinstance(given, Design):
         return given.K, given.transformation
-    return gain(given, plant.shape[1], plant.order), plant.transformation()
+    return gain(given, plant.shape[1], plant.order), reduced(plant)

@@ -15,7 +15,8 @@ from ..equations.nonlinear import NonlinearModel
 from ..equations.written import channel_names
 from ..errors import SpecError
 from ..systems.lti import LTI
-from .system import DelaySystem, Uncertainty
+from .mu import Uncertainty
+from .system import DelaySystem
 
 if TYPE_CHECKING:
     from ..results.fit import Fit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,7 @@ from ..signals.sources import is_samples, sources
 from ..systems.propagate import intersample_kinds
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history
-
-if TYPE_CHECKING:
-    from .system import DelaySystem
+from .plant import Plant
 
 __all__ = ["simulated"]
 
@@ -27,7 +25,7 @@ F64 = NDArray[np.float64]
 
 
 def simulated(
-    plant: DelaySystem,
+    plant: Plant,
     feedback: Any,
     duration: float,
     dt: float,
@@ -119,9 +117,7 @@ def _steps(held: F64, back: int, dt: float, outside: History) -> History:
     return at
 
 
-def _law(
-    plant: DelaySystem, feedback: Any, motion: Motion, before: History, memory: F64, seen: list[F64]
-) -> Law:
+def _law(plant: Plant, feedback: Any, motion: Motion, before: History, memory: F64, seen: list[F64]) -> Law:
     """The feedback at a sample; z goes to `seen`."""
     inputs, dt, back = plant.shape[1], motion.dt, motion.back
     if not inputs:

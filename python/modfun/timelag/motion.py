@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,8 @@ from ..base.arguments import reals
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
 from ..systems.propagate import spline
-
-if TYPE_CHECKING:
-    from .system import DelaySystem
+from . import drawing
+from .plant import Plant
 
 __all__ = ["History", "Motion", "Trajectory", "drive", "history"]
 
@@ -53,7 +52,7 @@ class Trajectory:
         ``state(t)`` is (state, time) at any instants up to the end, `input` (input, time).
     """
 
-    plant: DelaySystem
+    plant: Plant
     t: F64
     x: F64
     u: F64
@@ -64,9 +63,8 @@ class Trajectory:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw states above, inputs below (extra ``plot``); returns Axes."""
-        from .drawing import trajectory
-
-        return trajectory(self, ax=ax)
+        held = self.z is not None
+        return drawing.trajectory(self.t, self.plant.states, self.x, self.plant.inputs, self.u, held, ax)
 
     def __repr__(self) -> str:
         size = np.sqrt(np.mean(self.x**2, axis=1))
@@ -79,7 +77,7 @@ class Motion:
 
     Parameters
     ----------
-    plant : DelaySystem
+    plant : Plant
     dt : float
         Sampling interval, s.
     intervals : int
@@ -87,7 +85,7 @@ class Motion:
         Points of the collocation.
     """
 
-    def __init__(self, plant: DelaySystem, dt: float, intervals: int, stages: int = STAGES) -> None:
+    def __init__(self, plant: Plant, dt: float, intervals: int, stages: int = STAGES) -> None:
         self.plant, self.dt, self.intervals = plant, dt, intervals
         self.now, self.late = plant.a[0][1], plant.a[1:]
         edges = _edges(plant, dt)
@@ -264,7 +262,7 @@ def drive(source: Source, kind: str, grid: F64) -> Callable[[F64], F64]:
     return lambda t: np.asarray(smooth(np.maximum(t, 0.0)))
 
 
-def _edges(plant: DelaySystem, dt: float) -> F64:
+def _edges(plant: Plant, dt: float) -> F64:
     """Ends of the pieces of a sampling interval, in parts of it."""
     own = [0.0]
     for _ in range(LEVELS):

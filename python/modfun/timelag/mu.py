@@ -8,22 +8,21 @@ frequency without approximation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arguments import public
 from ..base.tables import Table
 from ..errors import SpecError
-from .transformation import integrals
+from . import drawing
+from .plant import Plant, matrices_of
+from .transformation import Transformation, integrals
 
-if TYPE_CHECKING:
-    from .system import DelaySystem, Uncertainty
-    from .transformation import Transformation
-
-__all__ = ["Margin", "bound", "margin"]
+__all__ = ["Margin", "Uncertainty", "bound", "margin"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -36,6 +35,40 @@ QUICK = (16.0,)  # where the peak is only looked for
 STEPS = 60  # of each search for scales
 NOTHING = 1e-12  # of the largest singular value of an error: rank
 PIECES = 96  # of each lag's integral
+
+
+@public
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """One error of a plant's matrices, for `DelaySystem.mu`.
+
+    A scalar δ, `|δ| ≤ 1`, that is "real" or "complex", times the matrices given: A_k + δ·A[k], B_r + δ·B[r],
+    the same δ in all of them, as a physical parameter has it. Or a "full" block: any matrix Δ with
+    ‖Δ‖₂ ≤ 1, as A_k + Δ·A[k], B_r + Δ·B[r].
+
+    Parameters
+    ----------
+    A, B : mapping of float to array_like, optional
+        Matrices by lag, s.
+    kind : {"real", "complex", "full"}, default "real"
+
+    Raises
+    ------
+    SpecError
+        Another kind, or matrices that are none.
+    """
+
+    A: Mapping[float, Any] = field(default_factory=dict)
+    B: Mapping[float, Any] = field(default_factory=dict)
+    kind: str = "real"
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("real", "complex", "full"):
+            raise SpecError(f'Uncertainty: kind={self.kind!r}; choose among "real", "complex", "full"')
+        object.__setattr__(self, "A", matrices_of("Uncertainty: A", self.A))
+        object.__setattr__(self, "B", matrices_of("Uncertainty: B", self.B))
+        if not self.A and not self.B:
+            raise SpecError("Uncertainty: give A= or B=, matrices by lag")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,9 +111,7 @@ class Margin:
 
     def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
         """Draw the bound over frequency (extra ``plot``); returns Axes."""
-        from .drawing import margin as draw
-
-        return draw(self, ax=ax, hz=hz)
+        return drawing.margin(self.omega, self.upper, ax, hz=hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +125,7 @@ class _Structure:
 
 
 def margin(
-    plant: DelaySystem,
+    plant: Plant,
     k: F64,
     transformation: Transformation,
     blocks: Sequence[Uncertainty],
@@ -197,7 +228,7 @@ def bound(
 class _Loop:
     """From w to the delayed x and u, at any frequency."""
 
-    def __init__(self, plant: DelaySystem, k: F64, transformation: Transformation) -> None:
+    def __init__(self, plant: Plant, k: F64, transformation: Transformation) -> None:
         self.plant, self.k, self.transformation = plant, k, transformation
         self.states = [self._integral(lag, m) for lag, m in plant.a if lag > 0]
         self.inputs = [self._integral(lag, m) for lag, m in plant.b if lag > 0]
@@ -235,7 +266,7 @@ def _sweep(loop: _Loop, structure: _Structure, omega: F64, powers: tuple[float, 
     return np.array(upper), np.array(scales)
 
 
-def _structure(plant: DelaySystem, blocks: Sequence[Uncertainty]) -> _Structure:
+def _structure(plant: Plant, blocks: Sequence[Uncertainty]) -> _Structure:
     left, right, rows, columns = [], [], [], []
     scale = 0
     for block in blocks:
@@ -263,7 +294,7 @@ def _structure(plant: DelaySystem, blocks: Sequence[Uncertainty]) -> _Structure:
     )
 
 
-def _stacked(plant: DelaySystem, block: Uncertainty) -> F64:
+def _stacked(plant: Plant, block: Uncertainty) -> F64:
     """An error's matrices beside each other, in the order of the delayed x and u."""
     rows = {len(m) for given in (block.A, block.B) for m in given.values()}
     if len(rows) != 1 or (block.kind != "full" and rows != {plant.order}):
@@ -288,7 +319,7 @@ def _stacked(plant: DelaySystem, block: Uncertainty) -> F64:
     return stacked
 
 
-def _frequencies(plant: DelaySystem, k: F64, transformation: Transformation) -> F64:
+def _frequencies(plant: Plant, k: F64, transformation: Transformation) -> F64:
     """Where the loop may respond: from well below its slowest root to where it only falls."""
     poles = np.concatenate([np.linalg.eigvals(transformation.A - transformation.B @ k), transformation.left])
     size = sum(float(np.linalg.norm(m, 2)) for _, m in plant.a)

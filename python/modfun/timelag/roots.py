@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.tables import Table
 from ..errors import DataError, ModfunWarning
+from . import drawing
 
 __all__ = ["Lagged", "Roots", "characteristic", "count_right", "left_null", "rightmost", "slope", "span"]
 
@@ -87,9 +88,7 @@ class Roots:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the roots in the complex plane (extra ``plot``); returns Axes."""
-        from .drawing import roots
-
-        return roots(self, ax=ax)
+        return drawing.roots(self.values, self.line, ax)
 
 
 def span(a: Lagged) -> float:

@@ -1,33 +1,33 @@
-"""Systems with time lag: matrices by lag, and all that can be asked of them."""
+"""Systems with time lag and all that can be asked of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arguments import public, real, reals
+from ..base.arguments import public, reals
 from ..base.samples import frequencies
 from ..errors import SpecError
+from ..systems.frequency_response import FrequencyResponse
+from .design import Design, as_design, placed, quadratic
+from .loop import simulated
+from .motion import Trajectory
+from .mu import Margin, Uncertainty, margin
+from .plant import Plant, matrices_of
+from .roots import characteristic
+from .transformation import Transformation, reduced
 
-if TYPE_CHECKING:
-    from .design import Design
-    from .motion import Trajectory
-    from .mu import Margin
-    from .roots import Lagged, Roots
-    from .transformation import Transformation
-
-__all__ = ["DelaySystem", "Uncertainty"]
+__all__ = ["DelaySystem"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 
 @public
-class DelaySystem:
+class DelaySystem(Plant):
     """x'(t) = Σ A_k x(t − h_k) + Σ B_r u(t − r), y = Cx, with numbers.
 
     Parameters
@@ -55,95 +55,7 @@ class DelaySystem:
     array([[5.4366]])
     """
 
-    a: Lagged
-    b: Lagged
-    C: F64
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    def __init__(
-        self,
-        A: Mapping[float, ArrayLike] | ArrayLike,
-        B: Mapping[float, ArrayLike] | ArrayLike | None = None,
-        C: ArrayLike | None = None,
-        *,
-        states: Sequence[str] | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> None:
-        from ..equations.written import channel_names
-
-        a = _lagged("A", A, None)
-        n = len(a[0][1])
-        b = _lagged("B", np.zeros((n, 0)) if B is None else B, n)
-        own = channel_names("DelaySystem", "states", states, n, "x", always=True)
-        c = np.eye(n) if C is None else np.atleast_2d(reals("DelaySystem", "C", C))
-        if c.ndim != 2 or c.shape[1] != n or not np.all(np.isfinite(c)):
-            raise SpecError(
-                f"DelaySystem: C has shape {c.shape}; with {n} states it is (outputs, {n}), finite"
-            )
-        c = c.copy()
-        c.flags.writeable = False
-        self.__dict__.update(
-            a=a,
-            b=b,
-            C=c,
-            states=own,
-            inputs=channel_names("DelaySystem", "inputs", inputs, b[0][1].shape[1], "u"),
-            outputs=own if C is None else channel_names("DelaySystem", "outputs", None, len(c), "y"),
-        )
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError("a DelaySystem cannot be changed; make a new one")
-
-    @property
-    def A(self) -> dict[float, F64]:
-        """Matrices of x by lag, s."""
-        return dict(self.a)
-
-    @property
-    def B(self) -> dict[float, F64]:
-        """Matrices of u by lag, s."""
-        return dict(self.b)
-
-    @property
-    def order(self) -> int:
-        """Number of states n: as many roots can be moved."""
-        return len(self.a[0][1])
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of outputs and of inputs."""
-        return len(self.C), self.b[0][1].shape[1]
-
-    def poles(self, count: int = 20) -> Roots:
-        """Rightmost characteristic roots, each with its residual, counted by the argument principle.
-
-        Parameters
-        ----------
-        count : int, default 20
-            How many at least; pairs are not cut, and a system may have fewer.
-
-        Returns
-        -------
-        Roots
-            An array of complex numbers, rad/s, that prints as a table.
-
-        Warns
-        -----
-        ModfunWarning
-            The argument principle counts others than were found.
-        """
-        from .roots import rightmost
-
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-            raise SpecError(f"poles: count={count!r} must be a whole number of at least 1")
-        kept: dict[int, Roots] = self.__dict__.setdefault("_roots", {})
-        if count not in kept:
-            kept[count] = rightmost(self.a, int(count))
-        return kept[count]
-
-    def frequency_response(self, omega: ArrayLike) -> Any:
+    def frequency_response(self, omega: ArrayLike) -> FrequencyResponse:
         """Frequency response C (iωI − Σ A_k e^{−iωh_k})⁻¹ Σ B_r e^{−iωr}, exact.
 
         Parameters
@@ -155,9 +67,6 @@ class DelaySystem:
         -------
         FrequencyResponse
         """
-        from ..systems.frequency_response import FrequencyResponse
-        from .roots import characteristic
-
         w = frequencies(omega, "frequency_response")
         s = np.asarray(1j * w, dtype=np.complex128)
         drive = np.sum([np.exp(-s * r)[:, None, None] * m for r, m in self.b], axis=0)
@@ -186,9 +95,7 @@ class DelaySystem:
         SpecError
             There are no n such roots; those at fault are named.
         """
-        from .transformation import reduced
-
-        return reduced(self, self.poles(4 * self.order + 8 if count is None else count), keep)
+        return reduced(self, keep, count)
 
     def place(
         self,
@@ -219,8 +126,6 @@ class DelaySystem:
             More than n roots right of the line, a root that no input reaches, poles that cannot be had;
             each named.
         """
-        from .design import placed
-
         return placed(self._transformation(transformation, "place"), poles, line)
 
     def lqr(
@@ -251,8 +156,6 @@ class DelaySystem:
         SpecError
             As in `place`, and for weights that are none.
         """
-        from .design import quadratic
-
         return quadratic(self._transformation(transformation, "lqr"), Q, R, line)
 
     def simulate(
@@ -303,8 +206,6 @@ class DelaySystem:
         ModfunWarning
             Held for so long, u does not stabilise the roots it moves.
         """
-        from .loop import simulated
-
         return simulated(self, K, duration, dt, history, x0, u, input_history, intersample)
 
     def mu(
@@ -342,13 +243,10 @@ class DelaySystem:
         SpecError
             Errors that do not fit the plant, a loop that is not stable without them.
         """
-        from .design import as_design
-        from .mu import margin
-
         k, transformation = as_design(self, K)
         blocks = [errors] if isinstance(errors, Uncertainty) else list(errors or [])
         for name, given in (("A", A), ("B", B)):
-            for lag, m in _matrices(f"mu: {name}", given or {}).items():
+            for lag, m in matrices_of(f"mu: {name}", given or {}).items():
                 for i, j in zip(*np.nonzero(m), strict=True):
                     unit = np.zeros_like(m)
                     unit[i, j] = abs(m[i, j])
@@ -388,86 +286,3 @@ class DelaySystem:
         if getattr(given, "plant", None) is not self:
             raise SpecError(f"{what}: the transformation belongs to another system")
         return given
-
-    def __repr__(self) -> str:
-        parts = [f"x' = {' + '.join([*_terms('A', 'x', self.a), *_terms('B', 'u', self.b)])}"]
-        for name, matrices in (("A", self.a), ("B", self.b)):
-            parts += [f"{name}[{lag:g}] =\n{m}" for lag, m in matrices if m.size]
-        return "\n".join(parts)
-
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        return f"<pre>{escape(repr(self))}</pre>"
-
-
-@public
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """One error of a plant's matrices, for `DelaySystem.mu`.
-
-    A scalar δ, `|δ| ≤ 1`, that is "real" or "complex", times the matrices given: A_k + δ·A[k], B_r + δ·B[r],
-    the same δ in all of them, as a physical parameter has it. Or a "full" block: any matrix Δ with
-    ‖Δ‖₂ ≤ 1, as A_k + Δ·A[k], B_r + Δ·B[r].
-
-    Parameters
-    ----------
-    A, B : mapping of float to array_like, optional
-        Matrices by lag, s.
-    kind : {"real", "complex", "full"}, default "real"
-
-    Raises
-    ------
-    SpecError
-        Another kind, or matrices that are none.
-    """
-
-    A: Mapping[float, Any] = field(default_factory=dict)
-    B: Mapping[float, Any] = field(default_factory=dict)
-    kind: str = "real"
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("real", "complex", "full"):
-            raise SpecError(f'Uncertainty: kind={self.kind!r}; choose among "real", "complex", "full"')
-        object.__setattr__(self, "A", _matrices("Uncertainty: A", self.A))
-        object.__setattr__(self, "B", _matrices("Uncertainty: B", self.B))
-        if not self.A and not self.B:
-            raise SpecError("Uncertainty: give A= or B=, matrices by lag")
-
-
-def _terms(name: str, signal: str, matrices: Lagged) -> list[str]:
-    return [f"{name}[{lag:g}] {signal}(t{f' - {lag:g}' if lag else ''})" for lag, m in matrices if m.size]
-
-
-def _lagged(name: str, given: Any, n: int | None) -> Lagged:
-    """Matrices by rising lag, that of lag 0 among them; B has the rows of A."""
-    found = _matrices(f"DelaySystem: {name}", given if isinstance(given, Mapping) else {0.0: given})
-    if not found:
-        raise SpecError(f"DelaySystem: {name} is empty; give at least one matrix, as {{0: ...}}")
-    first = next(iter(found.values()))
-    shape = (len(first), len(first)) if n is None else (n, first.shape[1])
-    for lag, m in found.items():
-        if m.shape != shape or not shape[0]:
-            raise SpecError(
-                f"DelaySystem: {name}[{lag:g}] has shape {m.shape}; beside the others it must be {shape}"
-            )
-    found.setdefault(0.0, np.zeros(shape))
-    for m in found.values():
-        m.flags.writeable = False
-    return tuple(sorted(found.items()))
-
-
-def _matrices(what: str, given: Any) -> dict[float, F64]:
-    """Matrices by lag, checked one by one; a vector is a column."""
-    if not isinstance(given, Mapping):
-        raise SpecError(f"{what} must map lags in seconds to matrices, as {{0: ..., 1.0: ...}}")
-    found: dict[float, F64] = {}
-    for lag, matrix in given.items():
-        if not 0 <= real(what, "a lag", lag) < np.inf:
-            raise SpecError(f"{what} has the lag {lag!r}; a lag is a time in seconds, at least 0")
-        m = reals(what, f"[{lag:g}]", matrix).copy()
-        m = m.reshape(1, 1) if m.ndim == 0 else m[:, None] if m.ndim == 1 else m
-        if m.ndim != 2 or not np.all(np.isfinite(m)):
-            raise SpecError(f"{what}[{lag:g}] must be a matrix of finite numbers, its shape is {m.shape}")
-        found[float(lag)] = m
-    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import complexes
 from ..base.tables import Table
 from ..errors import SpecError
-from .roots import Lagged, Roots, left_null
-
-if TYPE_CHECKING:
-    from .system import DelaySystem
+from .plant import Plant
+from .roots import Lagged, left_null
 
 __all__ = ["Transformation", "integrals", "matrix_exponential", "reduced", "said"]
 
@@ -51,7 +49,7 @@ class Transformation:
         Condition number of the kept roots' left null vectors.
     """
 
-    plant: DelaySystem
+    plant: Plant
     A: F64
     B: F64
     kept: C128
@@ -114,7 +112,7 @@ class Transformation:
         return self.table()._repr_html_()
 
 
-def reduced(plant: DelaySystem, roots: Roots, keep: Sequence[complex] | None) -> Transformation:
+def reduced(plant: Plant, keep: Sequence[complex] | None = None, count: int | None = None) -> Transformation:
     """The transformation of the roots asked for, or of the rightmost with independent null vectors.
 
     Raises
@@ -123,6 +121,7 @@ def reduced(plant: DelaySystem, roots: Roots, keep: Sequence[complex] | None) ->
         No n roots with independent left null vectors; the roots at fault are named.
     """
     n = plant.order
+    roots = plant.poles(4 * n + 8 if count is None else count)
     chosen = _chosen(plant.a, roots.values, n, keep)
     values = np.array([root for root, _ in chosen])
     q = np.array([row for _, row in chosen])

@@ -12,6 +12,7 @@ from ..base.arguments import public
 from ..base.student import probability, student_interval
 from ..base.tables import Table, nearest
 from ..errors import SpecError
+from . import drawing
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
 
@@ -181,9 +182,10 @@ class Sinusoids(_Tones):
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw the spectrum of the record and of what the tones leave; see `modfun.plot.sinusoids`."""
-        from ..plot import sinusoids as draw
-
-        return draw(self, ax=ax, hz=hz)
+        bse = self.bse[: len(self)]
+        return drawing.tones(
+            self.y, self.errors(), self.weights, self.dt, self.omega, bse, self.amplitude, ax, hz
+        )
 
     def __repr__(self) -> str:
         return repr(self.summary())

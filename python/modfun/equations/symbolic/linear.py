@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
@@ -14,24 +13,24 @@ from numpy.typing import NDArray
 from ...errors import SpecError
 from ...language.parser import expression
 from ...models.free import Free
+from ..matrices import Matrix
 from .compiled import jet
 from .jets import Moving
 from .meaning import meaning, number, parameter
 from .system import System
 
-if TYPE_CHECKING:
-    from ..state_space import Matrix, StateSpace
-
 __all__ = ["derivatives", "numbers", "polynomials", "system_of"]
 
+Params = Sequence[tuple[str, float | Free]]  # held at a number, or free within bounds
 
-def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> NDArray[np.float64]:
-    """A matrix of a model with numbers for its parameters.
+
+def numbers(matrix: Matrix, params: Params, given: Mapping[str, float]) -> NDArray[np.float64]:
+    """A matrix with numbers for its parameters.
 
     Parameters
     ----------
     matrix : tuple of tuple
-    model : StateSpace
+    params : sequence of (str, float or Free)
     given : mapping of str to float
         What is not held.
 
@@ -41,7 +40,7 @@ def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> ND
         An entry without a finite value at these numbers.
     """
     values = {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
-    made = _symbolic(matrix, model)
+    made = _symbolic(matrix, params)
     try:
         entries = [float(entry.xreplace(values)) for entry in made]
     except TypeError:
@@ -51,12 +50,12 @@ def numbers(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> ND
     return np.array(entries).reshape(made.shape)
 
 
-def derivatives(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -> NDArray[np.float64]:
+def derivatives(matrix: Matrix, params: Params, given: Mapping[str, float]) -> NDArray[np.float64]:
     """Derivatives of a matrix to each of the parameters in `given`, at their values.
 
     Parameters
     ----------
-    matrix, model, given
+    matrix, params, given
         As in `numbers`.
 
     Returns
@@ -64,7 +63,7 @@ def derivatives(matrix: Matrix, model: StateSpace, given: Mapping[str, float]) -
     ndarray, shape (parameter, row, column)
     """
     values = {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
-    made = _symbolic(matrix, model)
+    made = _symbolic(matrix, params)
     found = [[float(entry.diff(symbol).xreplace(values)) for entry in made] for symbol in values]
     return np.array(found).reshape(len(values), *made.shape)
 
@@ -93,16 +92,24 @@ def polynomials(
     return den, num
 
 
-def system_of(model: StateSpace) -> System:
-    """The equations of a state-space model, without states where linear algebra eliminates them."""
-    a, b, c, d = (_symbolic(matrix, model) for matrix in (model.A, model.B, model.C, model.D))
-    x = sympy.Matrix([jet(name) for name in model.states])
-    u = sympy.Matrix(len(model.inputs), 1, [jet(name) for name in model.inputs])
-    y = sympy.Matrix([jet(name) for name in model.outputs])
-    moving = Moving({*model.states, *model.inputs, *model.outputs})
+def system_of(
+    matrices: Sequence[Matrix],
+    *,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    params: Params,
+    parameters: tuple[str, ...],
+) -> System:
+    """The equations of a state space, without states where linear algebra eliminates them."""
+    a, b, c, d = (_symbolic(matrix, params) for matrix in matrices)
+    x = sympy.Matrix([jet(name) for name in states])
+    u = sympy.Matrix(len(inputs), 1, [jet(name) for name in inputs])
+    y = sympy.Matrix([jet(name) for name in outputs])
+    moving = Moving({*states, *inputs, *outputs})
     source = [left - right for left, right in zip(_prime(x), a * x + b * u, strict=True)]
     source += [left - right for left, right in zip(y, c * x + d * u, strict=True) if left != right]
-    hidden = tuple(name for name in model.states if name not in model.outputs)
+    hidden = tuple(name for name in states if name not in outputs)
     steps: tuple[str, ...] = ()
     invertible = c.is_square and not c.free_symbols and c.det() != 0
     equations, eliminated = tuple(source), hidden
@@ -115,44 +122,44 @@ def system_of(model: StateSpace) -> System:
         steps = (
             "Every state is measured: the state equations are fitted as they stand, with shared parameters.",
         )
-    elif len(model.outputs) == 1:
+    elif len(outputs) == 1:
         den, num = _coprime(*polynomials(a, b, c, d))
         n = len(den) - 1
         equations = (
             sympy.Add(
-                *(g * jet(model.outputs[0], n - k) for k, g in enumerate(den)),
+                *(g * jet(outputs[0], n - k) for k, g in enumerate(den)),
                 *(
                     -g * jet(name, n - k)
-                    for name, row in zip(model.inputs, num, strict=True)
+                    for name, row in zip(inputs, num, strict=True)
                     for k, g in enumerate(row)
                 ),
             ),
         )
         eliminated = ()
         steps = ("The states were eliminated: det(pI - A) y = (C adj(pI - A) B + D det(pI - A)) u.",)
-        if n < len(model.states):
+        if n < len(states):
             steps += (f"Factors that are common to both sides were cancelled; order {n} is left.",)
     return System(
         equations=equations,
         moving=moving,
-        outputs=model.outputs,
-        inputs=model.inputs,
+        outputs=outputs,
+        inputs=inputs,
         hidden=eliminated,
-        parameters=model.all_parameters,
-        free={name: given for name, given in model.params if isinstance(given, Free)},
-        fixed=_held(model),
+        parameters=parameters,
+        free={name: given for name, given in params if isinstance(given, Free)},
+        fixed=_held(params),
         source=tuple(source),
         unmeasured=hidden,
         steps=steps,
     )
 
 
-def _held(model: StateSpace) -> dict[str, float]:
-    return {name: given for name, given in model.params if not isinstance(given, Free)}
+def _held(params: Params) -> dict[str, float]:
+    return {name: given for name, given in params if not isinstance(given, Free)}
 
 
-def _symbolic(matrix: Matrix, model: StateSpace) -> sympy.Matrix:
-    held, still = _held(model), Moving(set())
+def _symbolic(matrix: Matrix, params: Params) -> sympy.Matrix:
+    held, still = _held(params), Moving(set())
     entries = [
         meaning(expression(entry, "entry of a matrix"), still, fixed=held)
         if isinstance(entry, str)

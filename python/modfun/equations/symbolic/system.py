@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 
@@ -16,9 +16,6 @@ from .compiled import time
 from .jets import Moving, base, order
 from .known import Derivative
 from .meaning import meaning, number, parameter
-
-if TYPE_CHECKING:
-    from ..equation import Equation
 
 __all__ = ["System", "system_of"]
 
@@ -70,20 +67,29 @@ class System:
         }
 
 
-def system_of(equation: Equation) -> System:
-    """The system that an Equation's texts describe.
+def system_of(
+    texts: Sequence[Text],
+    *,
+    outputs: tuple[str, ...],
+    inputs: tuple[str, ...],
+    hidden: tuple[str, ...],
+    varying: Sequence[tuple[str, tuple[Any, ...]]],
+    params: Sequence[tuple[str, float | Free]],
+    parameters: tuple[str, ...],
+) -> System:
+    """The system that equations as text describe; the rest is as an Equation holds it.
 
     Raises
     ------
     SpecError
         Names without a meaning, delays without a bound.
     """
-    moving = Moving({*equation.outputs, *equation.inputs, *equation.hidden})
-    fixed = {name: given for name, given in equation.params if not isinstance(given, Free)}
-    free = {name: given for name, given in equation.params if isinstance(given, Free)}
+    moving = Moving({*outputs, *inputs, *hidden})
+    fixed = {name: given for name, given in params if not isinstance(given, Free)}
+    free = {name: given for name, given in params if isinstance(given, Free)}
     known: dict[str, Any] = {}
-    varying: dict[str, tuple[tuple[str, sympy.Expr], ...]] = {}
-    for name, basis in equation.varying:
+    summands: dict[str, tuple[tuple[str, sympy.Expr], ...]] = {}
+    for name, basis in varying:
         parts = []
         for k, given in enumerate(basis):
             if isinstance(given, str):
@@ -93,12 +99,12 @@ def system_of(equation: Equation) -> System:
                 moving.known.add(f"{name}{k}(t)")
                 function = parameter(f"{name}{k}(t)")
             parts.append((f"{name}{k}", function))
-        varying[name] = tuple(parts)
+        summands[name] = tuple(parts)
     sums = {
         name: sympy.Add(*((number(fixed[p]) if p in fixed else parameter(p)) * f for p, f in parts))
-        for name, parts in varying.items()
+        for name, parts in summands.items()
     }
-    equations = tuple(meaning(text, moving, fixed=fixed, varying=sums) for text in equation.parsed)
+    equations = tuple(meaning(text, moving, fixed=fixed, varying=sums) for text in texts)
     for own, (_, late) in moving.delays.items():
         bound = free.get(str(late))
         if late.is_Symbol and not (bound is not None and isfinite(bound.max) and bound.max > 0 <= bound.min):
@@ -109,14 +115,14 @@ def system_of(equation: Equation) -> System:
     return System(
         equations=equations,
         moving=moving,
-        outputs=equation.outputs,
-        inputs=equation.inputs,
-        hidden=equation.hidden,
-        parameters=equation.all_parameters,
+        outputs=outputs,
+        inputs=inputs,
+        hidden=hidden,
+        parameters=parameters,
         free=free,
         fixed=fixed,
         known=known,
-        varying=varying,
+        varying=summands,
     )
 
 
