@@ -16,7 +16,7 @@ from ..records.record import Record
 from ..responses.coefficients import spectrum
 from ..results.fit import Fit
 from ..results.prediction import InitialState
-from ..results.scores import trend_columns
+from ..results.regression import trend_columns
 
 __all__ = ["Noise", "white", "wild"]
 

@@ -98,7 +98,7 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     -------
     ndarray of Axes, shape (2 · rows,)
     """
-    from ..results.scores import correlation_of_lines
+    from ..results.line_tests import correlation_of_lines
 
     def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str) -> None:
         _lines_over_m(upper, fit.lines, pieces)
@@ -127,7 +127,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     -------
     ndarray of Axes, shape (2 · rows,)
     """
-    from ..results.scores import cumulated_power
+    from ..results.line_tests import cumulated_power
 
     chosen = chosen_rows(fit, output, "plot.residual_tests")
     if hasattr(ax, "plot"):

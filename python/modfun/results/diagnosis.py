@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .._core import coefficients
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
-from .scores import Whiteness, colour_of_lines, correlation_of_lines
+from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
 
 if TYPE_CHECKING:
     from .fit import Fit

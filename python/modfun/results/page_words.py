@@ -112,7 +112,7 @@ def assumption(fit: Fit) -> str:
 def tests(fit: Fit) -> list[tuple[str, str, str, str]]:
     """Tests of the residual lines: what is asked, of what, the figure, and the answer."""
     from .diagnosis import diagnose
-    from .scores import colour_of_lines, correlation_of_lines
+    from .line_tests import colour_of_lines, correlation_of_lines
 
     rows = []
     for i, name in enumerate(fit.row_names):

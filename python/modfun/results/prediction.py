@@ -13,7 +13,7 @@ from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from .scores import free_response, regress, trend_columns
+from .regression import free_response, regress, trend_columns
 
 if TYPE_CHECKING:
     from ..systems.lti import LTI

@@ -1,0 +1,117 @@
+"""Free responses and trends of an output, and their least squares against what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import simulate
+from ..errors import DataError
+
+__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
+
+F64 = NDArray[np.float64]
+
+
+def rms(v: F64) -> float:
+    """Root mean square, whatever the size of the numbers."""
+    peak = float(np.max(np.abs(v)))
+    return peak * float(np.sqrt(np.mean((v / peak) ** 2))) if peak > 0 else 0.0
+
+
+def free_response(den: F64, t: F64) -> F64:
+    """Free responses of den(p) y = 0 to unit initial values of y, y', ..., y^(n-1).
+
+    Parameters
+    ----------
+    den : (n + 1,) array
+        Denominator in descending powers, monic.
+    t : (time,) array
+        Instants in seconds; the state is that at t[0]. Uneven steps are allowed.
+
+    Returns
+    -------
+    (n, time) array
+        Row i is the output for y^(i) = 1 and all other derivatives 0 at t[0]. Entries overflow to inf
+        where an unstable mode grows beyond all numbers.
+    """
+    a = np.asarray(den, float)[1:]
+    n = a.size
+    if n == 0:
+        return np.zeros((0, t.size))
+    # Derivatives in units of the fastest rate: a companion matrix of entries near one.
+    powers = np.arange(1, n + 1)
+    rate = float(np.max(np.abs(a) ** (1.0 / powers))) or 1.0 / float(t[-1] - t[0])
+    companion = np.zeros((n, n))
+    companion[:-1, 1:] = np.eye(n - 1)
+    companion[-1] = -(a / rate**powers)[::-1]
+    companion *= rate
+    step = np.diff(t)
+    rows = np.empty((n, t.size))
+    even = bool(np.ptp(step) <= 1e-9 * step.mean())
+    if even:
+        nothing = np.zeros((1, t.size))
+        pick = np.zeros((1, n))
+        pick[0, 0] = 1.0
+        dt = float(t[-1] - t[0]) / step.size
+        for i in range(n):
+            start = np.zeros(n)
+            start[i] = 1.0
+            rows[i] = simulate(
+                companion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
+            )[0]
+    else:
+        from scipy.linalg import expm
+
+        state = np.eye(n)
+        rows[:, 0] = state[0]
+        for k, transition in enumerate(expm(companion * step[:, None, None])):
+            state = transition @ state
+            rows[:, k + 1] = state[0]
+    return rows / rate ** np.arange(n)[:, None]
+
+
+def trend_columns(t: F64, trend: str | None) -> F64:
+    """Offset (and slope) of an output: rows 1 and (t - t[0])/T, as many as the trend has."""
+    time = (t - t[0]) / (t[-1] - t[0])
+    return np.vstack([np.ones_like(time), time])[: {None: 0, "constant": 1, "linear": 2}[trend]]
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Linear least squares by QR: coefficients, their covariance, and the fitted series."""
+
+    coefficients: F64
+    covariance: F64
+    fitted: F64
+
+
+def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
+    """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
+
+    `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
+    the samples cannot tell apart get the smallest coefficients that explain them; the covariance takes the
+    remainder as white.
+    """
+    k = columns.shape[0]
+    if k == 0:
+        return Regression(np.zeros(0), np.zeros((0, 0)), np.zeros_like(y))
+    if not np.all(np.isfinite(columns)):
+        raise DataError(
+            "The free response of the model overflows within this record: a mode is too unstable for a "
+            f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
+        )
+    each = np.ones_like(y) if weight is None else weight
+    scale = np.array([rms(row) * np.sqrt(y.size) for row in columns * each])
+    scale[scale == 0] = 1.0
+    q, s, rotation = np.linalg.svd((columns * each / scale[:, None]).T, full_matrices=False)
+    keep = s > s[0] * 1e-12
+    inverse = rotation.T[:, keep] / s[keep]
+    coefficients = inverse @ (q[:, keep].T @ (y * each))
+    fitted = (columns / scale[:, None]).T @ coefficients
+    rest = float(np.sum((each * (y - fitted)) ** 2))
+    rest /= max(int(np.count_nonzero(each)) - int(keep.sum()), 1)
+    covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
+    return Regression(coefficients / scale, covariance, fitted)
