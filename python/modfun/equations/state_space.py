@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from ..base.arguments import public, shown
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, expression
-from ..models.free import Free
+from ..models.free import Free, free_from_plain, free_to_plain
 from ..systems.lti import LTI, ss
-from .written import Written, channel_names, free_from_dict, free_to_dict, outputs_left, parameters_given
+from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -194,7 +194,7 @@ class StateSpace(Written):
         """The model as plain Python values, for `from_dict`."""
         values: dict[str, Any] = {name: [list(row) for row in getattr(self, name)] for name in "ABCD"}
         values.update({name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")})
-        return {**values, "params": free_to_dict(self.params)}
+        return {**values, "params": {name: free_to_plain(given) for name, given in self.params}}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> StateSpace:
@@ -204,7 +204,9 @@ class StateSpace(Written):
         ----------
         values : mapping
         """
-        return cls(**{**values, "params": free_from_dict(values["params"])})
+        return cls(
+            **{**values, "params": {name: free_from_plain(given) for name, given in values["params"].items()}}
+        )
 
     def _compiled(self) -> Compiled:
         return _compiled(self)

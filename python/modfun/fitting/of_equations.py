@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from math import ceil, nan
-from typing import TYPE_CHECKING, Any, Never
+from typing import Any, Never
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import TermsFitter
 from ..base.arguments import reals
 from ..base.student import root
+from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -23,64 +23,10 @@ from ..results.fit import Fit
 from ..results.prediction import InitialState
 from .gaps import bridged, variances
 
-if TYPE_CHECKING:
-    from ..equations.symbolic.compiled import Compiled
-    from ..equations.symbolic.formulas import Formulas
-
-__all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "layout_of", "prepare_equation"]
+__all__ = ["EquationFit", "batch_of", "fit_equation", "prepare_equation"]
 
 F64 = NDArray[np.float64]
-Names = tuple[str, ...]
-KEPT = 32
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
-
-
-@dataclass(frozen=True, eq=False)
-class EquationLayout:
-    """Equations for the channels of a record: names, orders, what the core is told.
-
-    Attributes
-    ----------
-    outputs, inputs, param_names : tuple of str
-    orders : tuple of int
-        Highest derivative of each equation.
-    compiled : Compiled
-    formulas : Formulas
-    """
-
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-    param_names: tuple[str, ...]
-    orders: tuple[int, ...]
-    compiled: Compiled
-    formulas: Formulas
-
-    @property
-    def plain(self) -> bool:
-        """Not what the fastest path fits."""
-        return False
-
-    @property
-    def known_delays(self) -> list[tuple[str, float]]:
-        """Delays stand in the equations."""
-        return []
-
-    @property
-    def held(self) -> dict[str, float]:
-        """Parameters that are not estimated."""
-        return dict(self.compiled.fixed)
-
-    @property
-    def common(self) -> bool:
-        """One set of poles, if any."""
-        return True
-
-    @property
-    def longest_delay(self) -> float:
-        """The most that a signal may be late, s."""
-        bounds = self.formulas.words["bounds"]
-        late = [delay if k is None else bounds[k][1] for _, delay, k in self.formulas.words["signals"]]
-        return max(late, default=0.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,51 +194,6 @@ class EquationFit(Fit):
 
     def _observed(self, rec: Record, eigenvalues: Any) -> Never:
         raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')
-
-
-@lru_cache(KEPT)
-def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
-    compiled = structure.compiled(outputs, inputs)
-    from ..equations.symbolic.formulas import formulas
-
-    noisy = list(outputs)
-    if options.noise == "errors-in-variables" or (
-        isinstance(options.noise, Noise) and options.noise.u is not None
-    ):
-        noisy += inputs
-    found = formulas(
-        compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
-    )
-    return EquationLayout(
-        tuple(outputs), tuple(inputs), tuple(compiled.parameters), tuple(compiled.orders), compiled, found
-    )
-
-
-def layout_of(
-    structure: Any, options: Options, outputs: Names, inputs: Names, intersample: Names
-) -> EquationLayout:
-    """The equations for the channels of a record or batch."""
-    for name, plain, why in (
-        (
-            "noise",
-            options.noise != "coloured",
-            "is for transfer functions; the standard errors are HC3, which hold whatever the colour",
-        ),
-        (
-            "output_weights",
-            options.output_weights is None,
-            "is for transfer functions; give noise=mf.Noise(y=...)",
-        ),
-        ("extended", options.extended, "is for transfer functions; equations use all indices"),
-    ):
-        if not plain:
-            raise SpecError(f"fit: {name}={getattr(options, name)!r} {why}")
-    own = options.replace(
-        band=None, harmonics=None, method="ml", trend=None, tol=1e-9, maxiter=50, cov_type="HC3"
-    )
-    if isinstance(own.noise, Noise):
-        own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
-    return _layout(structure, own, outputs, inputs, intersample)
 
 
 def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:

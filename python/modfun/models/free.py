@@ -9,7 +9,7 @@ from typing import Any
 from ..base.arguments import public, real
 from ..errors import SpecError
 
-__all__ = ["Free"]
+__all__ = ["Free", "free_from_plain", "free_to_plain"]
 
 
 @public
@@ -54,6 +54,20 @@ class Free:
         words += [] if self.min == -inf else [f"min={self.min:g}"]
         words += [] if self.max == inf else [f"max={self.max:g}"]
         return f"Free({', '.join(words)})"
+
+
+def free_to_plain(value: Any) -> Any:
+    """What may hold `Free`, a number or rows of them, as plain values for JSON."""
+    if isinstance(value, Free):
+        return {"start": value.start, "min": value.min, "max": value.max}
+    return [free_to_plain(one) for one in value] if isinstance(value, tuple) else value
+
+
+def free_from_plain(value: Any) -> Any:
+    """What `free_to_plain` was given, rows as lists."""
+    if isinstance(value, dict):
+        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
+    return [free_from_plain(one) for one in value] if isinstance(value, list) else value
 
 
 def _number(name: str, value: Any) -> float:

@@ -105,7 +105,7 @@ def _unstable(fit: Fit) -> str | None:
     every = range(1 if fit.layout.common else len(fit.outputs))
     if not fit.has_poles:
         return None
-    if hasattr(fit.layout, "places") and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
+    if fit.layout.rational and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
         return None
     growing = growth(fit)
     if growing <= 0:
@@ -119,7 +119,7 @@ def _unstable(fit: Fit) -> str | None:
 
 def _minima(fit: Fit) -> str | None:
     rule = fit.band_rule
-    if rule is None or not hasattr(fit.layout, "places"):
+    if rule is None or not fit.layout.rational:
         return None
     wide, narrow = rule["cost_wide"], rule["cost_narrow"]
     # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
@@ -155,7 +155,7 @@ def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
     tests = (d.colour.p_value, d.correlation.p_value)
     said = f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}"
     if min(tests) < UNLIKELY or too_large(d):
-        learnt = hasattr(fit.layout, "places") and fit.options.noise == "output" and fit.records is not None
+        learnt = fit.layout.rational and fit.options.noise == "output" and fit.records is not None
         other = ', noise="coloured"' if learnt else ""
         return (
             f"{said}, and the residual tests object: the noise is not white over the band or the model too "
@@ -264,7 +264,7 @@ def _of(fit: Fit, output: str) -> str:
 
 def _weights(fit: Fit) -> str:
     """What to do where equations weigh outputs by levels that are not those of their misfit."""
-    if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
+    if len(fit.outputs) < 2 or fit.layout.rational or isinstance(fit.options.noise, Noise):
         return ""
     which = "0" if len(fit.intervals) > 1 else ""
     masked = fit.records is not None and any(rec.mask is not None for rec in fit.records)

@@ -169,7 +169,7 @@ def growth(fit: Fit) -> float:
     """Largest real part of the poles, rad/s; nan without poles."""
     if not fit.has_poles:
         return nan
-    if not hasattr(fit.layout, "places"):
+    if not fit.layout.rational:
         return float(np.max(fit.model.poles().real))
     every = range(1 if fit.layout.common else len(fit.outputs))
     return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for i in every)

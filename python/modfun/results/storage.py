@@ -15,7 +15,7 @@ from .._core import __version__
 from ..base.arguments import public
 from ..errors import DataError, SpecError
 from ..files.writing import named
-from ..models.free import Free
+from ..models.free import free_from_plain, free_to_plain
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -107,7 +107,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
     if isinstance(structure, TransferFunction):
         return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
-    from ..fitting.of_equations import EquationFit, layout_of
+    from ..equations.layout import layout_of
+    from ..fitting.of_equations import EquationFit
 
     channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
     fields.update({name: _array(values[name]) for name in _OF_EQUATIONS})
@@ -175,9 +176,9 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
     if not isinstance(structure, TransferFunction):
         return {"family": type(structure).__name__, **structure.to_dict()}
     values: dict[str, Any] = {"poles": structure.poles, "zeros": structure.zeros}
-    values["delay"] = _freed(structure.delay)
+    values["delay"] = free_to_plain(structure.delay)
     values["denominator"] = structure.denominator
-    values["params"] = {name: _freed(given) for name, given in structure.params}
+    values["params"] = {name: free_to_plain(given) for name, given in structure.params}
     return values
 
 
@@ -189,21 +190,8 @@ def _structure_from_dict(values: dict[str, Any]) -> Any:
         own = dict(values)
         family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]
         return family.from_dict(own)
-    params = {name: _unfreed(given) for name, given in values["params"].items()}
-    return TransferFunction(**{**values, "delay": _unfreed(values["delay"]), "params": params})
-
-
-def _freed(value: Any) -> Any:
-    """A value in which `Free` stands as a mapping."""
-    if isinstance(value, Free):
-        return {"start": value.start, "min": value.min, "max": value.max}
-    return [_freed(one) for one in value] if isinstance(value, tuple) else value
-
-
-def _unfreed(value: Any) -> Any:
-    if isinstance(value, dict):
-        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
-    return [_unfreed(one) for one in value] if isinstance(value, list) else value
+    params = {name: free_from_plain(given) for name, given in values["params"].items()}
+    return TransferFunction(**{**values, "delay": free_from_plain(values["delay"]), "params": params})
 
 
 def _options_to_dict(options: Options) -> dict[str, Any]:

@@ -185,7 +185,7 @@ def _no_level(fit: Fit) -> str:
         return "records with a mask or a sigma show no level in an unused band"
     if any(rec.dt is None for rec in fit.records):
         return "uneven samples show no level in an unused band"
-    if not hasattr(fit.layout, "places"):
+    if not fit.layout.rational:
         return "these equations need no level of noise; give one, noise=mf.Noise(y=...)"
     return "the lines used leave no band that shows the noise"
 
