@@ -14,7 +14,7 @@ from .experiments.bound import crlb
 from .experiments.simulation import simulate
 from .fitting.fit import Estimator, fit, fit_many
 from .inference.bootstrap import bootstrap
-from .inference.collinearity import Collinearity, collinearity
+from .inference.collinearity import collinearity
 from .inference.common_poles import CommonPoles, common_poles
 from .inference.comparison import Comparison, CrossValidation, compare, cross_validate
 from .inference.order import OrderSelection, select_order
@@ -28,10 +28,11 @@ from .records.record import Record
 from .reduction.reduction import Reduction, reduce
 from .responses.coefficients import coefficients, regressors
 from .responses.frf import frf
+from .results.collinearity import Collinearity
 from .results.fit import Fit
-from .results.storage import load
 from .streams.stream import Stream
 from .streams.track import Track
+from .study.loading import load
 from .study.monte_carlo import MonteCarlo, Results
 from .systems.frequency_response import FrequencyResponse
 from .systems.lti import LTI, ss, tf

@@ -96,14 +96,15 @@ def shown(value: Any) -> str:
 def public(thing: Thing, within: str = "") -> Thing:
     """Decorate a function, or a class for its constructor and methods: misfits are a SpecError.
 
-    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`.
+    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`; of a class
+    it is the name that they know it by.
     """
     if not isinstance(thing, type):
         return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
     for name, member in list(vars(thing).items()):
         if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
-            own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
-            setattr(thing, name, _explained(member, own))
+            known = within or thing.__name__
+            setattr(thing, name, _explained(member, known if name == "__init__" else f"{known}.{name}"))
     return thing
 
 

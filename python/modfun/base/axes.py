@@ -10,11 +10,9 @@ import numpy as np
 from ..errors import SpecError
 from .arguments import Thing, public, shown
 from .optional import optional
-from .tables import nearest
 
 if TYPE_CHECKING:
     from ..records.record import Record
-    from ..results.fit import Fit
 
 
 def drawing(function: Thing) -> Thing:
@@ -53,27 +51,6 @@ def take_pairs(ax: Any, outputs: int, *, height: float, sharex: bool = True) -> 
         )
     axes = take_axes(ax, 2 * outputs, height=height, sharex=sharex)
     return list(zip(axes[::2], axes[1::2], strict=True))
-
-
-def chosen_outputs(fit: Fit, output: str | None, what: str) -> list[int]:
-    """Positions of the outputs to draw: the one that is named, or all."""
-    if output is None:
-        return list(range(len(fit.outputs)))
-    if output not in fit.outputs:
-        raise SpecError(f"{what}: the fit has no output {output!r}; {nearest(output, fit.outputs)}")
-    return [fit.outputs.index(output)]
-
-
-def chosen_rows(fit: Fit, output: str | None, what: str) -> list[int]:
-    """Positions of the rows of residuals to draw: outputs or, of equations, these, which may be fewer."""
-    rows = fit.row_names
-    if output is None:
-        return list(range(len(rows)))
-    if output in rows:
-        return [rows.index(output)]
-    if len(rows) != len(fit.outputs):
-        raise SpecError(f"{what}: residuals belong to equations; {nearest(output, rows)}")
-    return chosen_outputs(fit, output, what)
 
 
 def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:

@@ -243,8 +243,8 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
 
 def _whitened(columns: F64, cov: F64, rec: Record) -> F64:
     """Derivatives (unknown, output, time) as rows with noise of unit variance, (row, unknown)."""
-    weights = [sample_weights(rec, k) for k in range(len(cov))]
-    own = np.array([np.ones(rec.t.size) if w is None else w for w in weights])
+    alike = rec.mask is None and rec.sigma is None
+    own = np.ones((len(cov), rec.t.size)) if alike else sample_weights(rec)
     columns = columns * own
     rows = []
     for seen in np.unique(own > 0, axis=1).T:  # outputs that are measured at once

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
 from typing import Any
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from .._core import Fitter, JointFitter, Stream
 from ..errors import DataError
 from ..models.layout import Layout
-from ..models.noise import weighting
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
 from .gaps import bridged, variances
+from .weights import weighting
 
 __all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
 
@@ -55,10 +55,6 @@ class Prepared:
     intervals: tuple[int, ...]
     joint: bool
     outputs: tuple[F64, ...] = ()
-
-    def for_windows(self, count: int) -> Prepared:
-        """The same for so many windows of a stream."""
-        return replace(self, intervals=self.intervals[:1] * count)
 
 
 def prepare(structure: TransferFunction, options: Options, data: Batch | Sequence[Record]) -> Prepared:
@@ -192,8 +188,8 @@ def _joint(
         records, used = list(data), intervals
     order = max(layout.orders)
     # A batch has no masks.
-    whole = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
-    uneven = [variances(rec, off, order) for rec, _, off in whole] or [None]
+    filled = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
+    uneven = [variances(rec, off, order) for rec, _, off in filled] or [None]
     core = JointFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -201,7 +197,7 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in whole))
+    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in filled))
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

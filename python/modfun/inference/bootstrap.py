@@ -14,17 +14,18 @@ from ..base.student import probability
 from ..base.tables import Table, nearest
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
-from ..fitting.many import FitMany, collect
 from ..models.options import Options
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
+from .bootstrap_noise import white, wild
 
 __all__ = ["Bootstrap", "bootstrap"]
 
 F64 = NDArray[np.float64]
 KINDS = ("parametric", "wild")
-INTERVALS = ("studentized", "percentile", "basic")
+METHODS = ("studentized", "percentile", "basic")
 BLOCK = 2**20  # samples held at a time
 
 
@@ -141,8 +142,8 @@ class Bootstrap(FitMany):
         """The word given, or the one for the kind."""
         if method is None:
             return "studentized" if self.kind == "parametric" else "percentile"
-        if method not in INTERVALS:
-            raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, INTERVALS)}")
+        if method not in METHODS:
+            raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, METHODS)}")
         return method
 
     def _ends(self, level: float, method: str | None) -> tuple[F64, F64]:
@@ -246,8 +247,6 @@ def bootstrap(
     >>> mf.bootstrap(fit, replicates=200, kind="wild").conf_int(0.9).shape
     (3, 2)
     """
-    from .bootstrap_noise import white, wild
-
     records = _records(fit)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
@@ -324,7 +323,7 @@ def _refit(
         )
         for own in ys
     ]
-    return collect(fits, fit.structure, held)
+    return FitMany.of_fits(fits, fit.structure, held)
 
 
 # What users give ----------------------------------------------------------------------------------

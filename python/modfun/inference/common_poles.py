@@ -16,6 +16,7 @@ from ..base.student import probability, root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..results.fit import Fit
+from ..results.gradients import root_gradients
 
 __all__ = ["CommonPoles", "common_poles"]
 
@@ -107,7 +108,7 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
             "denominator"
         )
     level = probability("common_poles", level)
-    fit._need_numbers("common_poles")
+    fit.need_numbers("common_poles")
     cov = fit.cov_params()
     outputs = range(len(fit.outputs))
     poles = [root for i in outputs for root in _poles(fit, i)]
@@ -129,18 +130,8 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
 
 def _roots(fit: Fit, output: int, descending: F64, places: Sequence[int | None]) -> list[_Root]:
     """Upper roots of a polynomial; `places`: which parameter each coefficient is, None where it is none."""
-    found = []
-    slope = np.polyder(descending)
-    degree = descending.size - 1
-    for value in np.roots(descending):
-        if value.imag < 0:
-            continue
-        gradient = np.zeros(fit.params.size, complex)
-        for k, at in enumerate(places):
-            if at is not None:
-                gradient[at] = -(complex(value) ** (degree - k)) / np.polyval(slope, value)
-        found.append(_Root(output, complex(value), gradient))
-    return found
+    found = zip(*root_gradients(descending, places, fit.params.size), strict=True)
+    return [_Root(output, complex(value), gradient) for value, gradient in found if value.imag >= 0]
 
 
 def _poles(fit: Fit, output: int) -> list[_Root]:

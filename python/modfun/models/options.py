@@ -13,7 +13,7 @@ from ..base.tables import nearest
 from ..errors import SpecError
 from .noise import Noise
 
-__all__ = ["MOST", "MOST_THREADS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]
+__all__ = ["MOST", "MOST_THREADS", "STATUS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
@@ -21,6 +21,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "cov_type": ("HC3", "nonrobust"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
+STATUS = ("ok", "maxiter", "rank", "nonfinite")  # how a fit may end
 _REPORTED = ("cov_type", "output_weights", "correct")
 MOST = 10**9
 MOST_THREADS = 10_000

@@ -1,10 +1,11 @@
 """Plots: each takes ``ax=`` and returns the Axes drawn on; none shows a window or changes settings."""
 
+from ..inference.comparison import comparison, cross_validation
+from ..inference.order import order
+from ..results.drawing import bode, correlation, harmonics, poles, residual_tests, residuals, response
 from .channels import record, signals, sinusoids, spectrum, track
-from .diagnostics import correlation, harmonics, residual_tests, residuals
-from .fits import poles, response
-from .frequency import bode, reduction
-from .tables import comparison, cross_validation, order, study
+from .frequency import reduction
+from .tables import study
 
 __all__ = [
     "bode",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +12,17 @@ from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..language.evaluate import expression
-from ..systems.polynomials import roots_of
+from .estimates import Estimates
+from .gradients import differences, root_gradients
 
-if TYPE_CHECKING:
-    from .fit import Fit
-
-__all__ = ["cancelling", "damp", "denominators", "derived", "frequency_response", "poles"]
+__all__ = ["cancelling", "damp", "denominators", "derived"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
+Root = tuple[complex, C128]  # and its derivatives (parameter)
 
 
-def derived(fit: Fit, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
+def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
     """Table of functions of the parameters; see `Fit.derived`."""
     if not expressions:
         raise SpecError('derived: give name=expression, as fit.derived(wn="sqrt(a2)")')
@@ -59,49 +58,28 @@ def _called(name: str, function: Callable[..., Any], values: Mapping[str, float]
         raise SpecError(f"derived: {name} raised {type(error).__name__}: {error}") from error
 
 
-def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: Fit) -> tuple[float, F64]:
-    """Value and central differences, with steps that suit the size of each parameter and its error."""
-    names, params = fit.param_names, fit.params
+def _gradient(
+    name: str, function: Callable[[Mapping[str, float]], float], fit: Estimates
+) -> tuple[float, F64]:
+    """Value at the estimate, and its derivatives."""
 
     def at(theta: F64) -> float:
-        return function(dict(zip(names, theta.tolist(), strict=True)))
+        return function(dict(zip(fit.param_names, theta.tolist(), strict=True)))
 
-    value = at(params)
+    value = at(fit.params)
     if not np.isfinite(value):
         raise SpecError(
             f"derived: {name} is {value} at the estimate {fit.estimates()}; it must have a finite value there"
         )
-    gradient = np.empty(params.size)
-    for i in range(params.size):
-        step = np.zeros(params.size)
-        scale = max(abs(params[i]), float(np.nan_to_num(fit.bse[i]))) or 1.0
-        step[i] = np.cbrt(np.finfo(float).eps) * scale
-        gradient[i] = (at(params + step) - at(params - step)) / (2 * step[i])
-    return value, gradient
+    return value, differences(at, fit.params, fit.bse)
 
 
-def poles(fit: Fit, output: int = 0) -> tuple[C128, C128]:
-    """Poles of an output and their derivatives (pole, p): dp/da_j = -p^(n-j)/A'(p)."""
-    den, _ = fit.polynomials(output)
-    n = fit.layout.orders[output]
-    found = roots_of(den)
-    slope = np.polyval(np.polyder(den), found)
-    gradient = np.zeros((n, fit.params.size), complex)
-    first = fit.layout.places[0][output]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for j in range(1, n + 1):
-            at = fit.layout.positions[first + j - 1]
-            if at is not None:
-                gradient[:, at] = -(found ** (n - j)) / slope
-    return found, gradient
-
-
-def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
+def cancelling(fit: Estimates, theta: F64, cov: F64) -> float:
     """Standard errors between the pole and the zero that are nearest to cancelling, in every path.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Estimates
         Whose structure it is.
     theta : (p,) array
     cov : (p, p) array
@@ -115,29 +93,18 @@ def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
     den, nums = fit.layout.polynomials(theta)
     degrees = fit.layout.numerators[0]
     ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in degrees)])
-    found = _roots(den, np.arange(1, fit.order + 1), theta.size, 0)
+    found = _roots(den, [None, *range(fit.order)], theta.size)
     paths = [
-        _roots(num, np.arange(num.size), theta.size, int(at))
-        for num, at, d in zip(nums, ends[:-1], degrees, strict=True)
+        _roots(num, range(at, at + num.size), theta.size)
+        for num, at, d in zip(nums, ends[:-1].tolist(), degrees, strict=True)
         if d is not None
     ]
     apart = [max((_nearest(pole, path, cov) for path in paths), default=np.inf) for pole in found]
     return min(apart, default=np.inf)
 
 
-Root = tuple[complex, C128]
-
-
-def _roots(coefficients: F64, free: NDArray[np.intp], size: int, at: int) -> list[Root]:
-    """Roots of a polynomial with their derivatives; its coefficients `free` are parameters from `at` on."""
-    degree, slope = coefficients.size - 1, np.polyder(coefficients)
-    made = []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for root in np.roots(coefficients):
-            gradient = np.zeros(size, complex)
-            gradient[at : at + free.size] = -(complex(root) ** (degree - free)) / np.polyval(slope, root)
-            made.append((complex(root), gradient))
-    return made
+def _roots(polynomial: F64, places: Sequence[int | None], size: int) -> list[Root]:
+    return list(zip(*root_gradients(polynomial, places, size), strict=True))
 
 
 def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
@@ -152,14 +119,14 @@ def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
     return min(distances)
 
 
-def denominators(fit: Fit) -> list[tuple[str, int]]:
+def denominators(fit: Estimates) -> list[tuple[str, int]]:
     """Name and number of an output for each denominator of its own; the name is empty if there is one."""
     if fit.layout.common:
         return [("", 0)]
     return [(name, i) for i, name in enumerate(fit.outputs)]
 
 
-def damp(fit: Fit) -> Table:
+def damp(fit: Estimates) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
     every = denominators(fit)
     if len(every) == 1:
@@ -173,8 +140,8 @@ def damp(fit: Fit) -> Table:
     return Table(columns)
 
 
-def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
-    found, gradients = fit._poles(output)
+def _damped(fit: Estimates, output: int) -> dict[str, list[Any]]:
+    found, gradients = fit.pole_gradients(output)
     cov = fit.cov_params()
     columns: dict[str, list[Any]] = {
         name: []
@@ -210,36 +177,3 @@ def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
         for column, value in zip(columns.values(), row, strict=True):
             column.append(value)
     return columns
-
-
-def frequency_response(fit: Fit, omega: F64) -> tuple[C128, C128]:
-    """Response (output, input, f) and gradient (p, output, input, f); see `Fit.frequency_response`."""
-    layout = fit.layout
-    outputs, inputs = len(layout.outputs), len(layout.inputs)
-    s = 1j * omega
-    response = np.zeros((outputs, inputs, s.size), complex)
-    gradient = np.zeros((fit.params.size, outputs, inputs, s.size), complex)
-    delays = {path: len(layout.free) + at for at, path in enumerate(layout.free_delays)}
-    with np.errstate(all="ignore"):
-        for i in range(outputs):
-            den, nums = fit.polynomials(i)
-            n, first = layout.orders[i], layout.places[0][i]
-            over = 1 / np.polyval(den, s)
-            for k, (num, delay) in enumerate(zip(nums, layout.delays(fit.params, i), strict=True)):
-                degree = layout.numerators[i][k]
-                if degree is None:
-                    continue
-                late = np.exp(-s * delay)
-                response[i, k] = np.polyval(num, s) * over * late
-                for j in range(1, n + 1):
-                    at = layout.positions[first + j - 1]
-                    if at is not None:
-                        gradient[at, i, k] = -response[i, k] * s ** (n - j) * over
-                for j in range(degree + 1):
-                    at = layout.positions[layout.places[1][i][k] + j]
-                    if at is not None:
-                        gradient[at, i, k] = s ** (degree - j) * over * late
-                path = layout.routes[i][k]
-                if path in delays:
-                    gradient[delays[path], i, k] = -s * response[i, k]
-    return response, gradient

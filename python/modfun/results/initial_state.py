@@ -1,9 +1,12 @@
-"""Initial state of a record under equations with numbers: nonlinear least squares on its outputs."""
+"""Initial state of a record under equations with numbers: least squares on its outputs.
+
+Of linear equations all responses are exact and their sum is linear; of others the search is nonlinear.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,14 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
 from ..records.record import Record
-from ..systems.lti import ss
-from .linear_state import linear_state
+from ..systems.lti import LTI, ss
+from ..systems.propagate import respond
+from .estimates import Estimates
 from .prediction import InitialState, given_state, sample_weights
 
-if TYPE_CHECKING:
-    from .fit import Fit
-
-__all__ = ["find_state", "simulate_fit", "slopes"]
+__all__ = ["find_state", "simulate_equations", "slopes"]
 
 F64 = NDArray[np.float64]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
@@ -32,14 +33,14 @@ TERMS = {None: 0, "constant": 1, "linear": 2}  # unknowns of a trend
 TOL = 1e-10
 
 
-def simulate_fit(
-    fit: Fit, rec: Record, initial_state: str | ArrayLike | InitialState | None
+def simulate_equations(
+    fit: Estimates, rec: Record, initial_state: str | ArrayLike | InitialState | None
 ) -> tuple[F64, InitialState]:
-    """Outputs of fitted equations for a record; as `prediction.simulate_fit`.
+    """Outputs of fitted equations for a record; as `prediction.simulate_paths`.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Estimates
         Of an Equation or a StateSpace.
     rec : Record
     initial_state : None, "zero" or array
@@ -69,15 +70,93 @@ def simulate_fit(
     return simulated, InitialState(found.state[place], found.cov[np.ix_(place, place)], found.trend)
 
 
-def _linear(fit: Fit, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
-    """As `simulate_fit`, for a StateSpace: its channels by name, as the record has them."""
+def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
+    """As `simulate_equations`, for a StateSpace: its channels by name, as the record has them."""
     a, b, c, d = fit.model.matrices  # type: ignore[misc]  # of a state space there are
     rows = [structure.outputs.index(name) for name in rec.outputs]
     pick = np.array([[float(own == name) for name in rec.inputs] for own in structure.inputs])
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
     system = ss(a, b @ pick, c[rows], d[rows] @ pick)
-    return linear_state(system, rec, TERMS[fit.trend], algebraic, state)
+    return _linear_state(system, rec, TERMS[fit.trend], algebraic, state)
+
+
+def _linear_state(
+    system: LTI, rec: Record, terms: int, algebraic: Sequence[int], state: F64 | None
+) -> tuple[F64, InitialState]:
+    """The initial state, and a trend of each equation, with which a linear system follows a record best.
+
+    Parameters
+    ----------
+    system : LTI
+        A state space without delays.
+    rec : Record
+        Evenly sampled.
+    terms : int
+        Unknowns of each equation: 0, 1 (a constant) or 2 (and a drift).
+    algebraic : sequence of int
+        Outputs that have an equation of their own, y = Cx + Du, beside those of the states.
+    state : (states,) array, optional
+        The initial state, where it is known.
+
+    Returns
+    -------
+    simulated : (output, time) array
+    initial : InitialState
+        `trend`, of the states' equations and then of the outputs', stands on the side of the derivative.
+
+    Raises
+    ------
+    DataError
+        A response that overflows.
+    """
+    assert system.matrices is not None
+    assert rec.dt is not None
+    a, b, c, d = system.matrices
+    n, outputs = a.shape[0], c.shape[0]
+    none = np.zeros((n, 0))
+    words = (rec.dt, rec.intervals)
+
+    def free(x0: F64) -> F64:
+        return respond((a, none, c, np.zeros((outputs, 0))), x0, [], *words, (), ())
+
+    def pushed(equation: int, u: F64) -> F64:
+        column = np.eye(n)[:, [equation]]
+        return respond((a, column, c, np.zeros((outputs, 1))), np.zeros(n), [u], *words, ("foh",), (0.0,))
+
+    forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, (0.0,) * len(rec.u))
+    columns = [free(x0) for x0 in np.eye(n)] if state is None else []
+    if state is not None:
+        forced = forced + free(state)
+    shapes = [rec.t**power for power in range(terms)]
+    columns += [-pushed(equation, u) for equation in range(n) for u in shapes]
+    columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
+    if not columns:
+        return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0))
+    own = sample_weights(rec)
+    left, regressors = rec.y - forced, np.array(columns)
+    if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
+        raise DataError(
+            f"simulating the fit: the response overflows within {rec.duration:g} s, the model is unstable; "
+            "look at the fit's parameters, or predict a shorter piece with rec.window(start, stop)"
+        )
+    weight = own / np.maximum(np.std(rec.y, axis=1), 1e-300)[:, None]
+    for _ in range(1 + (outputs > 1)):
+        rows = (regressors * weight).reshape(len(columns), -1).T
+        size = np.linalg.norm(rows, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        z = np.linalg.lstsq(rows / size, (left * weight).ravel(), rcond=None)[0] / size
+        simulated = np.tensordot(z, regressors, 1)
+        e = own * (left - simulated)
+        used = weight
+        level = np.sqrt(np.sum(e**2, axis=1) / np.count_nonzero(own, axis=1))
+        weight = own / np.maximum(level, 1e-9 * np.abs(rec.y).max())[:, None]
+    freedom = max(int(np.count_nonzero(own)) - z.size, 1)
+    scale = float(np.sum((used * (left - simulated)) ** 2)) / freedom
+    cov = scale * np.linalg.pinv((rows / size).T @ (rows / size)) / np.outer(size, size)
+    if state is not None:
+        return forced + simulated, InitialState(state, np.zeros((n, n)), z)
+    return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:])
 
 
 def find_state(
@@ -124,14 +203,13 @@ def find_state(
         z, _ = search.refine(z, count, ROUNDS, tol)
     y, jacobian, residual = search.at(z, count)  # DataError: it leaves all bounds, and says when
     freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
-    whole = np.zeros((n + z.size - search.found, n + z.size - search.found))
-    cov = np.linalg.pinv(jacobian.T @ jacobian) * (residual @ residual / freedom)
-    whole[n - search.found :, n - search.found :] = cov
+    cov = np.zeros((n + z.size - search.found, n + z.size - search.found))
+    cov[n - search.found :, n - search.found :] = np.linalg.pinv(jacobian.T @ jacobian)
     x, drift = search.split(z)
-    return y, InitialState(x, whole[:n, :n], drift)
+    return y, InitialState(x, cov[:n, :n] * (residual @ residual / freedom), drift)
 
 
-def slopes(fit: Fit, rec: Record, initial: InitialState) -> F64:
+def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:
     """Derivatives of simulated outputs to parameters, initial state and trend, (unknown, output, time)."""
     structure: Any = fit.structure
     compiled = structure.compiled(fit.outputs, fit.inputs)
@@ -169,8 +247,7 @@ class _Search:
             model = model_of(wider, np.append(self.params, np.zeros(extra)))
         self.model = model
         self.found = len(model.states) if state is None else 0  # so many of the unknowns are states
-        rows = [sample_weights(rec, i) for i in range(len(rec.outputs))]
-        self.own = np.array([np.ones(rec.t.size) if row is None else row for row in rows])
+        self.own = sample_weights(rec)
         spread = np.std(rec.y, axis=1)
         self.weights = self.own / np.where(spread > 0, spread, 1.0)[:, None]
         # A state's size in time: derivatives of an output by the time in which it turns.

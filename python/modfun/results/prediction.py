@@ -1,9 +1,9 @@
-"""Simulating a fitted model against a record: forced response, initial state, trend."""
+"""Simulating transfer functions against a record: forced response, initial state, trend."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,15 +11,22 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import shown
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
+from ..models.layout import Layout
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..systems.lti import LTI, tf
+from .observer import observe
 from .regression import free_response, regress, trend_columns
 
-if TYPE_CHECKING:
-    from ..systems.lti import LTI
-    from .fit import Fit
-
-__all__ = ["InitialState", "given_state", "observe_fit", "sample_weights", "simulate_fit"]
+__all__ = [
+    "InitialState",
+    "companion",
+    "given_state",
+    "observe_paths",
+    "path_model",
+    "sample_weights",
+    "simulate_paths",
+]
 
 F64 = NDArray[np.float64]
 
@@ -59,16 +66,33 @@ class InitialState:
         return f"InitialState({', '.join(parts)}{trend})"
 
 
-def simulate_fit(
-    fit: Fit, rec: Record, initial_state: str | ArrayLike | InitialState | None
+def path_model(layout: Layout, params: F64, output: int) -> LTI:
+    """The transfer functions to one output, with the delays of their own."""
+    den, nums = layout.polynomials(params, output)
+    return tf([nums], den, delay=layout.delays(params, output))
+
+
+def companion(den: F64) -> F64:
+    """The matrix of x' = A x, x = y, y', ..., for den(p) y = 0; den is monic."""
+    return np.vstack([np.eye(den.size - 1, k=1)[:-1], -den[:0:-1]])
+
+
+def simulate_paths(
+    layout: Layout,
+    params: F64,
+    trend: str | None,
+    rec: Record,
+    initial_state: str | ArrayLike | InitialState | None,
 ) -> tuple[F64, InitialState]:
-    """Output of a fitted model for a record, with the initial state and trend that suit it best.
+    """Outputs of transfer functions for a record, with the initial state and trend that suit it best.
 
     Parameters
     ----------
-    fit : Fit
+    layout : Layout
+    params : (p,) array
+    trend : {None, "constant", "linear"}
     rec : Record
-        With the channels of the fit.
+        With the channels of the layout.
     initial_state : None, "zero" or array
         None: estimated by least squares on the free response, together with the trend.
 
@@ -77,20 +101,19 @@ def simulate_fit(
     simulated : (output, time) array
     initial : InitialState
     """
-    orders = fit.layout.orders
+    orders = layout.orders
     given = None if initial_state is None else given_state(initial_state, sum(orders))
-    trend = trend_columns(rec.t, fit.trend)
+    drift, weights = trend_columns(rec.t, trend), sample_weights(rec)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
     states, offsets, first = [], [], 0
     for i, n in enumerate(orders):
-        den, _ = fit.polynomials(i)
-        forced = _forced(fit, rec, i)
+        den, _ = layout.polynomials(params, i)
+        forced = _forced(layout, params, rec, i)
         free = free_response(den, rec.t)
         left = rec.y[i] - forced
-        weight = sample_weights(rec, i)
         if given is None:
-            found = regress(left, np.vstack([free, trend]), weight)
+            found = regress(left, np.vstack([free, drift]), weights[i])
             states.append(found.coefficients[:n])
             cov[first : first + n, first : first + n] = found.covariance[:n, :n]
             offsets.append(found.coefficients[n:])
@@ -98,7 +121,7 @@ def simulate_fit(
         else:
             states.append(given[first : first + n])
             start = states[-1] @ free
-            found = regress(left - start, trend, weight)
+            found = regress(left - start, drift, weights[i])
             offsets.append(found.coefficients)
             fitted = start + found.fitted
         simulated[i] = forced + fitted
@@ -111,34 +134,31 @@ def simulate_fit(
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
 
 
-def sample_weights(rec: Record, output: int) -> F64 | None:
-    """1/standard deviation of each sample of an output, 0 where masked; None where all count alike."""
-    if rec.mask is None and rec.sigma is None:
-        return None
-    weight = np.ones(rec.t.size) if rec.sigma is None else 1 / rec.sigma[output]
-    return weight if rec.mask is None else np.where(rec.mask[output], weight, 0.0)
+def sample_weights(rec: Record) -> F64:
+    """1/standard deviation of each sample of the outputs, up to a factor, 0 where masked; (output, time)."""
+    weights = np.ones_like(rec.y) if rec.sigma is None else 1 / rec.sigma
+    return weights if rec.mask is None else np.where(rec.mask, weights, 0.0)
 
 
-def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
-    """Initial state of a fitted model by an observer run backwards in time, the trend beside it."""
-    from .observer import observe
-
+def observe_paths(
+    layout: Layout, params: F64, trend: str | None, rec: Record, eigenvalues: ArrayLike | None
+) -> InitialState:
+    """Initial state of transfer functions by an observer run backwards in time, the trend beside it."""
     if rec.dt is None:
         raise DataError(
             "initial_state: an observer needs even sampling, and this record's steps are uneven; "
             'use method="lstsq"'
         )
     refuse_own_noise(rec, "initial_state", 'use method="lstsq", which weighs them')
-    orders = fit.layout.orders
-    terms = len(trend_columns(rec.t, fit.trend))
+    orders = layout.orders
+    terms = len(trend_columns(rec.t, trend))
     cov = np.zeros((sum(orders), sum(orders)))
     states, trends, first = [], [], 0
     # The outputs' free responses have no state in common: an observer each.
     for i, n in enumerate(orders):
-        den, _ = fit.polynomials(i)
-        companion = np.vstack([np.eye(n, k=1)[:-1], -den[:0:-1]])
-        left = (rec.y[i] - _forced(fit, rec, i))[None]
-        found = observe(companion, np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
+        den, _ = layout.polynomials(params, i)
+        left = (rec.y[i] - _forced(layout, params, rec, i))[None]
+        found = observe(companion(den), np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
         cov[first : first + n, first : first + n] = found.cov
         states.append(found.state)
         trends.append(found.trend.ravel())
@@ -171,11 +191,11 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
     return state
 
 
-def _forced(fit: Fit, rec: Record, output: int) -> F64:
+def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
     """Response of an output from rest to the record's inputs."""
     if not rec.inputs:
         return np.zeros(rec.t.size)
-    model = fit.path_model(output)
+    model = path_model(layout, params, output)
     if rec.dt is not None:
         return np.asarray(
             model.simulate(u=list(rec.u), dt=rec.dt, intersample=rec.intersample), dtype=float

@@ -88,7 +88,7 @@ class Regression:
     fitted: F64
 
 
-def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
+def regress(y: F64, columns: F64, weight: F64) -> Regression:
     """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
 
     `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
@@ -103,15 +103,14 @@ def regress(y: F64, columns: F64, weight: F64 | None = None) -> Regression:
             "The free response of the model overflows within this record: a mode is too unstable for a "
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
-    each = np.ones_like(y) if weight is None else weight
-    scale = np.array([rms(row) * np.sqrt(y.size) for row in columns * each])
+    scale = np.array([rms(row) * np.sqrt(y.size) for row in columns * weight])
     scale[scale == 0] = 1.0
-    q, s, rotation = np.linalg.svd((columns * each / scale[:, None]).T, full_matrices=False)
+    q, s, rotation = np.linalg.svd((columns * weight / scale[:, None]).T, full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
-    coefficients = inverse @ (q[:, keep].T @ (y * each))
+    coefficients = inverse @ (q[:, keep].T @ (y * weight))
     fitted = (columns / scale[:, None]).T @ coefficients
-    rest = float(np.sum((each * (y - fitted)) ** 2))
-    rest /= max(int(np.count_nonzero(each)) - int(keep.sum()), 1)
+    rest = float(np.sum((weight * (y - fitted)) ** 2))
+    rest /= max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
     covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
     return Regression(coefficients / scale, covariance, fitted)

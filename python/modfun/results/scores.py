@@ -1,14 +1,19 @@
-"""How well a simulation follows a measured output: signal to error, per cent, R² and Theil's coefficient."""
+"""How well a simulation follows what was measured: signal to error, per cent, R² and Theil's coefficient."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.tables import Table
 from ..errors import DataError
+from ..records.record import Record
+from .estimates import Estimates
 from .regression import rms
 
-__all__ = ["fit_percent", "r2", "signal_to_error", "theil"]
+__all__ = ["fit_percent", "r2", "score", "signal_to_error", "theil"]
 
 F64 = NDArray[np.float64]
 
@@ -67,3 +72,21 @@ def theil(y: F64, simulated: F64) -> float:
     y, simulated = _pair(y, simulated)
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.divide(rms(y - simulated), rms(y) + rms(simulated)))
+
+
+def score(fit: Estimates, rec: Record | int | None = None) -> Table:
+    """Scores of the outputs of a fit, of a record or all of its own; see `Fit.score`."""
+    if rec is None and fit.records is not None and len(fit.records) > 1:
+        parts = [(i, score(fit, i)) for i in range(len(fit.records))]
+        columns: dict[str, list[Any]] = {"record": [i for i, part in parts for _ in range(len(part))]}
+        for name in parts[0][1].columns:
+            columns[name] = [value for _, part in parts for value in part[name].tolist()]
+        return Table(columns)
+    record = fit.record_of(rec, "score")
+    simulated, _ = fit.simulate(record)
+    pairs = list(zip(record.y, simulated, strict=True))
+    if record.mask is not None:
+        pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]
+    figures = (signal_to_error, fit_percent, r2, theil)
+    of_each = {figure.__name__: [figure(*pair) for pair in pairs] for figure in figures}
+    return Table({"output": list(record.outputs), **of_each})

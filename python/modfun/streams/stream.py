@@ -15,12 +15,11 @@ from ..base.arguments import public, real
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
 from ..errors import DataError, SpecError
-from ..fitting.fit import Estimator, answered, fit_quietly
-from ..fitting.many import STATUS
+from ..fitting.fit import Estimator, fit_quietly
 from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
 from ..models.layout import Layout
 from ..models.noise import Noise
-from ..models.options import Options
+from ..models.options import STATUS, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
@@ -295,8 +294,9 @@ class Stream:
                 return fit_quietly(records, self.estimator.model, self.estimator.options)
             refuse_standing(self._made.layout, [rec.y for rec in records], [rec.u for rec in records])
             found = self._core.fit()
-        made = self._made.for_windows(len(records))
-        fit = answered(found, made, records, self.estimator.model, self.estimator.options)
+        structure, options = self.estimator.model, self.estimator.options
+        intervals = self._made.intervals * len(records)
+        fit = Fit.of_core(found, structure, self._made.layout, options, records, intervals)
         return unweighted(fit, self.weights[: len(records)])
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from ..errors import ModfunError
 from ..fitting.fit import Estimator, fit_many, fit_quietly
-from ..fitting.many import FitMany
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
 
 __all__ = ["fit_one", "fit_records"]
 

@@ -14,8 +14,7 @@ from ..base.samples import FEWEST, LARGEST
 from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..experiments.bound import TRENDS
-from ..fitting.many import STATUS
-from ..models.options import MOST_THREADS
+from ..models.options import MOST_THREADS, STATUS
 from ..records.batches import Batch
 from ..records.record import Record
 from .results import KINDS, Sinusoids, SinusoidsMany
