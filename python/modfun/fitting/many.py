@@ -15,8 +15,8 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
-from .of_equations import batch_of, prepare_equation
-from .prepared import prepare, refuse_standing
+from .of_equations import PreparedEquation, batch_of, prepare_equation
+from .prepared import Prepared, prepare, refuse_standing
 
 __all__ = ["fit_batch", "fit_each"]
 
@@ -32,29 +32,23 @@ def fit_batch(
     progress: str | bool,
 ) -> FitMany:
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
-    if not isinstance(structure, TransferFunction):
-        return _equations(data, structure, options, threads, progress)
-    made = prepare(structure, options, data if isinstance(data, Batch) else data[:1])
-    y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
-    refuse_standing(made.layout, [y[0]], [u[0]])
+    sample = data if isinstance(data, Batch) else data[:1]
+    made: Prepared | PreparedEquation
+    if isinstance(structure, TransferFunction):
+        made = prepare(structure, options, sample)
+        y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
+        refuse_standing(made.layout, [y[0]], [u[0]])
+    else:
+        made = prepare_equation(structure, options, sample)
+        y, u = batch_of(made, data)
     with Progress(progress, *SHOWN) as bar:
         found = made.core.fit_many(y, u, threads=threads, progress=bar)
-    status = found["status"]
-    if status[0] == NONFINITE and not any(np.isfinite(samples).all() for samples in y):
+    failed = isinstance(structure, TransferFunction) and found["status"][0] == NONFINITE
+    if failed and not any(np.isfinite(samples).all() for samples in y):
         raise DataError(
             f"fit_many: every record holds values that are not finite, record 0 at sample "
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
-    return FitMany.of_core(found, made.layout.param_names, structure, options)
-
-
-def _equations(
-    data: Batch | tuple[Record, ...], structure: Any, options: Options, threads: int, progress: str | bool
-) -> FitMany:
-    made = prepare_equation(structure, options, data if isinstance(data, Batch) else data[:1])
-    own, shared = batch_of(made, data)
-    with Progress(progress, *SHOWN) as bar:
-        found = made.core.fit_many(own, shared, threads=threads, progress=bar)
     return FitMany.of_core(found, made.layout.param_names, structure, options)
 
 

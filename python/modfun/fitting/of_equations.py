@@ -20,7 +20,7 @@ from ..records.record import Record
 from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
 
-__all__ = ["batch_of", "fit_equation", "prepare_equation"]
+__all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
 F64 = NDArray[np.float64]
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'

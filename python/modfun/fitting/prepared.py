@@ -29,7 +29,6 @@ LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes fo
 LOOKED_AT = 64  # records of a batch that tell the noise levels
 _NOTHING = np.zeros(0)
 
-Names = tuple[str, ...]
 F64 = NDArray[np.float64]
 
 
@@ -45,15 +44,11 @@ class Prepared:
         Sampling intervals used, a record.
     outputs : tuple of ndarray (output, time)
         Of each record, masked samples interpolated; empty for a batch.
-    joint : bool
-        Whether it takes the joint estimator: several outputs, fitted or given noise, held or bounded
-        parameters, unknown delays, samples of uneven noise.
     """
 
     core: Any
     layout: Layout
     intervals: tuple[int, ...]
-    joint: bool
     outputs: tuple[F64, ...] = ()
 
 
@@ -86,7 +81,7 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
 def prepare_stream(
     structure: TransferFunction,
     options: Options,
-    channels: tuple[Names, Names, Names],
+    channels: tuple[tuple[str, ...], ...],
     intervals: int,
     dt: float,
     weights: Sequence[float],
@@ -100,14 +95,13 @@ def prepare_stream(
     layout = structure.layout(outputs, inputs)
     late = layout.longest_delay
     samples = intervals + 1 + (0 if late == 0 else ceil(late / dt - 1e-9))
-    joint = not (layout.plain and options.plain_noise)
     words = plain_words(layout, intersample, options)
-    if joint:
+    if not (layout.plain and options.plain_noise):
         words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
     remembered = samples + (len(weights) - 1) * intervals
     factors = [weight**0.5 for weight in weights]
     core = Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
-    return Prepared(core, layout, (intervals,), joint)
+    return Prepared(core, layout, (intervals,))
 
 
 def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:
@@ -139,7 +133,7 @@ def _stands(values: F64) -> bool:
 
 
 def _made(
-    layout: Layout, options: Options, intersample: Names, sampling: tuple[tuple[int, Any], ...]
+    layout: Layout, options: Options, intersample: tuple[str, ...], sampling: tuple[tuple[int, Any], ...]
 ) -> Prepared:
     """As `prepare`; `sampling` holds the number of samples and the step (uneven: the times) a record."""
     intervals = _intervals(layout, sampling)
@@ -148,13 +142,13 @@ def _made(
         [step for _, step in sampling],
         **plain_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=False)
+    return Prepared(core, layout, intervals)
 
 
 _kept = lru_cache(KEPT)(_made)
 
 
-def plain_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+def plain_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
     """Keywords of the core for a layout that is plain."""
     return {
         "order": layout.orders[0],
@@ -165,7 +159,7 @@ def plain_words(layout: Layout, intersample: Names, options: Options) -> dict[st
     }
 
 
-def joint_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+def joint_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
     """Keywords of the core for any layout, noise aside."""
     words = {**layout.core(), "intersample": intersample, **options.core()}
     del words["noise"]
@@ -176,7 +170,7 @@ def _joint(
     layout: Layout,
     options: Options,
     data: Batch | Sequence[Record],
-    intersample: Names,
+    intersample: tuple[str, ...],
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     intervals = _intervals(layout, sampling)
@@ -197,7 +191,7 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in filled))
+    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _ in filled))
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

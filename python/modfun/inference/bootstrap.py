@@ -264,15 +264,11 @@ def bootstrap(
             ys = [[y + e for y, e in zip(clean, noise(r), strict=True)] for r in block]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
+    figures = ["params", "bse", "status", "cost", "nit", *(() if parts[0].df_hc3 is None else ("df_hc3",))]
     return Bootstrap(
-        params=np.concatenate([part.params for part in parts]),
-        bse=np.concatenate([part.bse for part in parts]),
-        status=np.concatenate([part.status for part in parts]),
-        cost=np.concatenate([part.cost for part in parts]),
-        nit=np.concatenate([part.nit for part in parts]),
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in figures},
         param_names=fit.param_names,
         df_resid=fit.df_resid,
-        df_hc3=None if parts[0].df_hc3 is None else np.concatenate([part.df_hc3 for part in parts]),
         band=fit.band,
         structure=fit.structure,
         options=held,

@@ -234,15 +234,15 @@ class _Neighbourhood:
         self, chosen: NDArray[np.int64], omega: F64, threads: int | None, shown: Any
     ) -> dict[str, Any]:
         """Estimates at each frequency with its own half-width."""
-        whole: dict[str, Any] = {}
+        found: dict[str, Any] = {}
         for width in np.unique(chosen):
             own = np.flatnonzero(chosen == width)
             part = self.run(int(width), omega[own], threads, shown)
             freedom = part.pop("freedom")
             part["freedom"] = np.full((own.size, 1), freedom)
             for name, rows in part.items():
-                whole.setdefault(name, np.empty((omega.size, rows.shape[1]), rows.dtype))[own] = rows
-        return whole
+                found.setdefault(name, np.empty((omega.size, rows.shape[1]), rows.dtype))[own] = rows
+        return found
 
 
 def _response(

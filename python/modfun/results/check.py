@@ -100,10 +100,11 @@ def _few_samples(fit: Estimates) -> str | None:
 
 
 def _unstable(fit: Estimates) -> str | None:
-    every = range(1 if fit.layout.common else len(fit.outputs))
     if not fit.has_poles:
         return None
-    if fit.layout.rational and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
+    if fit.layout.rational and all(
+        [surely_stable(fit.polynomials(i)[0].tolist()) for _, i in fit.denominators()]
+    ):
         return None
     growing = growth(fit)
     if growing <= 0:

@@ -15,7 +15,7 @@ from ..language.evaluate import expression
 from .estimates import Estimates
 from .gradients import differences, root_gradients
 
-__all__ = ["cancelling", "damp", "denominators", "derived"]
+__all__ = ["cancelling", "damp", "derived"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -119,16 +119,9 @@ def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
     return min(distances)
 
 
-def denominators(fit: Estimates) -> list[tuple[str, int]]:
-    """Name and number of an output for each denominator of its own; the name is empty if there is one."""
-    if fit.layout.common:
-        return [("", 0)]
-    return [(name, i) for i, name in enumerate(fit.outputs)]
-
-
 def damp(fit: Estimates) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
-    every = denominators(fit)
+    every = fit.denominators()
     if len(every) == 1:
         return Table(_damped(fit, 0))
     columns: dict[str, list[Any]] = {"output": []}

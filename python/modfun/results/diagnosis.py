@@ -169,8 +169,7 @@ def growth(fit: Estimates) -> float:
         return nan
     if not fit.layout.rational:
         return float(np.max(fit.model.poles().real))
-    every = range(1 if fit.layout.common else len(fit.outputs))
-    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for i in every)
+    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for _, i in fit.denominators())
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:

@@ -17,7 +17,6 @@ from ..plot.channels import spectrum as draw_spectrum
 from ..records.record import Record
 from ..systems.drawing import Curve, curves_of, draw_bode, span
 from ..systems.frequency_response import FrequencyResponse
-from .derived import denominators
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .line_tests import correlation_of_lines, cumulated_power
 from .scores import score
@@ -179,7 +178,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     for k, fit in enumerate(fits):
         fit.need_numbers("plot.poles")
         named = labels[k] if labels is not None else f"{fit.order} poles" if len(fits) > 1 else ""
-        for output, i in denominators(fit):
+        for output, i in fit.denominators():
             name = " ".join(part for part in (named, output) if part)
             _poles_of_output(here, fit, i, f"C{drawn % 10}", name)
             drawn += 1

@@ -24,6 +24,7 @@ from ..records.record import Record
 from ..systems.lti import LTI, ss
 from . import gradients, prediction
 from .prediction import InitialState
+from .regression import companion
 
 __all__ = ["Estimates"]
 
@@ -349,7 +350,7 @@ class Estimates:
         if self.inputs:
             return system_of(self.layout, self.params)
         # Free motion: companion forms without inputs.
-        blocks = [prediction.companion(self.polynomials(i)[0]) for i in range(len(self.outputs))]
+        blocks = [companion(self.polynomials(i)[0]) for i in range(len(self.outputs))]
         size = sum(self.layout.orders)
         a, c = np.zeros((size, size)), np.zeros((len(blocks), size))
         at = 0
@@ -371,6 +372,10 @@ class Estimates:
     def polynomials(self, output: int = 0) -> tuple[F64, list[F64]]:
         """Denominator (monic) and one numerator an input of an output, descending powers; no path: [0]."""
         return self.layout.polynomials(self.params, output)
+
+    def denominators(self) -> list[tuple[str, int]]:
+        """Name and number of an output for each denominator of its own; the name is empty if there is one."""
+        return [("", 0)] if self.layout.common else [(name, i) for i, name in enumerate(self.outputs)]
 
     def pole_gradients(self, output: int = 0) -> tuple[C128, C128]:
         """Poles of an output and their derivatives to the parameters, (pole, p)."""

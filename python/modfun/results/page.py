@@ -64,10 +64,10 @@ def page_of(fit: Estimates, content: Content, title: str | None, command: str | 
 
 
 def _title(fit: Estimates) -> str:
-    what = type(fit.structure).__name__ if isinstance(fit.structure, Written) else "Transfer function"
-    names = ", ".join(fit.outputs)
-    kind = {"StateSpace": "State space", "Equation": "Equation"}.get(what, what)
-    return f"{kind} of {names}" + (f" from {', '.join(fit.inputs)}" if fit.inputs else ", free motion")
+    kind = {StateSpace: "State space", Equation: "Equation"}.get(type(fit.structure), "Transfer function")
+    return f"{kind} of {', '.join(fit.outputs)}" + (
+        f" from {', '.join(fit.inputs)}" if fit.inputs else ", free motion"
+    )
 
 
 # Model -------------------------------------------------------------------------------------------

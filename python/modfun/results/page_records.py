@@ -114,6 +114,12 @@ def _records(fit: Estimates) -> Sequence[Record]:
     return fit.records
 
 
+def _drawn(records: Sequence[Record]) -> list[tuple[int, Record, str]]:
+    """The first records, by number, with what tells them apart in captions."""
+    several = len(records) > 1
+    return [(k, rec, f" of record {k}" if several else "") for k, rec in enumerate(records[:SHOWN])]
+
+
 def _tables(records: Sequence[Record]) -> Iterable[Block]:
     columns: dict[str, list[object]] = {"record": list(range(len(records)))}
     columns["from"] = [rec.source.name if rec.source else "arrays" for rec in records]
@@ -139,8 +145,7 @@ def _tables(records: Sequence[Record]) -> Iterable[Block]:
 
 
 def _over_time(records: Sequence[Record]) -> Iterable[Block]:
-    for k, rec in enumerate(records[:SHOWN]):
-        of = f" of record {k}" if len(records) > 1 else ""
+    for _, rec, of in _drawn(records):
         rows = len(rec.outputs) + len(rec.inputs)
         svg = drawn(partial(draw_record, rec), rows, height=1.4, sharex=True)
         masked = "" if rec.mask is None else " Masked samples are left out; dotted lines bridge them."
@@ -157,8 +162,7 @@ def _spectra(fit: Estimates) -> Iterable[Block]:
     low, high = fit.band
     records = _records(fit)
     rows = len(fit.outputs) + len(fit.inputs)
-    for k, rec in enumerate(records[:SHOWN]):
-        of = f" of record {k}" if len(records) > 1 else ""
+    for _, rec, of in _drawn(records):
         yield Figure(
             drawn(partial(drawing.harmonics, fit, rec), rows, height=1.5, sharex=True),
             f"Amplitude spectra of all channels{of}, from {low:.4g} to {high:.4g} rad/s shaded.",
@@ -170,8 +174,7 @@ def _spectra(fit: Estimates) -> Iterable[Block]:
 def _responses(fit: Estimates) -> Iterable[Block]:
     records = _records(fit)
     rows = 2 * len(fit.outputs)
-    for k in range(min(len(records), SHOWN)):
-        of = f" of record {k}" if len(records) > 1 else ""
+    for k, _, of in _drawn(records):
         svg = drawn(partial(drawing.response, fit, k), rows, height=1.7, sharex=True)
         yield Figure(
             svg,

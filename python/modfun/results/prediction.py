@@ -16,11 +16,10 @@ from ..records.mask import refuse_own_noise
 from ..records.record import Record
 from ..systems.lti import LTI, tf
 from .observer import observe
-from .regression import free_response, regress, trend_columns
+from .regression import companion, free_response, regress, trend_columns
 
 __all__ = [
     "InitialState",
-    "companion",
     "given_state",
     "observe_paths",
     "path_model",
@@ -70,11 +69,6 @@ def path_model(layout: Layout, params: F64, output: int) -> LTI:
     """The transfer functions to one output, with the delays of their own."""
     den, nums = layout.polynomials(params, output)
     return tf([nums], den, delay=layout.delays(params, output))
-
-
-def companion(den: F64) -> F64:
-    """The matrix of x' = A x, x = y, y', ..., for den(p) y = 0; den is monic."""
-    return np.vstack([np.eye(den.size - 1, k=1)[:-1], -den[:0:-1]])
 
 
 def simulate_paths(

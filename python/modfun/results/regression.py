@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .._core import simulate
 from ..errors import DataError
 
-__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
+__all__ = ["Regression", "companion", "free_response", "regress", "rms", "trend_columns"]
 
 F64 = NDArray[np.float64]
 
@@ -19,6 +19,11 @@ def rms(v: F64) -> float:
     """Root mean square, whatever the size of the numbers."""
     peak = float(np.max(np.abs(v)))
     return peak * float(np.sqrt(np.mean((v / peak) ** 2))) if peak > 0 else 0.0
+
+
+def companion(den: F64) -> F64:
+    """The matrix of x' = A x, x = y, y', ..., for den(p) y = 0; den is monic."""
+    return np.vstack([np.eye(den.size - 1, k=1)[:-1], -den[:0:-1]])
 
 
 def free_response(den: F64, t: F64) -> F64:
@@ -44,10 +49,7 @@ def free_response(den: F64, t: F64) -> F64:
     # Derivatives in units of the fastest rate: a companion matrix of entries near one.
     powers = np.arange(1, n + 1)
     rate = float(np.max(np.abs(a) ** (1.0 / powers))) or 1.0 / float(t[-1] - t[0])
-    companion = np.zeros((n, n))
-    companion[:-1, 1:] = np.eye(n - 1)
-    companion[-1] = -(a / rate**powers)[::-1]
-    companion *= rate
+    motion = rate * companion(np.concatenate([[1.0], a / rate**powers]))
     step = np.diff(t)
     rows = np.empty((n, t.size))
     even = bool(np.ptp(step) <= 1e-9 * step.mean())
@@ -60,14 +62,14 @@ def free_response(den: F64, t: F64) -> F64:
             start = np.zeros(n)
             start[i] = 1.0
             rows[i] = simulate(
-                companion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
+                motion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
             )[0]
     else:
         from scipy.linalg import expm
 
         state = np.eye(n)
         rows[:, 0] = state[0]
-        for k, transition in enumerate(expm(companion * step[:, None, None])):
+        for k, transition in enumerate(expm(motion * step[:, None, None])):
             state = transition @ state
             rows[:, k + 1] = state[0]
     return rows / rate ** np.arange(n)[:, None]
