@@ -23,9 +23,9 @@ test-rust:
 	cargo test --release -p modfun
 
 test-python: .venv/dev
-	$(BIN)/python -m pytest -q -n 2
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal
 
-## Formatting, clippy, ruff, types.
+## Formatting, clippy, ruff, types; the stub is the compiled core.
 lint: .venv/dev
 	cargo fmt --all -- --check
 	cargo clippy --workspace --all-targets -- -D warnings
@@ -33,6 +33,7 @@ lint: .venv/dev
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/mypy examples packaging
+	$(BIN)/stubtest modfun._core
 
 format: .venv/dev
 	cargo fmt --all

@@ -39,12 +39,14 @@ class Contestant:
         spent = clock() - start
         return told if isinstance(told, float) else 1e9 * spent / self.count
 
-    def settle(self) -> None:
-        """Warm up, and choose a count that takes about SHARE."""
+    def settle(self, share: float) -> None:
+        """Warm up, and choose a count that takes about so many seconds."""
         self.count = self.unit * self.least
+        if not share:
+            return
         self.turn()
         each = min(self.turn() for _ in range(2))
-        self.count = self.unit * max(self.least, round(SHARE / (1e-9 * each * self.unit)))
+        self.count = self.unit * max(self.least, round(share / (1e-9 * each * self.unit)))
 
     @property
     def best(self) -> float:
@@ -53,14 +55,17 @@ class Contestant:
 
 
 def compete(contestants: list[Contestant], rounds: int, seconds: float) -> int:
-    """Time all in turn, at most so many rounds or seconds (three rounds at least); the number of rounds."""
+    """Time all in turn, at most so many rounds or seconds (three rounds at least); the number of rounds.
+
+    One round is for the tests of the benches: nothing is warmed up, every turn is as short as it may be.
+    """
     cores = os.sched_getaffinity(0)
     one = {min(cores)}
     done, start = 0, perf_counter()
     try:
         os.sched_setaffinity(0, one)
         for c in contestants:
-            c.settle()
+            c.settle(SHARE if rounds > 1 else 0.0)
         gc.collect()
         gc.disable()
         while done < rounds and (done < 3 or perf_counter() - start < seconds):

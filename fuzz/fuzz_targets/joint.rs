@@ -31,7 +31,7 @@ fuzz_target!(|bytes: &[u8]| {
         .map(|c| JointRecord { y: views(&c[..outputs]), u: views(&c[outputs..]) })
         .collect();
     let fit = told(fitter.fit(&given));
-    if let Some(fit) = &fit {
+    if let Some(fit) = fit.as_ref().map(|f| &f.answer) {
         let p = fit.theta.len();
         let errors = diagonal(&fit.cov_nonrobust, p).chain(diagonal(&fit.cov_hc3, p));
         sound(fit.status, &fit.theta, errors);

@@ -22,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     let all = b.many(records, |b| b.channels(1 + inputs, n));
     let given: Vec<_> = all.iter().map(|c| RecordView { y: &c[0], u: views(&c[1..]) }).collect();
     let fit = told(fitter.fit(&given));
-    if let Some(fit) = &fit {
+    if let Some(fit) = fit.as_ref().map(|f| &f.answer) {
         let p = fit.theta.len();
         let errors = diagonal(&fit.cov_nonrobust, p).chain(diagonal(&fit.cov_hc3, p));
         sound(fit.status, &fit.theta, errors);
@@ -32,9 +32,9 @@ fuzz_target!(|bytes: &[u8]| {
         same(&fit, &told(plain.fit(&given)));
     }
 
-    let start = b.many(fit.map_or(0, |f| f.theta.len()), Bytes::number);
+    let start = b.many(fit.map_or(0, |f| f.answer.theta.len()), Bytes::number);
     if let Some(fit) = told(fitter.fit_from(&given, &start)) {
-        sound(fit.status, &fit.theta, []);
+        sound(fit.answer.status, &fit.answer.theta, []);
     }
     let batch = Batch {
         y: given.iter().map(|r| r.y).collect(),

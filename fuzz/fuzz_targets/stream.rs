@@ -25,26 +25,26 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// What a fit answers.
-trait Answer: Debug {
+/// What of a fit is looked at.
+trait Parts: Debug {
     fn parts(&self) -> (Status, &[f64]);
 }
 
-impl Answer for Fit {
+impl Parts for Fit {
     fn parts(&self) -> (Status, &[f64]) {
-        (self.status, &self.theta)
+        (self.answer.status, &self.answer.theta)
     }
 }
 
-impl Answer for JointFit {
+impl Parts for JointFit {
     fn parts(&self) -> (Status, &[f64]) {
-        (self.status, &self.theta)
+        (self.answer.status, &self.answer.theta)
     }
 }
 
 fn run<F: Slider>(b: &mut Bytes<'_>, options: F::Options, channels: usize, n: usize, dt: f64)
 where
-    F::Answer: Answer,
+    F::Fit: Parts,
 {
     let windows = b.below(3);
     let weights = b.many(windows, |b| b.near(0.5));

@@ -41,7 +41,7 @@ fuzz_target!(|bytes: &[u8]| {
     let record = b.channels(channels, n);
     let given = [TermsRecord { channels: views(&record) }];
     let fit = told(fitter.fit(&given));
-    if let Some(fit) = &fit {
+    if let Some(fit) = fit.as_ref().map(|f| &f.answer) {
         let p = fit.theta.len();
         let errors = diagonal(&fit.cov_nonrobust, p).chain(diagonal(&fit.cov_hc3, p));
         sound(fit.status, &fit.theta, errors);

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import modfun as mf
-from modfun.language import evaluate as expressions
+from modfun.language.evaluate import function_of
+from modfun.signals.sources import evaluate
 from modfun.study import toml_file
 
 HARM = (
@@ -133,8 +134,8 @@ CALLS: dict[str, Callable[[str], Any]] = {
     "a held parameter": lambda x: mf.Equation("y' + a*y = u", params={x: 1.0}).compiled(),
     "a parameter of a structure": lambda x: mf.fit(REC, mf.TransferFunction(poles=2, zeros=0, params={x: 1})),
     "derived": lambda x: FIT.derived(it=x),
-    "expression": lambda x: expressions.expression(x, ["a1"])({"a1": 1.0}),
-    "evaluate": lambda x: expressions.evaluate(x, [0.0, 1.0]),
+    "expression": lambda x: function_of(x, ["a1"])({"a1": 1.0}),
+    "evaluate": lambda x: evaluate(x, [0.0, 1.0]),
     "an input": lambda x: mf.simulate(PLANT, input=x, duration=1.0, intervals=8),
     "a column": lambda x: mf.read({"t": REC.t, "y": REC.y[0]}, outputs=x),
     "a study's input": lambda x: study("input", json.dumps(x)),

@@ -26,7 +26,7 @@ from typing import Any
 import modfun as mf
 import numpy as np
 from boundary import SECONDS, _alarm, outcome, place
-from modfun.language import evaluate as expressions
+from modfun.signals.sources import evaluate
 from modfun.study import toml_file
 from small_files import STUDIES, archives, fits, matlab, tables
 
@@ -176,7 +176,7 @@ def text_of(content: bytes) -> str:
 # What is made of a generator, and what is done with it.
 KINDS: dict[str, tuple[Callable[[Rng], bytes], Callable[[bytes], Any]]] = {
     "equation": (an_equation, lambda x: mf.Equation(text_of(x)).compiled()),
-    "signal": (a_signal, lambda x: expressions.evaluate(text_of(x), T)),
+    "signal": (a_signal, lambda x: evaluate(text_of(x), T)),
     "csv": (of_file(tables), read("run.csv", channels)),
     "npz": (of_file(archives), read("run.npz", channels)),
     "mat": (of_file(matlab), read("run.mat", channels)),

@@ -17,13 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
+from .base.words import TRENDS
 from .errors import DataError, FitError, SpecError
-from .experiments.sensitivities import Sensitivities, time_unit
+from .experiments.sensitivities import Sensitivities
 from .models.options import MOST
 from .models.transfer_function import TransferFunction
-from .records.mask import refuse_own_noise
 from .records.record import Record
+from .records.samples import refuse_own_noise
 from .responses.coefficients import regressors
+from .systems.polynomials import companion, time_unit
 from .systems.propagate import Inputs
 
 __all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]
@@ -342,7 +344,7 @@ class _Discrete:
     def continuous(self, x: F64, what: str) -> dict[str, float]:
         """Parameters in continuous time, the input taken as held between samples."""
         n = self.n
-        z, vectors = np.linalg.eig(_companion(x[:n]))
+        z, vectors = np.linalg.eig(companion(np.append(1.0, x[:n])))
         scale = np.max(np.abs(z)) if n else 1.0
         for root in z:
             if abs(root.imag) <= 1e-12 * scale and root.real <= 0:
@@ -464,12 +466,6 @@ def _stable(f: F64) -> F64:
     return np.real(np.poly(np.where(np.abs(inside) > 0.999, 0.999 * inside, inside)))[1:]
 
 
-def _companion(f: F64) -> F64:
-    matrix = np.eye(f.size, k=-1)
-    matrix[0] = -f
-    return matrix
-
-
 def _shifted(v: F64, by: int) -> F64:
     """v delayed by some samples, zero before."""
     if by == 0:
@@ -500,7 +496,7 @@ def _check(
         raise SpecError(
             f"{what}: initial_state={state!r} is unknown; choose {' or '.join(map(repr, states))}"
         )
-    if trend not in (None, "constant", "linear"):
+    if trend not in TRENDS:
         raise SpecError(f"{what}: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     whole(what, "maxiter", maxiter, 1, MOST)
 

@@ -6,6 +6,7 @@
 //! around the tones are asked for, `ml` sees these alone, and `awls` weighs them by the last estimate (`lines`). Time
 //! is counted in samples here, frequencies in turns a sample.
 
+mod awls;
 mod lines;
 mod refine;
 mod search;
@@ -181,7 +182,7 @@ impl Plan {
             narrow = sees.on(lines.clone(), &tones, self.isa);
             sees = &mut narrow;
             (nit, status) = if self.options.awls {
-                lines::awls(sees, &lines, &mut tones, self.options.damped, self.isa)
+                awls::awls(sees, &lines, &mut tones, self.options.damped, self.isa)
             } else {
                 let (_, nit, status) = sees.settle(&mut tones);
                 (nit, status)

@@ -2,7 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Many, Options, RecordView, Time, Wanted,
+    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Many, Options, RecordView,
+    Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -296,36 +297,33 @@ pub fn asked<'a, 'py>(options: Option<&'a Bound<'py, PyDict>>) -> PyResult<&'a B
     options.ok_or_else(|| to_python(Error::Spec("fitting: no option was given".into())))
 }
 
-/// A dictionary of what all kinds of fits answer; these fields are moved out of the fit.
-macro_rules! answer {
-    ($py:expr, $fit:expr) => {{
-        let p = $fit.theta.len();
-        let out = pyo3::types::PyDict::new($py);
-        out.set_item("theta", $crate::arrays::vector($py, $fit.theta))?;
-        out.set_item("cov_nonrobust", $crate::arrays::matrix($py, $fit.cov_nonrobust, p)?)?;
-        out.set_item("cov_hc3", $crate::arrays::matrix($py, $fit.cov_hc3, p)?)?;
-        out.set_item("gram", $crate::arrays::matrix($py, $fit.gram, p)?)?;
-        out.set_item("condition_bound", $fit.condition_bound)?;
-        out.set_item("cost", $fit.cost)?;
-        out.set_item("df_resid", $fit.degrees_of_freedom)?;
-        out.set_item("status", $fit.status.name())?;
-        out.set_item("nit", $fit.nit)?;
-        $crate::fit::set_lines(&out, &$fit.lines)?;
-        out.set_item("band_rule", $crate::fit::account($py, $fit.band_rule)?)?;
-        out
-    }};
+/// A dictionary of what all kinds of fits answer.
+pub fn answered(py: Python<'_>, a: Answer) -> PyResult<Bound<'_, PyDict>> {
+    let p = a.theta.len();
+    let out = PyDict::new(py);
+    out.set_item("condition_bound", a.condition_bound())?;
+    out.set_item("theta", vector(py, a.theta))?;
+    out.set_item("cov_nonrobust", matrix(py, a.cov_nonrobust, p)?)?;
+    out.set_item("cov_hc3", matrix(py, a.cov_hc3, p)?)?;
+    out.set_item("gram", matrix(py, a.gram, p)?)?;
+    out.set_item("cost", a.cost)?;
+    out.set_item("df_resid", a.degrees_of_freedom)?;
+    out.set_item("status", a.status.name())?;
+    out.set_item("nit", a.nit)?;
+    set_lines(&out, &a.lines)?;
+    out.set_item("band_rule", account(py, a.band_rule)?)?;
+    Ok(out)
 }
-pub(crate) use answer;
 
 /// The lines of each record, and how far they are apart.
-pub fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
+fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
     out.set_item("lines", lines.iter().map(|l| (l.first, l.last)).collect::<Vec<_>>())?;
     out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())
 }
 
 /// What a fit of one output answers.
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
-    let out = answer!(py, f);
+    let out = answered(py, f.answer)?;
     out.set_item("sigma", f.sigma)?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
@@ -336,7 +334,7 @@ pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
 }
 
 /// The default band rule's account.
-pub fn account(py: Python<'_>, rule: Option<BandRule>) -> PyResult<Option<Bound<'_, PyDict>>> {
+fn account(py: Python<'_>, rule: Option<BandRule>) -> PyResult<Option<Bound<'_, PyDict>>> {
     let Some(rule) = rule else { return Ok(None) };
     let account = PyDict::new(py);
     account.set_item("k_max", rule.wide as f64)?;

@@ -14,7 +14,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::arrays::{complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{Records, When, Words, answer, asked, many_dictionary, sampling};
+use crate::fit::{Records, When, Words, answered, asked, many_dictionary, sampling};
 
 /// Input, delay or its start, and the bounds of a delay that is estimated.
 type GivenPath = (usize, f64, Option<(f64, f64)>);
@@ -155,7 +155,7 @@ impl JointFitter {
 
 /// What a joint fit answers.
 pub fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound<'_, PyDict>> {
-    let out = answer!(py, f);
+    let out = answered(py, f.answer)?;
     out.set_item("scale", f.scale)?;
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;
     out.set_item("at_bound", f.at_bound)?;

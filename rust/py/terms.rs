@@ -16,7 +16,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::arrays::{channels, complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{When, Words, answer, asked, many_dictionary, sampling};
+use crate::fit::{When, Words, answered, asked, many_dictionary, sampling};
 
 /// Operations and positions of results.
 type GivenTape = (Vec<Written>, Vec<usize>);
@@ -165,7 +165,7 @@ impl TermsFitter {
 }
 
 fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
-    let out = answer!(py, f);
+    let out = answered(py, f.answer)?;
     out.set_item("scale", f.scale)?;
     out.set_item("levels", vector(py, f.levels))?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;

@@ -30,6 +30,11 @@ def study(**changes: Any) -> mf.MonteCarlo:
     return mf.MonteCarlo(**given)
 
 
+def quick_study(replicates: int) -> mf.MonteCarlo:
+    """One cell by least squares: most of the work is writing."""
+    return study(replicates=replicates, nsr=0.1, system=mf.tf([1], [1, 1]), estimators=["ls"], harmonics=6)
+
+
 def small_parts(monkeypatch: Any) -> None:
     """Parts of one chunk, so that short studies have several."""
     monkeypatch.setattr("modfun.study.work.PART", 1.0)

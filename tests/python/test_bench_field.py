@@ -54,6 +54,7 @@ def test_filters_of_srivc_are_exact_for_linear_input():
     assert got.shape == (2, 50)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("state", problems.STATES)
 def test_own_srivc_is_at_the_bound(state):
     """200 records of eq. (24) at NSR .2: rms error within 20 % of the bound.
@@ -84,6 +85,7 @@ def test_states_of_the_observer_form_have_the_output_first():
         np.testing.assert_allclose(states[0], y, rtol=0, atol=1e-9 * np.std(y))
 
 
+@pytest.mark.process
 def test_quick_run_writes_the_page(tmp_path):
     page = tmp_path / "rivals.md"
     command = [sys.executable, COMPARE / "accuracy.py", "--quick", "--workers", "1", "--out", page]

@@ -78,6 +78,7 @@ def test_output_error_agrees_with_the_exact_one_to_its_discretisation():
     np.testing.assert_allclose(OutputError().from_noise(noise), want, rtol=5e-3)
 
 
+@pytest.mark.process
 def test_quick_bench_writes_the_table(tmp_path):
     page = tmp_path / "benchmarks.md"
     command = [sys.executable, COMPARE / "bench.py", "--quick", "--out", page]

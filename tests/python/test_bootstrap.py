@@ -41,6 +41,7 @@ def boot(request: pytest.FixtureRequest, fit: mf.Fit) -> Any:
 # Scatter ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.statistics
 def test_parametric_scatter_is_the_classical_standard_error(fit: mf.Fit) -> None:
     found = mf.bootstrap(fit, replicates=10_000, seed=1)
     # The classical formula is the first order in the noise, which leaves a percent or two at nsr .1.
@@ -49,6 +50,7 @@ def test_parametric_scatter_is_the_classical_standard_error(fit: mf.Fit) -> None
     np.testing.assert_array_less(np.abs(found.bias), 0.1 * found.sd)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("method", ["ls", "wls"])
 def test_parametric_noise_of_one_shot_methods_has_the_level_of_the_output(method: str) -> None:
     """Their bias at high noise is seen: that of the method in a study of the same system and noise."""
@@ -75,6 +77,7 @@ def ar_record(rng: np.random.Generator, pole: float) -> mf.Record:
     return clean._like(y=clean.y + 0.1 * np.sqrt(np.mean(clean.y**2)) * noise)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize(
     ("kind", "pole", "low", "high"),
     [("parametric", 0.0, 0.83, 0.93), ("wild", 0.0, 0.87, 0.95), ("wild", 0.95, 0.87, 0.97)],
@@ -95,6 +98,7 @@ def test_intervals_cover(kind: str, pole: float, low: float, high: float) -> Non
     assert low < np.mean(held) < high
 
 
+@pytest.mark.statistics
 def test_wild_follows_the_colour_of_the_noise_and_parametric_does_not() -> None:
     rng = np.random.default_rng(7)
     found: dict[str, list[Any]] = {"wild": [], "parametric": [], "hc3": [], "theta": []}

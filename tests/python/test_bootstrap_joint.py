@@ -60,6 +60,7 @@ def test_the_columns_on_the_lines_give_the_covariance_of_the_fit(case):
     )
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("case", CASES)
 def test_parametric_scatter_is_the_classical_standard_error(case):
     fit = mf.fit(record(2), CASES[case], cov_type="nonrobust", band=6.0)
@@ -71,6 +72,7 @@ def test_parametric_scatter_is_the_classical_standard_error(case):
     assert found.param_names == fit.param_names
 
 
+@pytest.mark.statistics
 def test_wild_scatter_of_several_outputs_is_that_of_hc3():
     """Median ratio of 12 records, 8 numbers: it scatters by some 5 % from seed to seed; limits 20 %."""
     ratios = []

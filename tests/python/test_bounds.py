@@ -7,7 +7,8 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.experiments.sensitivities import Sensitivities, time_unit
+from modfun.experiments.sensitivities import Sensitivities
+from modfun.systems.polynomials import time_unit
 from modfun.systems.propagate import Inputs
 
 EQ24 = mf.tf([5], [1, 3, 8])

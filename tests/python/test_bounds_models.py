@@ -273,6 +273,7 @@ def test_a_fit_of_a_transfer_function_and_of_an_equation():
     np.testing.assert_allclose(by_name.sd[places], mf.crlb(fit).sd, rtol=0.05)
 
 
+@pytest.mark.statistics
 def test_the_bound_is_what_maximum_likelihood_reaches():
     y = SHORT_PERIOD.model(VALUES).simulate(u=DE)
     count = 400
@@ -295,6 +296,7 @@ def test_the_bound_is_what_maximum_likelihood_reaches():
     assert np.all(np.abs(error) < 4.5), error
 
 
+@pytest.mark.statistics
 def test_a_study_of_two_outputs_reaches_its_bound():
     study = mf.MonteCarlo(
         system=mf.tf([[[2, 1]], [[3]]], [1, 1.4, 5]),

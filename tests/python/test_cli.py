@@ -331,6 +331,7 @@ def test_version_and_help(capsys):
     assert "--intersample" in capsys.readouterr().out
 
 
+@pytest.mark.process
 def test_as_a_module(table):
     run = subprocess.run(
         [sys.executable, "-m", "modfun", "fit", str(table), *FIT, "--json", "-"],

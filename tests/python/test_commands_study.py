@@ -241,6 +241,7 @@ def test_status_names_damaged_parts_and_the_pace(capsys: pytest.CaptureFixture[s
     assert run("status", "a") == 0
 
 
+@pytest.mark.process
 def test_status_of_a_run_that_was_killed_on_its_way_to_a_limit(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -431,6 +432,7 @@ def test_a_report_over_an_axis_of_ones_own(tmp_path: Path) -> None:
 # Signals and bad use -----------------------------------------------------------------------------
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_ctrl_c_says_how_to_go_on() -> None:
     Path("slow_kit.py").write_text("def peak(fit, rec):\n    return float(abs(rec.y).max())\n")

@@ -42,6 +42,7 @@ def test_one_denominator_is_found_and_not_objected_to():
     assert "would spend fewer parameters" in str(found)
 
 
+@pytest.mark.statistics
 def test_the_test_has_its_size():
     """Under one denominator p-values are uniform: of 150 records at most 5 % + 4.5 errors below .05, and
     4.5 binomial standard errors about .5 below .5 (false alarm 1e-5 of seeds; HC and small samples aside)."""

@@ -13,6 +13,7 @@ SCRIPT = Path(__file__).parents[2] / "benches" / "counts.py"
 BASELINE = tomllib.loads(SCRIPT.with_name("counts.toml").read_text())
 
 
+@pytest.mark.process
 def test_without_valgrind_it_says_so_and_passes(tmp_path):
     alone = {**os.environ, "PATH": str(tmp_path)}
     done = subprocess.run([sys.executable, SCRIPT], env=alone, capture_output=True, text=True)

@@ -21,6 +21,7 @@ def test_the_rule_chooses_as_its_twin(order, zeros, trend):
     assert rule["cost_narrow"] == pytest.approx(narrow, rel=1e-8)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("nsr", [0.05, 0.2])
 def test_the_default_reaches_the_bound(nsr):
     """20,000 records from rest, no trend, none left out: RMSE at most 1.03 bounds (initial state unknown).
@@ -47,6 +48,7 @@ def test_the_default_reaches_the_bound(nsr):
     assert np.all((robust >= 0.93) & (robust <= 0.98))
 
 
+@pytest.mark.statistics
 def test_at_high_noise_the_default_is_as_good_as_output_error():
     """NSR .6, 1,000 records: RMSE at most 1.02 of SciPy's output error with free initial state."""
     record = eq24()

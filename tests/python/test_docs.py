@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import sys
 import warnings
+from functools import cache
 from pathlib import Path
 
 import matplotlib
@@ -150,14 +151,18 @@ def command_lines():
             yield pytest.param(text, id=f"{page.name}:{text}")
 
 
-@pytest.mark.parametrize("line", list(command_lines()))
-def test_command_lines_are_understood(line):
-    """Parsed to the last word by the command's own parser; nothing is run."""
+@cache
+def whole_command():
     import typer
     from modfun.commands.app import app
 
-    words = shlex.split(line, comments=True)[1:]
-    command, context = typer.main.get_command(app), None
+    return typer.main.get_command(app)
+
+
+@pytest.mark.parametrize("line", list(command_lines()))
+def test_command_lines_are_understood(line):
+    """Parsed to the last word by the command's own parser; nothing is run."""
+    words, command, context = shlex.split(line, comments=True)[1:], whole_command(), None
     while hasattr(command, "commands"):
         context = command.make_context("modfun", [], parent=context, resilient_parsing=True)
         command, words = command.commands[words[0]], words[1:]
@@ -219,6 +224,7 @@ def test_public_names_mentioned_exist(page):
                     break
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", ["fit_simulated", "flight_record", "feedback_collinearity"])
 def test_examples_run(name, tmp_path):
     done = subprocess.run(

@@ -140,6 +140,7 @@ def test_a_sample_that_is_not_finite_fails_its_replicate_alone():
     assert np.array_equal(many.params[0], many.params[2])
 
 
+@pytest.mark.statistics
 def test_duffing_without_bias_and_with_honest_intervals():
     """400 records at NSR .3; bounds at four Monte Carlo errors, false alarm below 1e-3 in all."""
     rec, case, sigma = duffing(0.3)
@@ -366,6 +367,7 @@ def test_parameters_that_no_record_tells_apart():
     assert np.all(np.isnan(fit.bse))
 
 
+@pytest.mark.process
 def test_without_sympy_the_cure_is_told():
     look = """
 import sys

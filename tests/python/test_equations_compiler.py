@@ -509,6 +509,7 @@ def test_channels_of_a_record_are_matched_by_name():
         m.compiled(["y", "u"], ["v"])
 
 
+@pytest.mark.process
 def test_sympy_is_loaded_by_the_compiler_only():
     code = (
         "import sys, modfun as mf; m = mf.Equation(\"y' + a*y = u\"); assert 'sympy' not in sys.modules; "

@@ -9,8 +9,8 @@ import time
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.language.evaluate import evaluate
 from modfun.language.parser import FUNCTIONS, MOST_DEPTH, equation, expression
+from modfun.signals.sources import evaluate
 
 sympy = pytest.importorskip("sympy")
 
@@ -72,7 +72,7 @@ def test_functions_are_those_of_signals():
     """One language: the values of a text in an equation are those of the same text as an input."""
     rng = np.random.default_rng(5)
     instants = rng.uniform(0.1, 0.9, 7)
-    for name, count in FUNCTIONS.items():
+    for name, (count, _) in FUNCTIONS.items():
         text = f"{name}({', '.join(['t', '2*t', 't**2'][:count])})"
         wanted = evaluate(text, instants)
         made = meaning(expression(text), Moving(set()))

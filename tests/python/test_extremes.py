@@ -130,6 +130,7 @@ def test_a_directory_is_not_called_missing(tmp_path):
         mf.read(tmp_path, outputs=["y"])
 
 
+@pytest.mark.process
 def test_a_terminal_without_greek_letters_gets_question_marks(tmp_path):
     words = ["reproduce", "report", "--quick", "--out", str(tmp_path / "figures")]
     ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}

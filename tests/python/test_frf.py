@@ -198,6 +198,7 @@ def test_between_lines_and_at_the_ends():
 # Uncertainty ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize(("method", "low", "high"), [("lpm", 0.94, 0.96), ("lrm", 0.92, 0.965)])
 def test_circles_hold_the_truth(method, low, high):
     """12,000 gains, of windows that do not overlap: sd .002, so five of them on either side for lpm.
@@ -311,6 +312,7 @@ def test_a_gain_does_not_depend_on_its_neighbours_or_on_threads():
         assert np.array_equal(whole.cov[3::7], some.cov)
 
 
+@pytest.mark.process
 def test_every_instruction_set_gives_the_same_bits():
     code = (
         "import numpy as np, modfun as mf; rng = np.random.default_rng(0);"

@@ -4,9 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = Path(__file__).parents[2] / "benches" / "compare" / "growth.py"
 
 
+@pytest.mark.process
 def test_its_section_is_replaced_and_the_others_stay(tmp_path):
     page = tmp_path / "performance.md"
     page.write_text(

@@ -32,6 +32,7 @@ def within(found, theta, errors=4.0):
 RAO_GARNIER_BOUND = np.array([0.0606329, 1.0653290, 3.5478336, 7.7433542, 40.431095, 71.625002])
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("top", [400, 895])
 def test_rao_garnier_at_its_bound(top):
     """48 records at 10 dB: none fails, rms error over bound 1 within 25 % for each parameter.
@@ -68,6 +69,7 @@ def determined(order, count, nsr=0.005):
             yield record, theta, zeros
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("order", [6, 7, 8])
 def test_high_orders_find_the_truth_or_say_no(order):
     """24 systems an order: within 4 standard errors (false alarm of 360 parameters under 3 %) or a status."""

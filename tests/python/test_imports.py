@@ -1,9 +1,13 @@
 """`import modfun` is cheap and silent: NumPy and little else, no threads, files, handlers or words."""
 
+import ast
 import json
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
+import modfun
 import pytest
 
 # What is loaded within the functions that need it.
@@ -63,8 +67,8 @@ def test_import_loads_nothing_heavy(seen):
 def test_import_loads_little_besides_numpy(seen):
     own = [name for name in seen["modules"] if name.split(".")[0] == "modfun"]
     other = [name for name in seen["modules"] if name not in own]
-    assert len(own) < 100, own
-    assert len(other) < 30, other
+    assert own == ["modfun", "modfun._core", "modfun.errors"]
+    assert len(other) < 5, other
 
 
 def test_import_takes_no_time_worth_mention(seen):
@@ -79,3 +83,32 @@ def test_import_leaves_the_process_as_it_was(seen, what):
 
 def test_import_starts_no_thread(seen):
     assert seen["threads"] == 1
+
+
+def test_all_that_shows_is_public():
+    assert dir(modfun) == modfun.__all__
+    for name in modfun.__all__:
+        assert getattr(modfun, name) is not None, name
+
+
+def test_names_load_from_where_type_checkers_see_them():
+    """The imports under TYPE_CHECKING and the places that names load from are the same."""
+    tree = ast.parse(Path(modfun.__file__).read_text())
+    under = next(
+        node for node in tree.body if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+    )
+    typed = {
+        alias.name: f".{node.module or alias.name}"
+        for node in under.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed == modfun._PLACES
+    for name, place in typed.items():
+        loaded = import_module(place, "modfun")
+        assert getattr(modfun, name) is (loaded if place == f".{name}" else getattr(loaded, name))
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'modfun' has no attribute 'fitt'"):
+        modfun.fitt  # noqa: B018

@@ -52,6 +52,7 @@ def test_known_noise_ends_at_the_minimum_that_scipy_finds(denominator, inputs):
     np.testing.assert_allclose(fit.params, want, rtol=2e-8)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("denominator", ["common", "separate"])
 def test_the_noise_covariance_is_found_by_alternation(denominator):
     rec = record(2)
@@ -104,6 +105,7 @@ def test_without_noise_the_truth_comes_back():
         np.testing.assert_allclose(fit.params, want, rtol=2e-5)
 
 
+@pytest.mark.statistics
 def test_shared_poles_and_correlation_sharpen_the_estimate():
     """400 records: common beats separate, the estimated weighting beats equal weights; its intervals hold.
 
@@ -280,6 +282,7 @@ def test_samples_that_are_masked_count_for_nothing():
     assert (growth < 1.5).all()
 
 
+@pytest.mark.statistics
 def test_noisier_samples_count_less():
     """Four times the noise on the last 40 %: 300 records, the scatter falls, as THEORY 4 found (5.8 → 4.8 %).
 
@@ -303,6 +306,7 @@ def test_noisier_samples_count_less():
     assert inside.mean() > 0.91
 
 
+@pytest.mark.statistics
 def test_coloured_noise_is_followed():
     """AR(1) noise with pole .95 on [24]: 400 records, less scatter than with the white assumption.
 
@@ -325,6 +329,7 @@ def test_coloured_noise_is_followed():
     assert inside.mean() > 0.92 - 4 * np.sqrt(0.08 * 0.92 / 400)
 
 
+@pytest.mark.statistics
 def test_noise_on_the_input_is_allowed_for():
     """Input noise biases the fit that takes inputs as exact; errors-in-variables removes it.
 
@@ -405,6 +410,7 @@ def study(**words) -> mf.MonteCarlo:
     )
 
 
+@pytest.mark.statistics
 def test_a_study_of_several_outputs_is_made_of_its_fits():
     made = study(nsr=[0.05, 0.2], estimators=["ml", "awls"], initial_state="random")
     found = made.run(progress=False, keep="samples")
@@ -432,6 +438,7 @@ def test_a_study_is_the_same_for_any_number_of_threads_and_draw_agrees():
     assert (np.abs(drawn.sd / one.sd - 1) < 0.25).all()
 
 
+@pytest.mark.statistics
 def test_studies_with_noise_as_it_is():
     sys = mf.tf([5], [1, 3, 8], delay=0.2)
     late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.1, min=0, max=0.5))

@@ -150,7 +150,7 @@ def test_parquet_of_others(tmp_path, monkeypatch, by):
     RECORDS["all of it"].to_pandas().to_parquet(tmp_path / "own.parquet")
     if by == "polars":
         monkeypatch.setattr(
-            "modfun.records.sources.find_spec", lambda name: None if name == "pyarrow" else name
+            "modfun.records.opening.find_spec", lambda name: None if name == "pyarrow" else name
         )
         monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     rec = read(path, outputs={"q": "Q (deg/s)"}, inputs="n")
@@ -179,7 +179,7 @@ def test_parquet_damaged_within(tmp_path):
 def test_parquet_without_a_reader(tmp_path, monkeypatch):
     path = tmp_path / "run.parquet"
     pd.DataFrame({"t": T}).to_parquet(path)
-    monkeypatch.setattr("modfun.records.sources.find_spec", lambda name: None)
+    monkeypatch.setattr("modfun.records.opening.find_spec", lambda name: None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(

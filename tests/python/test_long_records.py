@@ -38,6 +38,7 @@ print(work({intervals}))
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("call", ["mf.coefficients(rec, 30)", "mf.fit(rec, model, harmonics=30)"])
 def test_a_long_record_takes_little_memory_beside_its_own(call):
     if not sys.platform.startswith("linux"):

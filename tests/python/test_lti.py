@@ -6,6 +6,7 @@ import pickle
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.systems.gains import SchurForm
 from scipy import integrate, signal
 
 EQ24 = mf.tf([5], [1, 3, 8])
@@ -273,3 +274,13 @@ def test_mistakes_in_systems(make, said):
 def test_mistakes_in_numbers(make, said):
     with pytest.raises(mf.DataError, match=said):
         make()
+
+
+def test_the_response_of_a_state_space_keeps_its_digits_where_it_has_fallen_by_many_powers():
+    n = 8
+    chain = mf.ss(np.eye(n, k=1) - np.eye(n), np.eye(n)[:, -1:], np.eye(n)[:1])  # 1/(s + 1)⁸
+    omega = np.array([0.1, 1.0, 1e3])
+    found = chain.frequency_response(omega).response[0, 0]
+    np.testing.assert_allclose(found, (1 + 1j * omega) ** -float(n), rtol=1e-13)
+    many = SchurForm(*chain.matrices).gains(omega)[:, 0, 0]
+    np.testing.assert_allclose(many, found, rtol=1e-12, atol=1e-14)

@@ -93,6 +93,7 @@ def test_never_better_than_least_squares_and_close_to_it(name, trend):
     np.testing.assert_allclose(weights.T @ columns[:, :n], np.eye(n), atol=1e-8)
 
 
+@pytest.mark.statistics
 def test_its_covariance_is_its_scatter():
     """400 records: a variance is known to 7 %; four standard errors are allowed."""
     a, c = companion(SYSTEMS["light"])

@@ -89,6 +89,7 @@ def test_a_start_leads_to_the_same_minimum_and_must_fit():
 # Selection ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("true", SYSTEMS)
 def test_true_orders_are_found(true):
     """About 94 of 100 records; fewer than 32 of 40 happen once in 1,000 seeds."""

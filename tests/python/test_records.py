@@ -624,6 +624,7 @@ def test_refused_with_the_cure(case):
 # The package -------------------------------------------------------------------------------------
 
 
+@pytest.mark.process
 def test_import_loads_nothing_heavy():
     code = (
         "import sys, modfun; "

@@ -99,7 +99,7 @@ def test_flat_is_near_the_least_largest_error():
     """No model of one pole on a fine lattice of poles and gains has a largest error 1 % below it."""
     system = mf.tf([1, 3], [1, 4, 3.5])
     red = mf.reduce(system, 1, weight="flat")
-    omega = np.concatenate([[0], np.geomspace(1e-3, 1e3, 600)])
+    omega = np.concatenate([[0], np.geomspace(1e-3, 1e3, 150)])  # few: errors between lines count for less
     target = system.frequency_response(omega).response[0, 0]
     pole, gain = np.meshgrid(np.linspace(0.3, 3, 300), np.linspace(0.3, 1.6, 300))
     sizes = np.abs(target[:, None, None] - gain / (1j * omega[:, None, None] / pole + 1)).max(axis=0)
@@ -344,6 +344,7 @@ def test_bad_input_is_named(args, options, words):
         mf.reduce(*args, **options)
 
 
+@pytest.mark.process
 def test_the_example_runs(tmp_path):
     done = subprocess.run(
         [sys.executable, "-W", "error", str(Path(__file__).parents[2] / "examples" / "reduce_model.py")],

@@ -92,6 +92,7 @@ def test_output_error_equals_an_independent_search():
     np.testing.assert_allclose(list(again.values()), expected.x[:3], rtol=1e-5)
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("initial_state", ["zero", "random"])
 def test_spread_over_the_bound(initial_state):
     records = [

@@ -252,7 +252,7 @@ def test_files_tables_pickles_and_plots(tmp_path):
     assert table["input"].tolist() == ["de", "da"]
     assert "peak_factor" in repr(s)
     assert "<table" in s._repr_html_()
-    measured = s.record(np.zeros(101), outputs="q")
+    measured = mf.Record(np.zeros(101), s, outputs="q")
     assert (measured.inputs, measured.intersample, measured.dt) == (s.inputs, s.intersample, 0.1)
     np.testing.assert_array_equal(measured.u, s.u)
     held = mf.signals.doublet("de", width=0.5, dt=0.1, after=1.0)

@@ -363,6 +363,7 @@ def test_bad_samples_are_refused_and_nothing_is_taken():
         live.follow(mf.Record(y=rec.y, u=rec.u, dt=DT, intersample="zoh"))
 
 
+@pytest.mark.statistics
 def test_noise_of_windows_that_are_forgotten():
     """σ, degrees of freedom and classical errors are those of the noise without the weights.
 

@@ -44,6 +44,7 @@ def test_bias_and_sd_of_the_published_setting(published: mf.Results) -> None:
     assert figures[0.2, "ml"]["crlb"] == pytest.approx(3.29, abs=0.01)
 
 
+@pytest.mark.statistics
 def test_intervals_of_ml_cover_and_those_of_ls_do_not(published: mf.Results) -> None:
     by_name = dict(zip(published.estimators, published.coverage[1], strict=True))
     assert np.all((by_name["ml"] > 0.925) & (by_name["ml"] < 0.985))

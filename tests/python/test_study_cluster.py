@@ -11,9 +11,9 @@ from typing import Any
 
 import modfun as mf
 import pytest
-from study_cases import dies, made_parts, mine, same, small_parts, study, wait_for
+from study_cases import dies, made_parts, mine, quick_study, same, small_parts, study, wait_for
 
-distributed = pytest.importorskip("distributed")
+dask, distributed = map(pytest.importorskip, ("dask", "distributed"))
 
 UNTIL = {"bias": 0.02}
 
@@ -25,8 +25,9 @@ def parts_of_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    """Two processes of one thread each."""
+    """Two processes of one thread each; a task is given up when two have died of it."""
     with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
         ) as cluster,
@@ -63,7 +64,7 @@ def test_until_stops_where_threads_stop(client: Any) -> None:
 
 
 def test_a_worker_killed_in_mid_run(client: Any, tmp_path: Path) -> None:
-    made = study(replicates=200 * 512)
+    made = quick_study(400 * 512)
     workers = sorted(client.run(os.getpid).values())
     done = []
 
@@ -76,7 +77,7 @@ def test_a_worker_killed_in_mid_run(client: Any, tmp_path: Path) -> None:
     killer.start()
     there = made.run(executor=client.get_executor(), directory=tmp_path, keep="samples", progress=False)
     killer.join()
-    assert 3 <= done[0] < 200
+    assert 3 <= done[0] < 400
     client.wait_for_workers(2, timeout=30)
     assert workers[0] not in client.run(os.getpid).values()
     client.run(_find, str(Path(__file__).parent))

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from modfun.study import shards
 from modfun.study.work import Work
-from study_cases import made_parts, mine, same, small_parts, study, wait_for
+from study_cases import made_parts, mine, quick_study, same, small_parts, study, wait_for
 
 
 @pytest.fixture(autouse=True)
@@ -92,11 +92,11 @@ def test_more_replicates_later(tmp_path: Path) -> None:
 SCRIPT = """
     import signal, sys
     import modfun as mf, modfun.study.work
-    from study_cases import study
+    from study_cases import quick_study
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     modfun.study.work.PART = 1.0
     print("ready", flush=True)
-    study(replicates={replicates}).run(directory=sys.argv[1], progress=False, threads={threads}{more})
+    quick_study({replicates}).run(directory=sys.argv[1], progress=False, threads={threads}{more})
     print("done", flush=True)
 """
 
@@ -116,6 +116,7 @@ def start(place: Path, replicates: int, threads: int = 1, more: str = "") -> sub
     return process
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     replicates = 40 * 512 + 7
@@ -125,11 +126,12 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=10)
     assert made_parts(tmp_path / "s") < 41
-    made = study(replicates=replicates)
+    made = quick_study(replicates)
     found = made.run(directory=tmp_path / "s", keep="samples", progress=False)
     assert same(found, made.run(keep="samples", progress=False))
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize("executor", ["", ", executor=__import__('concurrent.futures').futures."
                                           "ProcessPoolExecutor(2, __import__('multiprocessing')"
@@ -149,17 +151,18 @@ def test_ctrl_c_stops_at_once_and_leaves_what_is_made(tmp_path: Path, executor: 
     left = shards.status(tmp_path)
     assert 3 * 512 <= left.done < replicates
     assert not [f for f in tmp_path.rglob(".*")]
-    made = study(replicates=replicates)
+    made = quick_study(replicates)
     assert same(made.run(directory=tmp_path, progress=False), made.run(progress=False))
 
 
+@pytest.mark.process
 def test_two_processes_share_a_directory(tmp_path: Path) -> None:
     replicates = 30 * 512
     both = [start(tmp_path / "s", replicates, more=", keep='samples'") for _ in range(2)]
     for process in both:
         out, err = process.communicate(timeout=60)
         assert out == "done\n", err
-    made = study(replicates=replicates)
+    made = quick_study(replicates)
     assert same(mf.load(tmp_path / "s"), made.run(keep="samples", progress=False))
 
 

@@ -320,7 +320,7 @@ def test_memory_that_is_refused_points_to_a_directory(monkeypatch: pytest.Monkey
         raise MemoryError
 
     made = study()
-    monkeypatch.setattr("modfun.study.run._available", lambda: None)
+    monkeypatch.setattr("modfun.study.run.memory", lambda: None)
     monkeypatch.setattr("modfun.study.run.np.full", none)
     with pytest.raises(mf.SpecError, match=r"2660 replicates needs 0.0 GiB, .* give directory="):
         made.run(keep="samples", progress=False)

@@ -217,6 +217,7 @@ def test_a_plot_is_over_the_noise_or_the_first_axis_of_numbers() -> None:
 # The same bits from any engine ---------------------------------------------------------------------
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", ["generate", "noise"])
 def test_any_engine_gives_the_same_bits(kind: str, tmp_path: Path) -> None:
     extra = {"metrics": {"gain": kit.gain, "moody": kit.moody}}

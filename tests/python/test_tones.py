@@ -214,6 +214,7 @@ def test_lines_of_complex_records():
     assert np.all(found.bse[:2] < 1.3 * mf.sinusoids(y, 2, dt=1.0).bse[:2])
 
 
+@pytest.mark.statistics
 def test_intervals_of_lines_cover_in_coloured_noise():
     """AR(1) noise, 18 dB apart at the two tones; 400 records: coverage has an sd of .011, 4 of them."""
     rng = np.random.default_rng(4)
@@ -233,6 +234,7 @@ def test_intervals_of_lines_cover_in_coloured_noise():
 # Honest ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.statistics
 def test_errors_reach_the_bound_and_intervals_cover():
     """600 records: rms errors over the bound have a standard deviation of .03, coverage one of .009."""
     y, phases, variance, omega = close_pair(600, 256, (0.10, 0.12), 10)
@@ -247,6 +249,7 @@ def test_errors_reach_the_bound_and_intervals_cover():
     assert np.abs(np.mean(np.abs(errors) < 1.96 * many.bse, axis=0) - 0.95).max() < 4 * 0.009
 
 
+@pytest.mark.statistics
 def test_the_number_of_tones_is_found():
     """Three tones at 10 dB in 200 records, and none in 200: wrong in less than 1 % of each."""
     y, *_ = close_pair(200, 128, (0.10, 0.12), 10)

@@ -1,34 +1,13 @@
-"""Types are part of the interface: annotations, the compiled core's stub, and one version everywhere."""
+"""Types are part of the interface, which `make lint` checks; one version stands everywhere."""
 
-import subprocess
-import sys
 import tomllib
 from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 
 import modfun as mf
-import pytest
 from modfun import _core
 
 ROOT = Path(__file__).parents[2]
-needs_mypy = pytest.mark.skipif(find_spec("mypy") is None, reason="mypy is not installed")
-
-
-def clean(*command: str) -> None:
-    """Runs a module of this interpreter from the project's root; its words are the failure's."""
-    done = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(command)} says:\n{done.stdout}{done.stderr}"
-
-
-@needs_mypy
-def test_annotations_are_strict():
-    clean("mypy", "--strict")
-
-
-@needs_mypy
-def test_the_stub_is_the_compiled_core():
-    clean("mypy.stubtest", "modfun._core")
 
 
 def test_the_package_says_that_it_is_typed():

@@ -26,6 +26,7 @@ def coloured(record, nsr, count, seed):
     return record.y + nsr * np.sqrt(np.mean(record.y**2)) * noise
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("harmonics", [6, 9, 20, None])
 def test_hc3_intervals_cover_under_white_and_coloured_noise(harmonics):
     """93 to 98 %, with two standard errors of 4,000 records above: narrow bands leave 12 degrees of freedom.
@@ -40,6 +41,7 @@ def test_hc3_intervals_cover_under_white_and_coloured_noise(harmonics):
         assert np.all((found >= 0.93) & (found <= 0.985)), noisy.__name__
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("harmonics", [6, 9, 20])
 def test_classical_intervals_cover_under_white_noise_and_lie_under_coloured(harmonics):
     """Nominal 95 %, four standard errors of 4,000 records either side: false alarm under 1 in 1,000."""

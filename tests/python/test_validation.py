@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun import validation as v
+from modfun.results import scores as v
 
 
 def test_scores_of_a_known_error():
@@ -62,15 +62,15 @@ def test_regression_has_the_textbook_covariance_and_survives_twins():
     rng = np.random.default_rng(0)
     x = rng.standard_normal((2, 200)) * [[1.0], [1e8]]
     y = np.array([2.0, -3e-8]) @ x + 0.1 * rng.standard_normal(200)
-    found = v.regress(y, x)
+    found = v.regress(y, x, np.ones_like(y))
     exact, rest = np.linalg.lstsq(x.T, y, rcond=None)[:2]
     np.testing.assert_allclose(found.coefficients, exact, rtol=1e-10)
     np.testing.assert_allclose(found.covariance, rest / 198 * np.linalg.inv(x @ x.T), rtol=1e-8)
-    twins = v.regress(y, np.vstack([x[0], x[0]]))
+    twins = v.regress(y, np.vstack([x[0], x[0]]), np.ones_like(y))
     np.testing.assert_allclose(twins.coefficients[0], twins.coefficients[1])
-    np.testing.assert_allclose(twins.fitted, v.regress(y, x[:1]).fitted, atol=1e-10)
+    np.testing.assert_allclose(twins.fitted, v.regress(y, x[:1], np.ones_like(y)).fitted, atol=1e-10)
     with pytest.raises(mf.DataError, match="window"):
-        v.regress(y, np.full((1, 200), np.inf))
+        v.regress(y, np.full((1, 200), np.inf), np.ones_like(y))
 
 
 def lines(seed, count=400):

@@ -107,6 +107,7 @@ def test_a_twin_that_differs_or_is_not_finite_is_seen():
     assert not found.rows["x"][1] <= 1e-3
 
 
+@pytest.mark.statistics
 def test_classical_intervals_cover_and_hc3_is_cautious():
     """4,000 records; 4.5 Monte Carlo errors for three parameters: false alarm 2e-5, the seed is fixed."""
     hc3, classical = intervals.study("x", 4000, ("ml",), nsr=0.1, harmonics=11, trend=None)
@@ -115,6 +116,7 @@ def test_classical_intervals_cover_and_hc3_is_cautious():
     assert np.all(hc3.covered > 0.95 - 4.5 * hc3.errors)
 
 
+@pytest.mark.statistics
 def test_noise_counted_on_the_mean_of_y_gives_the_reports_bias():
     """12.1 %; known to .1 % from 10,000 runs."""
     value, error = claims.mean_absolute(10_000)
@@ -133,6 +135,7 @@ def test_half_an_interval_is_what_makes_the_bias_of_a_discrete_model():
     assert found["b u(t) + c u(t − 1)"] < 0.2
 
 
+@pytest.mark.statistics
 def test_reasons_are_tried_by_taking_the_cause_away():
     """2,400 and 450 intervals; 4.5 errors of a coverage, the seeds are fixed."""
     (_, _, given, true_sigma), *_, (_, _, _, both) = reasons.wide("wls", 0.05, 800)

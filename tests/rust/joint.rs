@@ -89,6 +89,7 @@ fn one_output_is_what_the_fast_estimator_says() {
         let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];
         let record = RecordView { y, u: vec![&u] };
         let fast = Fitter::new(fast, &sampling, Isa::Plain).unwrap().fit(&[record]).unwrap();
+        let (joint, fast) = (joint.answer, fast.answer);
         assert_eq!(joint.lines, fast.lines);
         for (a, b) in joint.theta.iter().zip(&fast.theta) {
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
@@ -111,7 +112,8 @@ fn every_instruction_set_gives_the_same_bits() {
             .collect();
         for other in &found[1..] {
             let bits = |f: &JointFit| -> Vec<u64> {
-                f.theta.iter().chain(&f.cov_hc3).chain(&f.noise).map(|x| x.to_bits()).collect()
+                let numbers = f.answer.theta.iter().chain(&f.answer.cov_hc3).chain(&f.noise);
+                numbers.map(|x| x.to_bits()).collect()
             };
             assert_eq!(bits(&found[0]), bits(other));
         }
@@ -136,7 +138,7 @@ fn a_record_is_fitted_alike_alone_and_in_a_batch() {
     let (one, two) = (many(1), many(2));
     assert_eq!(one.theta, two.theta);
     for (k, y) in y.iter().enumerate() {
-        let alone = fit(options(2, KNOWN, band), isa, y);
+        let alone = fit(options(2, KNOWN, band), isa, y).answer;
         for (a, b) in alone.theta.iter().zip(&one.theta[4 * k..]) {
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
         }

@@ -3,9 +3,9 @@
 
 use modfun::Status;
 use modfun::estimate::terms::{
-    Equations, Lag, Signal, Term, TermsBatch, TermsFit, TermsFitter, TermsOptions, TermsRecord,
+    Equations, Lag, Signal, Term, TermsBatch, TermsFitter, TermsOptions, TermsRecord,
 };
-use modfun::estimate::{Band, Options, Time, Wanted};
+use modfun::estimate::{Answer, Band, Options, Time, Wanted};
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
@@ -121,8 +121,8 @@ fn noisy(y: &[f64], sigma: f64, replicate: u64) -> Vec<f64> {
     y.iter().zip(&e).map(|(y, e)| y + sigma * e).collect()
 }
 
-fn fit(fitter: &TermsFitter, y: &[f64], u: &[f64]) -> TermsFit {
-    fitter.fit(&[TermsRecord { channels: vec![y, u] }]).unwrap()
+fn fit(fitter: &TermsFitter, y: &[f64], u: &[f64]) -> Answer {
+    fitter.fit(&[TermsRecord { channels: vec![y, u] }]).unwrap().answer
 }
 
 #[test]

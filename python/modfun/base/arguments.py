@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModfunError, SpecError
+from .arrays import C128, F64
 
 __all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
 _WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}
@@ -96,15 +95,19 @@ def shown(value: Any) -> str:
 def public(thing: Thing, within: str = "") -> Thing:
     """Decorate a function, or a class for its constructor and methods: misfits are a SpecError.
 
-    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`; of a class
-    it is the name that they know it by.
+    `within` stands before a name that users know by more than itself, "plot." of `plot.bode`. Methods that a
+    class has of another of this package count as its own.
     """
     if not isinstance(thing, type):
         return _explained(thing, f"{within}{thing.__name__}")  # type: ignore[no-any-return]
-    for name, member in list(vars(thing).items()):
-        if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__getitem__")):
-            known = within or thing.__name__
-            setattr(thing, name, _explained(member, known if name == "__init__" else f"{known}.{name}"))
+    own_package = __name__.split(".")[0]
+    bases = [base for base in reversed(thing.__mro__) if base.__module__.split(".")[0] == own_package]
+    for name, member in {name: member for base in bases for name, member in vars(base).items()}.items():
+        if not inspect.isfunction(member) or hasattr(member, "__wrapped__"):  # the latter of a public class
+            continue
+        if not name.startswith("_") or name in ("__init__", "__getitem__"):
+            own = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
+            setattr(thing, name, _explained(member, own))
     return thing
 
 
@@ -118,6 +121,10 @@ def _explained(function: Any, name: str) -> Any:
                 _blame(function, name, args, given)
             raise
 
+    if "Never" in function.__annotations__.values():  # what collects misspelt options is not shown
+        written = inspect.signature(function)
+        shown = [p for p in written.parameters.values() if p.annotation != "Never"]
+        call.__signature__ = written.replace(parameters=shown)  # type: ignore[attr-defined]
     return call
 
 
@@ -128,7 +135,7 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
         bound = written.bind(*args, **given).arguments
     except TypeError:
         return  # another number of arguments, or names that do not exist: Python has said it
-    meant = inspect.signature(function, locals=_Names(function.__globals__), eval_str=True).parameters
+    meant = inspect.signature(function, locals=_Meanings(function.__globals__), eval_str=True).parameters
     for key, parameter in meant.items():
         if key not in bound or parameter.annotation is parameter.empty:
             continue
@@ -149,13 +156,11 @@ def _written(annotation: Any) -> str:
     return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
 
 
-class _Names(dict[str, Any]):
+class _Meanings(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:
-        import modfun
-
-        return getattr(builtins, name, None) or getattr(modfun, name, Any)
+        return getattr(builtins, name, Any)
 
 
 def _surely_fits(value: Any, kind: Any) -> bool:

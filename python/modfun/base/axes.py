@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SpecError
 from .arguments import Thing, public, shown
+from .arrays import F64
 from .optional import optional
-
-if TYPE_CHECKING:
-    from ..records.record import Record
+from .tables import nearest
 
 
 def drawing(function: Thing) -> Thing:
@@ -51,6 +51,26 @@ def take_pairs(ax: Any, outputs: int, *, height: float, sharex: bool = True) -> 
         )
     axes = take_axes(ax, 2 * outputs, height=height, sharex=sharex)
     return list(zip(axes[::2], axes[1::2], strict=True))
+
+
+def chosen_outputs(outputs: Sequence[str], output: str | None, what: str) -> list[int]:
+    """Positions of the outputs to draw: the one that is named, or all."""
+    if output is None:
+        return list(range(len(outputs)))
+    if output not in outputs:
+        raise SpecError(f"{what}: the fit has no output {output!r}; {nearest(output, outputs)}")
+    return [outputs.index(output)]
+
+
+def chosen_rows(rows: Sequence[str], outputs: Sequence[str], output: str | None, what: str) -> list[int]:
+    """Positions of the rows of residuals to draw: outputs or, of equations, these, which may be fewer."""
+    if output is None:
+        return list(range(len(rows)))
+    if output in rows:
+        return [rows.index(output)]
+    if len(rows) != len(outputs):
+        raise SpecError(f"{what}: residuals belong to equations; {nearest(output, rows)}")
+    return chosen_outputs(outputs, output, what)
 
 
 def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:
@@ -93,14 +113,14 @@ def label_axes(axes: Sequence[Any], names: Sequence[str], units: dict[str, str],
     axes[-1].set_xlabel(xlabel)
 
 
-def bridge_gaps(here: Any, rec: Record, name: str, label: str) -> None:
+def bridge_gaps(here: Any, t: F64, values: F64, good: NDArray[np.bool_], label: str) -> None:
     """Dots from the good samples beside a gap across the masked ones, which the record filled in; shaded."""
-    masked = ~rec._good(name)
+    masked = ~good
     if masked.any():
         masked |= np.append(masked[1:], False) | np.insert(masked[:-1], 0, False)
-        here.plot(rec.t, np.where(masked, rec[name], np.nan), ":", color="0.5", linewidth=1.0, label=label)
+        here.plot(t, np.where(masked, values, np.nan), ":", color="0.5", linewidth=1.0, label=label)
         across = here.get_xaxis_transform()
-        here.fill_between(rec.t, 0, 1, where=masked, transform=across, color="0.5", alpha=0.15, linewidth=0)
+        here.fill_between(t, 0, 1, where=masked, transform=across, color="0.5", alpha=0.15, linewidth=0)
 
 
 def frequency_axis(hz: bool) -> tuple[float, str]:

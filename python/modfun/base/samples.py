@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, SpecError
 from .arguments import real, reals, whole
+from .arrays import F64
 from .tables import nearest
+from .words import INTERSAMPLE
 
-F64 = NDArray[np.float64]
 Array = TypeVar("Array", bound=NDArray[Any])
 Names = str | Sequence[str] | None
 
-INTERSAMPLE = ("smooth", "zoh", "foh")
 FEWEST = 8  # samples a record must have
 LARGEST = 1e151  # of a sample: squares of a million of them are still numbers
 MOST_SAMPLES = 10**7  # a simulation may make
@@ -117,6 +117,20 @@ def frequencies(omega: ArrayLike, what: str) -> F64:
     if found.ndim != 1 or not np.all(np.isfinite(found)):
         raise DataError(f"{what}: omega must be one list of finite angular frequencies in rad/s")
     return found
+
+
+def band_edges(what: str, band: Any) -> tuple[float, float]:
+    """Lower and upper edge in rad/s; one number is the upper edge, the lower one is then 0."""
+    several = isinstance(band, tuple | list) or (isinstance(band, np.ndarray) and band.ndim)
+    edges = band if several else (0.0, band)
+    if len(edges) != 2:
+        raise SpecError(f"{what}: band={band!r} must be the upper edge or (lower, upper), in rad/s")
+    low, high = (real(what, "band", edge) for edge in edges)
+    if not 0 <= low < high:
+        raise SpecError(
+            f"{what}: band={band!r} must satisfy 0 <= lower < upper (rad/s; an edge in Hz times 2 pi)"
+        )
+    return low, high
 
 
 def listed(names: Names) -> tuple[str, ...]:

@@ -18,9 +18,21 @@ from ..pages.page import check_place
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.storage import told
-from .output import Json, command_line, say, write_json
 from .study import mc
-from .words import band_of, by_path, degree_of, delay_of, one_or_all, param_of, picked, poles_of
+from .words import (
+    Json,
+    band_of,
+    by_path,
+    command_line,
+    degree_of,
+    delay_of,
+    one_or_all,
+    param_of,
+    picked,
+    poles_of,
+    say,
+    write_json,
+)
 
 __all__ = ["app"]
 
@@ -85,13 +97,13 @@ def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path(
     """Write a small simulated flight (t, pitch rate q, elevator de) to try the other commands on."""
     from .. import signals
     from ..experiments import simulation
-    from ..systems import lti
+    from ..systems import making
 
     if file.exists():
         raise SpecError(f"sample: {file} is there already; give another name")
     steps = signals.multistep("de", [3, 2, 1, 1], unit=0.6, dt=0.02, amplitude=2.0, duration=10, before=1)
     doublet = signals.doublet("de", width=0.8, dt=0.02, amplitude=2.0, duration=10, before=1)
-    aircraft, moving = lti.tf([-4, -3], [1, 1.8, 5]), [1.0, -1.0]
+    aircraft, moving = making.tf([-4, -3], [1, 1.8, 5]), [1.0, -1.0]
     run = simulation.simulate(
         aircraft, input=steps.then(doublet), nsr=0.05, initial_state=moving, outputs="q", seed=7
     )

@@ -23,7 +23,7 @@ from ..fitting.fit import fit
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..study.monte_carlo import MonteCarlo, Results
-from ..systems.lti import tf
+from ..systems.making import tf
 from . import figures as reproduction_figures
 
 __all__ = ["Answer", "report"]

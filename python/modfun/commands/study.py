@@ -22,7 +22,7 @@ from ..study.directory import FILE, MANIFEST, OWN, Directory
 from ..study.files import write
 from ..study.results import Results
 from ..study.shards import Status
-from .output import Json, say, write_json
+from .words import Json, say, write_json
 
 __all__ = ["mc"]
 

@@ -1,15 +1,32 @@
-"""From words on the command line to numbers and parameters."""
+"""Words of the command line: read as numbers and parameters, and what commands say and write."""
 
 from __future__ import annotations
 
+import json
+import shlex
+import sys
 from collections.abc import Callable
 from math import inf
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
 
 from ..errors import SpecError
+from ..files.writing import write_text
 from ..models.free import Free
+from ..results.storage import told
 
-__all__ = ["band_of", "by_path", "degree_of", "delay_of", "one_or_all", "param_of", "picked", "poles_of"]
+__all__ = [
+    "Json", "band_of", "by_path", "command_line", "degree_of", "delay_of", "one_or_all", "param_of", "picked",
+    "poles_of", "say", "write_json",
+]  # fmt: skip
+
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write JSON to a file, or - for standard output.")
+]
+
+# What is read -------------------------------------------------------------------------------------
 
 
 def by_path(
@@ -103,3 +120,46 @@ def picked(found: list[Any], given: str) -> list[Any]:
             f"{len(found)} records"
         )
     return [found[number] for number in numbers]
+
+
+# What is said and written --------------------------------------------------------------------------
+
+
+def command_line(context: typer.Context) -> str:
+    """The command as it was given, files by their names alone."""
+    words, files = ["modfun", *context.command_path.split()[1:]], []
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[option.name or ""]
+        every = given if isinstance(given, list | tuple) else [given]
+        texts = [one.name if isinstance(one, Path) else str(one) for one in every]
+        if option.param_type_name == "argument":
+            files += texts
+        elif isinstance(given, bool):
+            words.append(option.opts[0] if given else option.secondary_opts[0])
+        else:
+            words += [word for text in texts for word in (max(option.opts, key=len), text)]
+    return shlex.join([*words, *files])
+
+
+def say(text: str) -> None:
+    """A line on standard error."""
+    print(f"modfun: {text}", file=sys.stderr)
+
+
+def write_json(to: str | None, value: Any) -> None:
+    """Write JSON to a file, to standard output where `to` is "-", nowhere where it is None."""
+    if to is None:
+        return
+    text = json.dumps(told(value), indent=1, default=_plain)
+    if to == "-":
+        print(text)
+    else:
+        write_text("--json", to, text + "\n")
+        say(f"wrote {to}")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)

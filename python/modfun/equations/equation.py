@@ -15,7 +15,7 @@ from ..base.callables import address, at
 from ..base.tables import nearest
 from ..errors import SpecError
 from ..language.parser import Text, equation
-from ..models.free import Free, free_from_plain, free_to_plain
+from ..models.free import Free, from_plain, to_plain
 from .written import (
     RESERVED,
     Written,
@@ -207,7 +207,7 @@ class Equation(Written):
             "inputs": list(self.inputs),
             "hidden": list(self.hidden),
             "varying": {name: [_basis_to_dict(name, one) for one in basis] for name, basis in self.varying},
-            "params": {name: free_to_plain(given) for name, given in self.params},
+            "params": {name: to_plain(given) for name, given in self.params},
         }
 
     @classmethod
@@ -227,7 +227,7 @@ class Equation(Written):
             inputs=values["inputs"],
             hidden=values["hidden"],
             varying=varying,
-            params={name: free_from_plain(given) for name, given in values["params"].items()},
+            params={name: from_plain(given) for name, given in values["params"].items()},
         )
 
     def _compiled(self) -> Compiled:

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from ..base.arguments import public, shown
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, expression
-from ..models.free import Free, free_from_plain, free_to_plain
-from ..systems.lti import LTI, ss
+from ..models.free import Free, from_plain, to_plain
+from ..systems.lti import LTI
+from ..systems.making import ss
 from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:
@@ -194,7 +195,7 @@ class StateSpace(Written):
         """The model as plain Python values, for `from_dict`."""
         values: dict[str, Any] = {name: [list(row) for row in getattr(self, name)] for name in "ABCD"}
         values.update({name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")})
-        return {**values, "params": {name: free_to_plain(given) for name, given in self.params}}
+        return {**values, "params": {name: to_plain(given) for name, given in self.params}}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> StateSpace:
@@ -204,9 +205,8 @@ class StateSpace(Written):
         ----------
         values : mapping
         """
-        return cls(
-            **{**values, "params": {name: free_from_plain(given) for name, given in values["params"].items()}}
-        )
+        params = {name: from_plain(given) for name, given in values["params"].items()}
+        return cls(**{**values, "params": params})
 
     def _compiled(self) -> Compiled:
         return _compiled(self)

@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public, reals
 from ..base.tables import Table, nearest
+from ..base.words import TRENDS
 from ..errors import DataError, SpecError
 from ..models.transfer_function import TransferFunction
+from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.fit import Fit
-from ..results.prediction import sample_weights
 from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .slopes import Known
 
-__all__ = ["TRENDS", "Bound", "crlb"]
+__all__ = ["Bound", "crlb"]
 
 F64 = NDArray[np.float64]
-TRENDS = (None, "constant", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def crlb(
     >>> de = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=0.03, duration=8.0)
     >>> bound = mf.crlb(short_period, de, params=values, sigma=[0.002, 0.004])
     >>> round(bound["Mq"], 3)
-    0.033
+    0.035
     """
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
@@ -243,8 +243,7 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
 
 def _whitened(columns: F64, cov: F64, rec: Record) -> F64:
     """Derivatives (unknown, output, time) as rows with noise of unit variance, (row, unknown)."""
-    alike = rec.mask is None and rec.sigma is None
-    own = np.ones((len(cov), rec.t.size)) if alike else sample_weights(rec)
+    own = sample_weights(rec.mask, rec.sigma, columns.shape[1:])
     columns = columns * own
     rows = []
     for seen in np.unique(own > 0, axis=1).T:  # outputs that are measured at once

@@ -114,7 +114,7 @@ def record_for(known: Known, given: Record | Signals) -> Record:
     q, k = known.shape
     if isinstance(given, Signals):
         given = given.arranged("crlb", known.inputs, k)
-        return given.record(np.zeros((q, given.intervals + 1)), known.outputs)
+        return Record(np.zeros((q, given.intervals + 1)), given, outputs=known.outputs)
     if given.dt is None:
         raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
     weighed = given.mask is not None or given.sigma is not None

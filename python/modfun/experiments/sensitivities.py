@@ -12,16 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..systems.polynomials import companion
 from ..systems.propagate import Inputs
 
-__all__ = ["Sensitivities", "time_unit"]
+__all__ = ["Sensitivities"]
 
 F64 = NDArray[np.float64]
-
-
-def time_unit(den: F64) -> float:
-    """Frequency in rad/s that keeps the coefficients of a monic polynomial near 1 when s is counted in it."""
-    return max((abs(den[k]) ** (1.0 / k) for k in range(1, den.size)), default=1.0) or 1.0
 
 
 class Sensitivities:
@@ -66,12 +62,10 @@ class Sensitivities:
         """
         n, nu = self.order, len(self.degrees)
         size = n * (nu + 2)
-        last = -theta[:n][::-1]  # of the companion form: the nth derivative from the lower ones
-        a, b = np.zeros((size, size)), np.zeros((size, nu))
-        for k in range(nu + 2):
-            rows = slice(k * n, (k + 1) * n)
-            a[rows, rows] = np.eye(n, k=1)
-            a[(k + 1) * n - 1, rows] = last
+        block = companion(np.append(1.0, theta[:n]))
+        last = block[-1]  # the nth derivative from the lower ones
+        a: F64 = np.kron(np.eye(nu + 2), block).astype(np.float64)
+        b = np.zeros((size, nu))
         # Chains: z_k = u_k/A an input, w = 1/A (an impulse at 0), v = y/A.
         count = theta.size
         c, d = np.zeros((1 + count + n, size)), np.zeros((1 + count + n, nu))

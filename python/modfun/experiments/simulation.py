@@ -14,9 +14,9 @@ from ..base.arguments import public, real, reals, whole
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
-from ..language.evaluate import evaluate, sources
 from ..records.record import Record
 from ..signals import Signals
+from ..signals.sources import evaluate, sources
 from ..systems.lti import LTI
 from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem

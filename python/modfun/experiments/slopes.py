@@ -13,8 +13,9 @@ from ..equations.state_space import StateSpace
 from ..errors import SpecError
 from ..models.layout import Layout
 from ..records.record import Record
+from ..systems.polynomials import time_unit
 from ..systems.propagate import Inputs, respond
-from .sensitivities import Sensitivities, time_unit
+from .sensitivities import Sensitivities
 
 __all__ = ["Equations", "Known", "Slopes", "States", "Transfers"]
 

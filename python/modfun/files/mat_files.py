@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base.optional import optional
 from ..errors import DataError
-from .memory import refuse_large
+from .writing import refuse_large
 
 __all__ = ["Opaque", "load_mat"]
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files written whole or not at all, and memory asked for before a file or an option takes all of it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import ModfunError, SpecError
+from ..errors import DataError, ModfunError, SpecError
 
-__all__ = ["SCRATCH", "named", "unwritten", "write", "write_text"]
+__all__ = ["SCRATCH", "memory", "named", "refuse_large", "unwritten", "write", "write_text"]
 
 SCRATCH = ".writing"  # end of the name of a file that is not all there
 
@@ -80,3 +80,28 @@ def write_text(what: str, path: str | Path, text: str) -> None:
 def unwritten(what: str, path: Path, error: OSError, cure: str) -> ModfunError:
     """The error for a file that the disk does not take."""
     return ModfunError(f"{what}: {str(path)!r} cannot be written ({error.strerror or error}); {cure}")
+
+
+def memory() -> int | None:
+    """Bytes of memory that may still be used, where the system tells."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        return None
+
+
+def refuse_large(what: str, size: int) -> None:
+    """Refuse to unpack more than there is room for.
+
+    Raises
+    ------
+    DataError
+        With both sizes.
+    """
+    free = memory()
+    if free is not None and size > free:
+        raise DataError(
+            f"{what} unpacks to {size / 2**30:.1f} GiB and {free / 2**30:.1f} GiB of memory are free; check "
+            "where the file comes from, or write the columns that are needed to a file of their own"
+        )

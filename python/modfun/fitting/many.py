@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..base.progress import Progress
+from ..base.words import STATUS
 from ..errors import DataError
-from ..models.options import STATUS, Options
+from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record

@@ -8,9 +8,9 @@ from math import ceil, nan
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import TermsFitter
+from ..base.arrays import F64
 from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
@@ -22,7 +22,6 @@ from .gaps import bridged, variances
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
-F64 = NDArray[np.float64]
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 
 

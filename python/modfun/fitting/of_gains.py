@@ -6,8 +6,8 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.free import Free
 from ..models.layout import Layout
@@ -19,8 +19,6 @@ from ..systems.frequency_response import FrequencyResponse
 
 __all__ = ["fit_response"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 TAKEN = ("method", "band", "tol", "maxiter")  # options that mean something here
 

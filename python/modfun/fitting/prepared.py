@@ -9,9 +9,9 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import Fitter, JointFitter, Stream
+from ..base.arrays import F64
 from ..errors import DataError
 from ..models.layout import Layout
 from ..models.options import Options
@@ -28,8 +28,6 @@ LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes fo
 
 LOOKED_AT = 64  # records of a batch that tell the noise levels
 _NOTHING = np.zeros(0)
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

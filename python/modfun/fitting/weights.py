@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import noise_level
+from ..base.arrays import F64
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.noise import Noise
@@ -16,8 +16,6 @@ from ..models.options import Options
 from ..records.record import Record
 
 __all__ = ["weighting"]
-
-F64 = NDArray[np.float64]
 
 
 def weighting(

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import public, whole
+from ..base.arrays import F64
 from ..base.progress import Progress
 from ..base.student import probability
 from ..base.tables import Table, nearest
@@ -23,7 +23,6 @@ from .bootstrap_noise import white, wild
 
 __all__ = ["Bootstrap", "bootstrap"]
 
-F64 = NDArray[np.float64]
 KINDS = ("parametric", "wild")
 METHODS = ("studentized", "percentile", "basic")
 BLOCK = 2**20  # samples held at a time

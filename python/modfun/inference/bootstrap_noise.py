@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import normals
+from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.transfer_function import TransferFunction
-from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 from ..results.fit import Fit
 from ..results.initial_state import slopes
@@ -21,8 +21,6 @@ from ..results.regression import trend_columns
 
 __all__ = ["Draw", "jacobian_lines", "white", "wild"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Simulated = tuple[F64, InitialState]
 # Noise of a replicate, by its number: an array (output, time) a record.
 Draw = Callable[[int], list[F64]]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import html
 from ..base.arguments import public
+from ..base.arrays import C128, F64
 from ..base.student import probability, root
 from ..base.tables import Table
 from ..errors import SpecError
@@ -19,9 +18,6 @@ from ..results.fit import Fit
 from ..results.gradients import root_gradients
 
 __all__ = ["CommonPoles", "common_poles"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public
@@ -111,7 +107,7 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     fit.need_numbers("common_poles")
     cov = fit.cov_params()
     outputs = range(len(fit.outputs))
-    poles = [root for i in outputs for root in _poles(fit, i)]
+    poles = [root for i in outputs for root in _upper(i, fit.pole_gradients(i))]
     zeros = [root for i in outputs for root in _zeros(fit, i)]
     shared = [_merged(roots, cov, level) for roots in (poles, zeros)]
     tables = [_table(fit, groups, cov, name) for groups, name in zip(shared, ("pole", "zero"), strict=True)]
@@ -128,16 +124,9 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     )
 
 
-def _roots(fit: Fit, output: int, descending: F64, places: Sequence[int | None]) -> list[_Root]:
-    """Upper roots of a polynomial; `places`: which parameter each coefficient is, None where it is none."""
-    found = zip(*root_gradients(descending, places, fit.params.size), strict=True)
-    return [_Root(output, complex(value), gradient) for value, gradient in found if value.imag >= 0]
-
-
-def _poles(fit: Fit, output: int) -> list[_Root]:
-    den, _ = fit.polynomials(output)
-    first = fit.layout.places[0][output]
-    return _roots(fit, output, den, [None, *fit.layout.positions[first : first + den.size - 1]])
+def _upper(output: int, found: tuple[C128, C128]) -> list[_Root]:
+    """Real roots and the upper ones of pairs."""
+    return [_Root(output, complex(r), slope) for r, slope in zip(*found, strict=True) if r.imag >= 0]
 
 
 def _zeros(fit: Fit, output: int) -> list[_Root]:
@@ -147,7 +136,8 @@ def _zeros(fit: Fit, output: int) -> list[_Root]:
         nums, fit.layout.places[1][output], fit.layout.numerators[output], strict=True
     ):
         if degree:
-            found += _roots(fit, output, num, fit.layout.positions[first : first + degree + 1])
+            places = fit.layout.positions[first : first + degree + 1]
+            found += _upper(output, root_gradients(num, places, fit.params.size))
     return found
 
 

@@ -207,7 +207,7 @@ def _named(given: Any, kind: Any, what: str) -> dict[str, Any]:
 
 
 def _label(value: Any) -> str:
-    structure = getattr(value, "structure", getattr(value, "model", value))
+    structure = value.structure if isinstance(value, Fit) else getattr(value, "model", value)
     if not isinstance(structure, TransferFunction):
         return type(value).__name__
     words = [

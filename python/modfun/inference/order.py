@@ -9,11 +9,11 @@ from math import inf, isfinite, log, nan, sqrt
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import Fitter
 from ..base import html
 from ..base.arguments import public, whole
+from ..base.arrays import F64
 from ..base.axes import drawing, returned, take_axes
 from ..base.tables import Table
 from ..errors import FitError, SpecError
@@ -22,8 +22,8 @@ from ..fitting.prepared import plain_words
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
-from ..records.mask import refuse_own_noise
 from ..records.record import Record
+from ..records.samples import refuse_own_noise
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.fit import Fit
@@ -31,7 +31,6 @@ from ..systems.polynomials import roots_of
 
 __all__ = ["OrderSelection", "order", "select_order"]
 
-F64 = NDArray[np.float64]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 MOST = 100  # numbers of poles

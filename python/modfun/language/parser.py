@@ -1,47 +1,70 @@
-"""Equation text to a tree, with a closed list of functions; nothing of a text is ever evaluated."""
+"""Texts to trees, with one closed list of functions for equations and signals; nothing of a text is run."""
 
 from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, NoReturn
+
+import numpy as np
 
 from ..errors import SpecError
 
 __all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression"]
 
-# The functions of texts everywhere in modfun (see modfun.expressions), with their numbers of arguments.
-FUNCTIONS = {
-    **dict.fromkeys(["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"], 1),
-    **dict.fromkeys(["exp", "log", "sqrt", "abs", "sign", "floor", "step"], 1),
-    "min": 2,
-    "max": 2,
-    "where": 3,
+# The functions of texts everywhere in modfun: how many arguments they take, and what they are of numbers.
+FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
+    "sin": (1, np.sin),
+    "cos": (1, np.cos),
+    "tan": (1, np.tan),
+    "asin": (1, np.arcsin),
+    "acos": (1, np.arccos),
+    "atan": (1, np.arctan),
+    "sinh": (1, np.sinh),
+    "cosh": (1, np.cosh),
+    "tanh": (1, np.tanh),
+    "exp": (1, np.exp),
+    "log": (1, np.log),
+    "sqrt": (1, np.sqrt),
+    "abs": (1, np.abs),
+    "sign": (1, np.sign),
+    "floor": (1, np.floor),
+    "step": (1, lambda x: np.heaviside(x, 1.0)),
+    "min": (2, np.minimum),
+    "max": (2, np.maximum),
+    "where": (3, lambda c, a, b: np.where(c != 0, a, b)),
 }
-CONSTANTS = ("pi", "e")
+CONSTANTS = {"pi": np.float64(np.pi), "e": np.float64(np.e)}
+_SIGNS = "numbers, + - * / ** % < <= > >=, parentheses"
+_CALLS = ", ".join(FUNCTIONS)
 ALLOWED = (
-    "allowed are signals with primes, parameters, t, pi, e, numbers, + - * / ** % < <= > >=, parentheses, "
-    f"D(expression, order) and {', '.join(FUNCTIONS)}"
+    f"allowed are signals with primes, parameters, t, pi, e, {_SIGNS}, D(expression, order) and {_CALLS}"
 )
 
-MOST_CHARACTERS = 2000
-MOST_DEPTH = 60
+# Of an equation, and of an expression in given names, for which a function may be given as well.
+MOST_CHARACTERS, MOST_DEPTH = 2000, 60
+_MOST_CHARACTERS_NAMED, _MOST_DEPTH_NAMED = 1000, 200
 MOST_PRIMES = 12
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
-    r"|(?P<op>\*\*|<=|>=|==|[-+*/%()<>=,'])|(?P<end>$)|(?P<other>.))",
+    r"|(?P<op>\*\*|<=|>=|==|//|[-+*/%()<>=,'])|(?P<end>$)|(?P<other>_\w*|.))",
     re.ASCII | re.DOTALL,
 )
 _HINTS = {
     "^": "is no operator: a power is written **",
+    "//": "is an unknown operator: a quotient is written /",
     "’": "is no prime: a derivative is written with the apostrophe, y'",
     "′": "is no prime: a derivative is written with the apostrophe, y'",
     '"': "is no prime: a second derivative is written with two apostrophes, y''",
     "==": "is written =",
+}
+_HINTS_NAMED = {name: _HINTS[name] for name in ("^", "//")} | {
+    "==": "is an unknown comparison",
+    "'": "is not part of the language",
 }
 
 
@@ -87,21 +110,26 @@ class Text:
     text : str
     what : str
         "equation", or what else it is.
+    names : tuple of str, optional
+        All that may stand in it besides constants and functions; None: whoever reads the tree says.
     tree : Node
         Of an equation its left side less its right side.
     """
 
     text: str
     what: str
+    names: tuple[str, ...] | None = None
     tree: Node = field(default=Node("number", 0, 0, "0"))
 
     def refuse(self, at: int, end: int, reason: str) -> NoReturn:
-        """Raise the SpecError that names the piece of text at fault and its place."""
+        """Raise the SpecError that names the piece of text at fault, and its place or what is allowed."""
         piece = self.text[at:end].strip() or "the end"
         shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
-        raise SpecError(
-            f"reading the {self.what} {shown!r}: {piece[:40]!r} at character {at + 1} {reason}"
-        ) from None
+        said = f"{piece[:40]!r} at character {at + 1} {reason}"
+        if self.names is not None:
+            names = ", ".join((*self.names, *CONSTANTS))
+            said = f"{piece[:40]!r} {reason}; allowed are {names}, {_SIGNS} and {_CALLS}"
+        raise SpecError(f"reading the {self.what} {shown!r}: {said}") from None
 
 
 def equation(text: Any, what: str = "equation") -> Text:
@@ -122,28 +150,37 @@ def equation(text: Any, what: str = "equation") -> Text:
     right = reader.sum(0)
     reader.finish()
     minus = Node("negative", right.at, right.end, parts=(right,))
-    return Text(text, what, Node("sum", 0, len(text), parts=(left, minus)))
+    return Text(text, what, tree=Node("sum", 0, len(text), parts=(left, minus)))
 
 
-def expression(text: Any, what: str = "expression") -> Text:
-    """Parse an expression, in the language of `equation`."""
-    reader = _Reader(text, what)
+def expression(text: Any, what: str = "expression", names: Sequence[str] | None = None) -> Text:
+    """Parse an expression, in the language of `equation`.
+
+    With `names`, these, constants and functions are all that may stand in it: no primes, no D(...), no calls
+    of names. It may then be nested deeper, and is refused in words that list what is allowed.
+    """
+    reader = _Reader(text, what, names)
     tree = reader.comparison(0)
     reader.finish()
-    return Text(text, what, tree)
+    return Text(text, what, reader.names, tree)
 
 
 class _Reader:
     """Recursive descent over the tokens; chains of + and * are flat, so that depth is that of parentheses."""
 
-    def __init__(self, text: Any, what: str) -> None:
+    def __init__(self, text: Any, what: str, names: Sequence[str] | None = None) -> None:
         if not isinstance(text, str):
             raise SpecError(f"reading the {what}: expected text, got {type(text).__name__}")
-        self.source = Text(text, what)
-        if len(text) > MOST_CHARACTERS:
+        self.names = None if names is None else tuple(names)
+        self.source = Text(text, what, self.names)
+        self.hints = _HINTS if names is None else _HINTS_NAMED
+        self.listed = f"; {ALLOWED}" if names is None else ""  # else `Text.refuse` says it of everything
+        self.deepest = MOST_DEPTH if names is None else _MOST_DEPTH_NAMED
+        most = MOST_CHARACTERS if names is None else _MOST_CHARACTERS_NAMED
+        if len(text) > most:
+            cure = "write it as several equations" if names is None else "pass a function instead"
             raise SpecError(
-                f"reading the {what}: it has {len(text)} characters, at most {MOST_CHARACTERS} are read; "
-                "write it as several equations"
+                f"reading the {what}: it has {len(text)} characters, at most {most} are read; {cure}"
             )
         self.text = text
         self.next = 0
@@ -157,10 +194,10 @@ class _Reader:
         self.kind = str(found.lastgroup)
         self.token = found[self.kind]
         self.at, self.next = found.start(self.kind), found.end()
-        if self.token in _HINTS:
-            self.refuse(_HINTS[self.token])
+        if self.token in self.hints:
+            self.refuse(self.hints[self.token])
         if self.kind == "other":
-            self.refuse(f"is not part of the language (names are of letters a-z, digits and _); {ALLOWED}")
+            self.refuse(f"is not part of the language (names are of letters a-z, digits and _){self.listed}")
 
     def refuse(self, reason: str) -> NoReturn:
         self.source.refuse(self.at, self.next, reason)
@@ -185,16 +222,22 @@ class _Reader:
             self.expect("end", "an operator or the end was expected")
 
     def deeper(self, depth: int) -> int:
-        if depth >= MOST_DEPTH:
-            self.refuse(f"is nested more than {MOST_DEPTH} deep; name a part of it by an equation of its own")
+        if depth >= self.deepest:
+            cure = "name a part of it by an equation of its own"
+            cure = cure if self.names is None else "pass a function instead"
+            self.refuse(f"is nested more than {self.deepest} deep; {cure}")
         return depth + 1
 
     def comparison(self, depth: int) -> Node:
         left = self.sum(depth)
-        if sign := self.take("<", "<=", ">", ">="):
+        found: list[Node] = []
+        while sign := self.take("<", "<=", ">", ">="):  # 1 < t < 3 is (1 < t)*(t < 3)
             right = self.sum(depth)
-            return Node("compare", left.at, self.last, sign, parts=(left, right))
-        return left
+            found.append(Node("compare", left.at, self.last, sign, parts=(left, right)))
+            left = right
+        if len(found) > 1:
+            return Node("product", found[0].at, self.last, parts=tuple(found))
+        return found[0] if found else left
 
     def sum(self, depth: int) -> Node:
         at, parts = self.at, [self.product(self.deeper(depth))]
@@ -208,8 +251,8 @@ class _Reader:
         while sign := self.take("*", "/", "%"):
             part = self.signed(depth + 1)
             if sign == "%":
-                whole = parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
-                parts = [Node("mod", at, self.last, parts=(whole, part))]
+                left = parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
+                parts = [Node("mod", at, self.last, parts=(left, part))]
                 depth = self.deeper(depth)
             else:
                 parts.append(part if sign == "*" else Node("inverse", part.at, part.end, parts=(part,)))
@@ -246,7 +289,7 @@ class _Reader:
             if not isfinite(float(token)) or (
                 float(token) == 0 and token.lower().partition("e")[0].strip("0.")
             ):
-                self.refuse("is outside the range of floating point")
+                self.refuse("is outside the range of floating point, which ends at 1e308")
             self.advance()
             return Node("number", at, self.last, token)
         if self.kind == "name":
@@ -256,20 +299,25 @@ class _Reader:
             self.expect(")", "an operator or ) was expected")
             return inner
         if self.kind == "end":
-            self.refuse(f"stands where something was expected; {ALLOWED}")
+            self.refuse(f"stands where something was expected{self.listed}")
         self.refuse("stands where a name, a number or ( was expected")
 
     def name(self, depth: int) -> Node:
         at, name = self.at, self.token
         if keyword.iskeyword(name):
-            self.refuse("is a word of Python, which no signal or parameter may be called; take another")
+            cure = "is a word of Python, which no signal or parameter may be called; take another"
+            self.refuse(cure if self.names is None else "is not part of the language")
         self.advance()
-        called = name in FUNCTIONS or name == "D"
+        called = name in FUNCTIONS or (name == "D" and self.names is None)
         primes = self.primes()
         if self.token != "(":
             if called:
                 self.source.refuse(at, self.last, f"is a function: write {name}(...)")
+            if self.names is not None and name not in (*self.names, *CONSTANTS):
+                self.source.refuse(at, self.last, "is not a known name")
             return Node("name", at, self.last, name, primes)
+        if self.names is not None and not called:
+            self.source.refuse(at, self.last, "is not a known function")
         if called and primes:
             self.source.refuse(at, self.last, f"is a function with a prime: write ({name}(...))'")
         self.advance()
@@ -279,9 +327,9 @@ class _Reader:
         self.expect(")", "an operator, a comma or ) was expected")
         if not called:
             if len(parts) != 1 or name in (*CONSTANTS, "t"):
-                self.source.refuse(at, self.last, f"is not a known function; {ALLOWED}")
+                self.source.refuse(at, self.last, f"is not a known function{self.listed}")
             return Node("name", at, self.last, name, primes, parts=tuple(parts))
-        wanted = (1, 2) if name == "D" else (FUNCTIONS[name],)
+        wanted = (1, 2) if name == "D" else (FUNCTIONS[name][0],)
         if len(parts) not in wanted:
             takes = "D(expression) or D(expression, order)" if name == "D" else f"{name} takes {wanted[0]}"
             self.source.refuse(at, self.last, f"has {len(parts)} argument(s): {takes}")

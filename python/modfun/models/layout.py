@@ -9,13 +9,12 @@ from math import inf
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from .free import Free
 
 __all__ = ["Layout", "Path", "routes"]
 
-F64 = NDArray[np.float64]
 Delay = float | Free
 
 

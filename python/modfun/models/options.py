@@ -9,11 +9,13 @@ from typing import Any, TypedDict
 import numpy as np
 
 from ..base.arguments import real, reals, whole
+from ..base.samples import band_edges
 from ..base.tables import nearest
+from ..base.words import TRENDS
 from ..errors import SpecError
 from .noise import Noise
 
-__all__ = ["MOST", "MOST_THREADS", "STATUS", "TRENDS", "WORDS", "Choices", "Options", "band_edges"]
+__all__ = ["MOST", "MOST_THREADS", "WORDS", "Choices", "Options"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
@@ -21,11 +23,9 @@ WORDS: dict[str, tuple[str, ...]] = {
     "cov_type": ("HC3", "nonrobust"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
-STATUS = ("ok", "maxiter", "rank", "nonfinite")  # how a fit may end
 _REPORTED = ("cov_type", "output_weights", "correct")
 MOST = 10**9
 MOST_THREADS = 10_000
-TRENDS = ("auto", "constant", "linear")
 
 
 class Choices(TypedDict, total=False):
@@ -121,7 +121,7 @@ def _checked(what: str, **given: Any) -> Options:
         if name in given and not (isinstance(given[name], str) and given[name] in words):
             raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
     trend = given.get("trend")
-    if trend is not None and not (isinstance(trend, str) and trend in TRENDS):
+    if trend is not None and not (isinstance(trend, str) and trend in ("auto", *TRENDS)):
         raise SpecError(f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None")
     checked = dict(given)
     if given.get("band") is not None:
@@ -162,19 +162,6 @@ def _checked(what: str, **given: Any) -> Options:
 
 
 _looked_up = lru_cache(64, typed=True)(_checked)
-
-
-def band_edges(what: str, band: Any) -> tuple[float, float]:
-    several = isinstance(band, tuple | list) or (isinstance(band, np.ndarray) and band.ndim)
-    edges = band if several else (0.0, band)
-    if len(edges) != 2:
-        raise SpecError(f"{what}: band={band!r} must be the upper edge or (lower, upper), in rad/s")
-    low, high = (real(what, "band", edge) for edge in edges)
-    if not 0 <= low < high:
-        raise SpecError(
-            f"{what}: band={band!r} must satisfy 0 <= lower < upper (rad/s; an edge in Hz times 2 pi)"
-        )
-    return low, high
 
 
 def _weights(what: str, given: Any) -> tuple[Any, ...]:

@@ -15,7 +15,8 @@ from ..base.arguments import is_sequence, public, reals, whole
 from ..base.samples import numbered
 from ..base.tables import nearest
 from ..errors import SpecError
-from ..systems.lti import LTI, tf
+from ..systems.lti import LTI
+from ..systems.making import tf
 from .free import Free
 from .layout import Layout, routes
 from .transfer_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.html import escape
 from ..language.parser import Node, equation, expression
 from .parts import Markup
 
 __all__ = ["equations", "state_space", "transfer_functions"]
 
-F64 = NDArray[np.float64]
 GREEK = dict(
     alpha="α", beta="β", gamma="γ", delta="δ", epsilon="ε", zeta="ζ", eta="η", theta="θ", kappa="κ", mu="μ",
     nu="ν", xi="ξ", pi="π", rho="ρ", sigma="σ", tau="τ", phi="φ", chi="χ", psi="ψ", omega="ω",
@@ -197,7 +196,7 @@ class _Tree:
     def _times(self, parts: Sequence[Node]) -> str:
         said: list[str] = []
         for part in parts:
-            alone = ("sum", "negative") if len(parts) > 1 else ()
+            alone = ("sum", "negative", "compare") if len(parts) > 1 else ()
             said += [*([_mo("⋅")] if said else []), self._inside(part, alone)]
         return _row(*said)
 

@@ -3,9 +3,9 @@
 from ..inference.comparison import comparison, cross_validation
 from ..inference.order import order
 from ..results.drawing import bode, correlation, harmonics, poles, residual_tests, residuals, response
+from ..study.drawing import study
 from .channels import record, signals, sinusoids, spectrum, track
 from .frequency import reduction
-from .tables import study
 
 __all__ = [
     "bode",

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..base.axes import bridge_gaps, decibels, drawing, frequency_axis, label_axes, returned, take_axes
-from ..records.spectra import Spectrum
+from ..base.axes import decibels, drawing, frequency_axis, label_axes, returned, take_axes
+from ..records.record import Record
 from ..signals.signals import Signals
-
-if TYPE_CHECKING:
-    from ..base.samples import F64
-    from ..records.record import Record
-    from ..streams.track import Track
-    from ..tones.results import Sinusoids
+from ..signals.spectrum import Spectrum
+from ..streams.track import Track
+from ..tones.results import Sinusoids
 
 
 @drawing
@@ -34,15 +31,7 @@ def record(rec: Record, ax: Any = None) -> Any:
     Axes or ndarray of Axes
         One Axes where there is one channel or one was given, otherwise one a channel.
     """
-    names = (*rec.outputs, *rec.inputs)
-    axes = take_axes(ax, len(names), height=1.6)
-    held = dict(zip(rec.inputs, rec.intersample, strict=True))
-    for name, here in zip(names, axes, strict=True):
-        color = "C1" if name in rec.inputs and len(set(axes)) > 1 else None
-        _draw(here, rec.t, rec._shown(name), name, held.get(name), color)
-        bridge_gaps(here, rec, name, label=f"_{name} masked")
-    label_axes(axes, names, rec.units, "time (s)")
-    return returned(ax, axes)
+    return rec.plot(ax)
 
 
 @drawing
@@ -60,17 +49,7 @@ def signals(given: Signals, ax: Any = None) -> Any:
     Axes or ndarray of Axes
         One Axes where there is one input or one was given, otherwise one an input.
     """
-    axes = take_axes(ax, len(given.inputs), height=1.6)
-    for name, u, kind, here in zip(given.inputs, given.u, given.intersample, axes, strict=True):
-        _draw(here, given.t, u, name, kind)
-    label_axes(axes, given.inputs, {}, "time (s)")
-    return returned(ax, axes)
-
-
-def _draw(here: Any, t: F64, values: F64, name: str, kind: str | None, color: str | None = None) -> None:
-    """One channel over time, as it goes on between its samples."""
-    style = "steps-post" if kind == "zoh" else "default"
-    here.plot(t, values, drawstyle=style, label=name, color=color, linewidth=1.0)
+    return given.plot(ax)
 
 
 @drawing
@@ -90,16 +69,7 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     Axes or ndarray of Axes
         One Axes where there is one channel or one was given, otherwise one a channel.
     """
-    axes = take_axes(ax, len(spec.channels), height=1.8)
-    scale, label = frequency_axis(hz)
-    for name, here in zip(spec.channels, axes, strict=True):
-        values = np.where(spec[name] > 0, spec[name], np.nan)  # zeros have no place on a logarithmic axis
-        here.plot(scale * spec.omega, values, label=name, linewidth=1.0)
-        here.set_xscale("log")
-        if np.isfinite(values).any():
-            here.set_yscale("log")
-    label_axes(axes, spec.channels, spec.units, label)
-    return returned(ax, axes)
+    return spec.plot(ax, hz=hz)
 
 
 @drawing

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..base.axes import drawing, frequency_axis, returned, take_axes
-
-if TYPE_CHECKING:
-    from ..reduction.reduction import Reduction
+from ..reduction.reduction import Reduction
 
 
 @drawing

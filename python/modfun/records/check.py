@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.tables import Findings
 from .mask import runs
-
-if TYPE_CHECKING:
-    from .record import Record
+from .samples import Samples
+from .spectra import noise_table, spectrum_of
 
 __all__ = ["OFFSET", "check_record"]
 
-F64 = NDArray[np.float64]
 # Mean over rms about it. A constant has no harmonics, but quadrature leaves a little of it in each: at a
 # thousand times the variation the estimates of a wide band move, at 10⁵ times those of any.
 OFFSET = 1000.0
 
 
-def check_record(record: Record) -> Findings:
+def check_record(record: Samples) -> Findings:
     """Return the findings of `Record.check`."""
     sentences = [*_clock(record), *_length(record), *_masked(record)]
     for name in (*record.outputs, *record.inputs):
@@ -44,7 +42,7 @@ def check_record(record: Record) -> Findings:
     return Findings(f"Record, {size}", sentences)
 
 
-def _clock(record: Record) -> Iterator[str]:
+def _clock(record: Samples) -> Iterator[str]:
     if record.dt is not None:
         return
     steps = np.diff(record.t)
@@ -67,7 +65,7 @@ def _clock(record: Record) -> Iterator[str]:
     )
 
 
-def _masked(record: Record) -> Iterator[str]:
+def _masked(record: Samples) -> Iterator[str]:
     for name in record.outputs:
         good = record._good(name)
         if good.all():
@@ -82,11 +80,11 @@ def _masked(record: Record) -> Iterator[str]:
         )
 
 
-def _length(record: Record) -> Iterator[str]:
+def _length(record: Samples) -> Iterator[str]:
     if len(record.t) < 50:
         yield f"There are only {len(record.t)} samples: expect wide intervals and a short band."
     for name in record.outputs:
-        power = record.spectrum()[name] ** 2
+        power = spectrum_of(record)[name] ** 2
         if not power.sum() > 0:
             continue
         top = 1 + int(np.searchsorted(np.cumsum(power), 0.95 * power.sum()))
@@ -103,7 +101,7 @@ def _length(record: Record) -> Iterator[str]:
             )
 
 
-def _constant(record: Record, name: str) -> str:
+def _constant(record: Samples, name: str) -> str:
     value = record[name][0]
     if name in record.outputs:
         return f"Output {name!r} is {value:g} throughout: it says nothing about the system."
@@ -123,7 +121,7 @@ def _is_held(values: F64) -> bool:
     return bool(moves.any() and moves.mean() <= 0.5 and alone.sum() >= 0.8 * moves.sum())
 
 
-def _between_samples(record: Record, name: str) -> Iterator[str]:
+def _between_samples(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
     word = record.intersample[record.inputs.index(name)]
     flat = int((~_changes(values)).sum())
@@ -152,7 +150,7 @@ def _is_smooth(values: F64) -> bool:
     return float(np.mean(np.diff(values, 2) ** 2)) < 0.05 * float(np.mean(np.diff(values) ** 2))
 
 
-def _codes(record: Record, name: str) -> Iterator[str]:
+def _codes(record: Samples, name: str) -> Iterator[str]:
     """Find one value, several times, far away from all others, such as -9999 where nothing was measured."""
     values = record[name][record._good(name)]
     for extreme in (float(values.max()), float(values.min())):
@@ -170,7 +168,7 @@ def _codes(record: Record, name: str) -> Iterator[str]:
             )
 
 
-def _clipped(record: Record, name: str) -> Iterator[str]:
+def _clipped(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
     if (~_changes(values)).mean() > 0.5:  # coarse steps or rest; said by _stale
         return
@@ -187,7 +185,7 @@ def _clipped(record: Record, name: str) -> Iterator[str]:
             )
 
 
-def _stale(record: Record, name: str) -> Iterator[str]:
+def _stale(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
     good = record._good(name)
     inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
@@ -202,7 +200,7 @@ def _stale(record: Record, name: str) -> Iterator[str]:
         )
 
 
-def _outliers(record: Record, name: str) -> Iterator[str]:
+def _outliers(record: Samples, name: str) -> Iterator[str]:
     """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
     values = record[name]
     bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
@@ -219,7 +217,7 @@ def _outliers(record: Record, name: str) -> Iterator[str]:
         )
 
 
-def _trend(record: Record, name: str) -> Iterator[str]:
+def _trend(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
     spread, mean = float(values.std()), float(values.mean())
     phase = (record.t - record.t[0]) / record.duration - 0.5
@@ -238,10 +236,10 @@ def _trend(record: Record, name: str) -> Iterator[str]:
         )
 
 
-def _noise(record: Record) -> Iterator[str]:
+def _noise(record: Samples) -> Iterator[str]:
     if record.dt is None or record.intervals < 40:  # fewer lines than that say little about a level
         return
-    for row in record.noise_level():
+    for row in noise_table(record, 2):
         if row["channel"] in record.outputs and row["percent"] > 30:
             yield (
                 f"Output {row['channel']!r} is noisy: standard deviation {row['noise_sd']:.3g} in the upper "
@@ -249,7 +247,7 @@ def _noise(record: Record) -> Iterator[str]:
             )
 
 
-def _alike(record: Record) -> Iterator[str]:
+def _alike(record: Samples) -> Iterator[str]:
     moving = [name for name in record.inputs if np.ptp(record[name]) > 0]
     for k, one in enumerate(moving):
         for other in moving[k + 1 :]:
@@ -261,7 +259,7 @@ def _alike(record: Record) -> Iterator[str]:
                 )
 
 
-def _kind(record: Record, name: str) -> str:
+def _kind(record: Samples, name: str) -> str:
     return "Output" if name in record.outputs else "Input"
 
 

@@ -1,20 +1,34 @@
-"""What the names of columns say: units, and which column is the time."""
+"""Named columns of a file, frame or data set, made alike, and what they say: roles, units, the time."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.samples import even_step
 from ..base.tables import listed
-from ..errors import SpecError
-from .sources import Source, Told
+from ..errors import DataError, SpecError
+from ..files.delimited import number
 
-__all__ = ["SECONDS", "guess_time", "pace", "seconds_of", "time_candidates", "unit_of"]
+__all__ = [
+    "SECONDS",
+    "Columns",
+    "Told",
+    "from_arrays",
+    "guess_time",
+    "numeric",
+    "pace",
+    "seconds_of",
+    "time_candidates",
+    "unit_of",
+]
 
-F64 = NDArray[np.float64]
 
 SECONDS = {
     "s": 1.0,
@@ -39,6 +53,87 @@ SECONDS = {
 }
 
 
+@dataclass(frozen=True)
+class Told:
+    """What a source says of its columns beside their names; empty for most."""
+
+    outputs: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    time: str | None = None
+    dt: float | None = None  # beside a column of times: the step they were made with
+    t0: float = 0.0
+    units: Mapping[str, str] = field(default_factory=dict)
+    intersample: Mapping[str, str] = field(default_factory=dict)
+    masked: bool = False  # nan in an output is a masked sample
+    sigma: Mapping[str, str] = field(default_factory=dict)  # output: column
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Named columns, loaded when asked for."""
+
+    label: str
+    names: tuple[str, ...]
+    load: Callable[[Sequence[str]], dict[str, F64]]
+    place: Callable[[int], str] = "row {}".format  # what a row is called in messages
+    told: Told = Told()
+
+
+def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) -> Columns:
+    """Return the columns of arrays by name: 1-D, or 2-D (channel, time)."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for key, values in given.items():
+        try:
+            array = np.asarray(values)
+        except Exception as error:  # of whatever the conversion of an unknown object raises
+            raise DataError(f"{label}: {key!r} cannot be read as an array ({error}); give numbers") from None
+        if array.ndim == 1:
+            arrays[str(key)] = array
+        elif array.ndim == 2:
+            if array.shape[0] > array.shape[1]:
+                raise DataError(
+                    f"{label}: {key!r} has shape {array.shape}, {array.shape[0]} channels of "
+                    f"{array.shape[1]} samples; give it as (channel, time), transposed"
+                )
+            arrays.update({f"{key}{k}": row for k, row in enumerate(array, start=1)})
+    if not arrays:
+        raise DataError(f"{label} holds no 1-D or 2-D array")
+
+    def load(names: Sequence[str]) -> dict[str, F64]:
+        loaded = {name: numeric(arrays[name], name, label) for name in names}
+        lengths = {name: len(values) for name, values in loaded.items()}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise DataError(f"{label}: the columns differ in length ({listed}); all must be sampled alike")
+        return loaded
+
+    return Columns(label, tuple(arrays), load, told=told or Told())
+
+
+def numeric(array: NDArray[Any], name: str, label: str) -> F64:
+    """A column as numbers; dates as seconds from the first."""
+    if array.dtype.kind in "biuf":
+        return np.asarray(array, dtype=np.float64)
+    if array.dtype.kind in "mM":
+        return np.asarray((array - array[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
+    if array.dtype.kind == "c":
+        raise DataError(f"{label}: column {name!r} is complex; give real and imaginary part as two columns")
+    values = np.empty(len(array))
+    for row, value in enumerate(array):
+        found = number(str(value))
+        if found is None:
+            raise DataError(
+                f"{label}, row {row}: column {name!r} holds {value!r} where a number is needed; correct or "
+                "drop it"
+            )
+        values[row] = found
+    return values
+
+
+# What names say -----------------------------------------------------------------------------------
+
+
 def unit_of(name: str, told: Told | None = None) -> str:
     """Return the unit the source tells, or what stands in brackets at the end of a column's name."""
     if told is not None and name in told.units:
@@ -61,14 +156,14 @@ def seconds_of(name: str, told: Told) -> float:
     return SECONDS.get(told.units.get(name, "").strip().lower() or _time_word(name)[1], 1.0)
 
 
-def time_candidates(table: Source) -> list[str]:
+def time_candidates(table: Columns) -> list[str]:
     """Return the columns that look like times by their names."""
     if table.told.time is not None:
         return [table.told.time]
     return [name for name in table.names if _time_word(name)[0] in ("t", "time", "timestamp", "elapsed time")]
 
 
-def guess_time(table: Source) -> str:
+def guess_time(table: Columns) -> str:
     """Return the one column of times."""
     found = time_candidates(table)
     if len(found) == 1:

@@ -1,4 +1,4 @@
-"""Records as xarray data sets and pandas frames, and xarray objects as sources.
+"""Records as xarray data sets and pandas frames, and these as columns.
 
 A data set names the role of each variable in its attributes; a frame holds the same in ``frame.attrs``, which
 .parquet files keep.
@@ -6,23 +6,22 @@ A data set names the role of each variable in its attributes; a frame holds the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.optional import optional
 from ..errors import DataError, SpecError
-from .sources import ATTRS, Source, Told, from_arrays
+from .columns import Columns, Told, from_arrays
+from .samples import Samples
 
-if TYPE_CHECKING:
-    from .record import Record
+__all__ = ["open_frame", "open_xarray", "to_pandas", "to_xarray", "told_of_frame"]
 
-__all__ = ["open_xarray", "to_pandas", "to_xarray"]
-
+ATTRS = "modfun"  # where a pandas frame keeps what a record knows beside the samples
 TIMES = ("t", "time", "timestamp")
 
 
-def to_pandas(rec: Record) -> Any:
+def to_pandas(rec: Samples) -> Any:
     """Return the frame of `Record.to_pandas`."""
     pandas = optional("pandas", "pandas", "Record.to_pandas")
     sigma = _sigma_names(rec)
@@ -44,7 +43,7 @@ def to_pandas(rec: Record) -> Any:
     return frame
 
 
-def to_xarray(rec: Record) -> Any:
+def to_xarray(rec: Samples) -> Any:
     """Return the data set of `Record.to_xarray`."""
     xarray = optional("xarray", "xarray", "Record.to_xarray")
     if "t" in rec.channels:
@@ -67,7 +66,7 @@ def to_xarray(rec: Record) -> Any:
     return xarray.Dataset(variables, coords=clock, attrs={} if rec.dt is None else {"dt": rec.dt})
 
 
-def _sigma_names(rec: Record) -> dict[str, str]:
+def _sigma_names(rec: Samples) -> dict[str, str]:
     """Return a free name for the sigma of each output."""
     names: dict[str, str] = {}
     for output in rec.outputs if rec.sigma is not None else ():
@@ -78,7 +77,38 @@ def _sigma_names(rec: Record) -> dict[str, str]:
     return names
 
 
-def open_xarray(data: Any) -> Source:
+def open_frame(frame: Any, label: str, attrs: Any) -> Columns:
+    """Return the columns of a pandas or polars frame; `attrs` is what it knows beside them."""
+    arrays = {str(name): frame[name] for name in frame.columns}
+    name = getattr(getattr(frame, "index", None), "name", None)
+    if isinstance(name, str) and name not in arrays:  # pandas often keeps the times there
+        arrays = {name: frame.index, **arrays}
+    return from_arrays(arrays, label, told_of_frame(attrs, arrays))
+
+
+def told_of_frame(attrs: Any, names: Any) -> Told:
+    """What `Record.to_pandas` wrote, of the columns that are still there."""
+    about = attrs.get(ATTRS) if isinstance(attrs, dict) else None
+    if not isinstance(about, dict):
+        return Told()
+
+    def there(role: str) -> tuple[str, ...]:
+        return tuple(name for name in about.get(role, ()) if name in names)
+
+    return Told(
+        outputs=there("outputs"),
+        inputs=there("inputs"),
+        kept=there("kept"),
+        time=about["time"] if about.get("time") in names else None,
+        dt=about.get("dt"),
+        units=about.get("units", {}),
+        intersample=about.get("intersample", {}),
+        masked=about.get("masked", False),
+        sigma={name: column for name, column in about.get("sigma", {}).items() if column in names},
+    )
+
+
+def open_xarray(data: Any) -> Columns:
     """Return the columns of an xarray.Dataset or DataArray."""
     variables = data.data_vars if hasattr(data, "data_vars") else {data.name or "y": data}
     clock = _time_dim(data)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import F64
 from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError
 
-if TYPE_CHECKING:
-    from .record import Record
+__all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "sample_weights", "scarce", "sigma_of"]
 
-__all__ = ["Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "runs", "scarce", "sigma_of"]
-
-F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
@@ -79,6 +75,12 @@ def filled(values: F64, mask: Mask | None, times: F64) -> F64:
     return out
 
 
+def sample_weights(mask: Mask | None, sigma: F64 | None, shape: tuple[int, ...]) -> F64:
+    """Return 1/standard deviation of each sample (output, time) up to a factor, 0 where masked."""
+    weights = np.ones(shape) if sigma is None else 1 / sigma
+    return weights if mask is None else np.where(mask, weights, 0.0)
+
+
 def scarce(mask: Mask | None) -> NDArray[np.intp]:
     """Return the outputs of which fewer than 8 samples are left."""
     return np.flatnonzero(mask.sum(axis=1) < FEWEST) if mask is not None else np.zeros(0, dtype=np.intp)
@@ -92,20 +94,6 @@ def refuse_scarce(mask: Mask | None, outputs: Sequence[str], what: str) -> None:
             f"{what}: the mask leaves {int(mask[few[0]].sum())} samples of output {outputs[few[0]]!r}, at "
             f"least {FEWEST} are needed; mask is True where a sample is good, False where it is left out"
         )
-
-
-def refuse_own_noise(rec: Record, what: str, cure: str) -> None:
-    """Refuse a record with masked samples or a sigma, for what takes every sample alike.
-
-    Raises
-    ------
-    DataError
-    """
-    if rec.mask is not None or rec.sigma is not None:
-        have = "has samples of unlike sigma"
-        if rec.mask is not None:
-            have = f"has {int((~rec.mask).sum())} masked samples"
-        raise DataError(f"{what}: every sample counts alike here, and the record {have}; {cure}")
 
 
 def runs(flags: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

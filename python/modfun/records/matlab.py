@@ -13,8 +13,7 @@ from ..base.samples import numbered
 from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..files.mat_files import Opaque, load_mat
-from .columns import SECONDS
-from .sources import Source, Told, from_arrays
+from .columns import SECONDS, Columns, Told, from_arrays
 
 __all__ = ["open_mat"]
 
@@ -23,7 +22,7 @@ Fields = Mapping[str, Any]
 FORMS = {"zoh": "zoh", "foh": "foh", "bl": "smooth"}
 
 
-def open_mat(path: Path, part: str | None) -> Source:
+def open_mat(path: Path, part: str | None) -> Columns:
     """Return the columns of a .mat file, or of one struct or experiment in it.
 
     A struct with the fields OutputData (or y and Ts) is an iddata: its channels, units, sampling and the
@@ -83,7 +82,7 @@ def _is_iddata(fields: Fields) -> bool:
     return "OutputData" in fields or {"y", "Ts"} <= set(fields)
 
 
-def _open_iddata(fields: Fields, experiment: int, label: str) -> Source:
+def _open_iddata(fields: Fields, experiment: int, label: str) -> Columns:
     if _word(fields, "Domain", "time", label).startswith("freq"):
         raise DataError(f"{label} is in the frequency domain; export the record in time that it was made of")
     unit = _word(fields, "TimeUnit", "seconds", label)
@@ -186,7 +185,7 @@ def _named(texts: list[str], letter: str, count: int) -> tuple[str, ...]:
 # Plain arrays -------------------------------------------------------------------------------------
 
 
-def _open_plain(variables: Fields, label: str) -> Source:
+def _open_plain(variables: Fields, label: str) -> Columns:
     arrays: dict[str, NDArray[Any]] = {}
     opaque: dict[str, str] = {}
 

@@ -9,20 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.samples import EVEN, Origin
 from ..base.tables import Table, listed, nearest
 from ..errors import DataError, SpecError
-from .columns import guess_time, pace, seconds_of, time_candidates, unit_of
+from .columns import Columns, Told, guess_time, pace, seconds_of, time_candidates, unit_of
 from .mask import Mask, mask_of
+from .opening import open_columns
 from .record import Record
-from .sources import Source, Told, open_source
 
 __all__ = ["columns", "read"]
 
-F64 = NDArray[np.float64]
 Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 
@@ -112,7 +112,7 @@ def read(
         raise SpecError(f"read: give time={time!r} or dt={dt!r}, not both")
     if missing not in ("refuse", "mask"):
         raise SpecError(f"read: missing={missing!r} is unknown; {nearest(missing, ('refuse', 'mask'))}")
-    table = open_source(source, part)
+    table = open_columns(source, part)
     told = table.told
     if outputs is None and not told.outputs:
         raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")
@@ -125,14 +125,14 @@ def read(
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
     named = {new: name for role in (out, into, kept) for new, name in role.items()}
-    whole = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
-    wanted = list(dict.fromkeys([*whole, *out.values(), *trust.values()]))
+    complete = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
+    wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)
     values = table.load(wanted)
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
     for name in wanted:
-        if name in whole or name not in may_miss:
+        if name in complete or name not in may_miss:
             _refuse_missing(table, name, values[name], name in out.values())
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)
@@ -180,7 +180,7 @@ def columns(
         ``column``, ``unit``, ``min``, ``max``, ``missing`` (values), ``note``: which one is the time and
         how even it is, which are constant or text.
     """
-    table = open_source(source, part)
+    table = open_columns(source, part)
     times = time_candidates(table)
     rows: list[tuple[Any, ...]] = []
     count = 0
@@ -208,7 +208,7 @@ def _told_role(name: str, told: Told) -> str:
     return "output" if name in told.outputs else ""
 
 
-def _loadable(table: Source) -> dict[str, F64 | None]:
+def _loadable(table: Columns) -> dict[str, F64 | None]:
     """Return every column, None for those that are text."""
     names = list(dict.fromkeys(table.names))
     try:
@@ -265,14 +265,14 @@ def _mask(values: dict[str, F64], out: dict[str, str], good: dict[str, str], cou
     return None if ok.all() else ok
 
 
-def _clock_of(table: Source) -> str | None:
+def _clock_of(table: Columns) -> str | None:
     """Return the column of times, None where the source has a step instead."""
     if table.told.time is None and table.told.dt is not None:
         return None
     return table.told.time or guess_time(table)
 
 
-def _sampling(table: Source, values: dict[str, F64], clock: str | None, dt: float | None) -> dict[str, Any]:
+def _sampling(table: Columns, values: dict[str, F64], clock: str | None, dt: float | None) -> dict[str, Any]:
     """Return the options of Record that say when the samples were taken."""
     told = table.told
     if clock is None:
@@ -285,14 +285,14 @@ def _sampling(table: Source, values: dict[str, F64], clock: str | None, dt: floa
     return {"t": times}
 
 
-def _refuse_unknown(table: Source, name: str) -> None:
+def _refuse_unknown(table: Columns, name: str) -> None:
     if name not in table.names:
         raise SpecError(f"read: {table.label} has no column {name!r}; {nearest(name, table.names)}")
     if table.names.count(name) > 1:
         raise DataError(f"{table.label} has {table.names.count(name)} columns named {name!r}; rename them")
 
 
-def _refuse_missing(table: Source, name: str, values: F64, output: bool) -> None:
+def _refuse_missing(table: Columns, name: str, values: F64, output: bool) -> None:
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         places = ", ".join(table.place(int(row)) for row in bad[:5]) + (", ..." if bad.size > 5 else "")

@@ -2,55 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
+from .._core import noise_level
 from ..base.arguments import whole
-from ..base.samples import F64, frozen
-from ..base.tables import Table, nearest
-from ..errors import DataError, SpecError
+from ..base.samples import frozen
+from ..base.tables import Table
+from ..errors import DataError
+from ..signals.spectrum import Spectrum
+from .samples import Samples
 
-if TYPE_CHECKING:
-    from .record import Record
-
-__all__ = ["Spectrum", "noise_table", "spectrum_of"]
-
-
-@dataclass(frozen=True, eq=False)
-class Spectrum:
-    """Amplitudes of sinusoids by channel.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (line,)
-        Angular frequencies in rad/s.
-    amplitude : ndarray, shape (channel, line)
-    channels : tuple of str
-    units : dict of str to str
-    """
-
-    omega: F64
-    amplitude: F64
-    channels: tuple[str, ...]
-    units: dict[str, str]
-
-    def __getitem__(self, channel: str) -> F64:
-        """Return the amplitudes of a channel by name, shape (line,)."""
-        if channel not in self.channels:
-            raise SpecError(f"Spectrum: no channel {channel!r}; {nearest(channel, self.channels)}")
-        row: F64 = self.amplitude[self.channels.index(channel)]
-        return row
-
-    def plot(self, ax: Any = None, *, hz: bool = False) -> Any:
-        """Draw the amplitudes over frequency; see `modfun.plot.spectrum`."""
-        from .. import plot
-
-        return plot.spectrum(self, ax=ax, hz=hz)
+__all__ = ["noise_table", "spectrum_of"]
 
 
-def spectrum_of(record: Record) -> Spectrum:
+def spectrum_of(record: Samples) -> Spectrum:
     """Return what `Record.spectrum` promises."""
     both = np.concatenate((record.y, record.u))
     phase = (record.t - record.t[0]) / record.duration
@@ -73,14 +38,12 @@ def spectrum_of(record: Record) -> Spectrum:
     return Spectrum(frozen(omega), frozen(lines), names, units)
 
 
-def noise_table(record: Record, order: int) -> Table:
+def noise_table(record: Samples, order: int) -> Table:
     """Return what `Record.noise_level` promises."""
     if record.dt is None:
         raise DataError(
             "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
         )
-    from .._core import noise_level
-
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
     level = np.asarray(noise_level(both, whole("noise_level", "order", order, 1, 100)))
     rms = both.std(axis=1)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import reals
+from ..base.samples import band_edges
 from ..base.tables import nearest
 from ..errors import SpecError
-from ..models.options import band_edges
 from .gramians import Realisation
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from ..systems.gains import SchurForm
 
 __all__ = ["AXIS", "Balanced", "Realisation", "balance", "split"]
 
@@ -40,28 +41,13 @@ class Realisation:
         return np.linalg.eigvals(self.a).astype(np.complex128) if self.order else np.zeros(0, np.complex128)
 
     @cached_property
-    def _schur(self) -> tuple[C128, C128, C128]:
-        from scipy.linalg import schur
-
-        t, z = schur(self.a, output="complex")
-        return t, z.conj().T @ self.b, self.c @ z
+    def schur(self) -> SchurForm:
+        """What `response` is computed with."""
+        return SchurForm(self.a, self.b, self.c, self.d)
 
     def response(self, omega: F64) -> C128:
-        """G(iω), (omega, output, input): triangular solves for many frequencies at once."""
-        n, outputs, inputs = self.order, *self.d.shape
-        found = np.broadcast_to(self.d.astype(np.complex128), (omega.size, outputs, inputs)).copy()
-        if n == 0:
-            return found
-        t, b, c = self._schur
-        for first in range(0, omega.size, 256):
-            s = 1j * omega[first : first + 256]
-            x = np.empty((n, inputs * s.size), dtype=np.complex128)
-            for k in range(n - 1, -1, -1):
-                right = (t[k, k + 1 :] @ x[k + 1 :]).reshape(inputs, s.size) + b[k][:, None]
-                x[k] = (right / (s - t[k, k])).ravel()
-            y = (c @ x).reshape(outputs, inputs, s.size)
-            found[first : first + 256] += y.transpose(2, 0, 1)
-        return found
+        """G(iω), (omega, output, input)."""
+        return self.schur.gains(omega)
 
     def minus(self, other: Realisation) -> Realisation:
         """The difference of two systems."""

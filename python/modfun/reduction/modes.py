@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.least_squares import levenberg_marquardt
 from .fractions import Region
 from .gramians import Realisation
 
@@ -173,32 +174,29 @@ def fit_modes(
         s, weight = np.append(s, 0), np.append(weight, size)
         data = np.concatenate([data, dcgain[None].astype(np.complex128)])
     here = _modes(start.a, start.b, _Lines(np.asarray(s, dtype=np.complex128), data, weight))
-    size = float(np.sum(here.lines.target**2))
-    damping, nit = 1e-3, 0
-    gram, slope = here.normal()
-    while nit < maxiter and here.cost > 1e-26 * size:
-        nit += 1
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = gram / np.outer(scale, scale)
-        step = np.linalg.lstsq(scaled + damping * np.eye(scale.size), -slope / scale, rcond=1e-15)[0]
-        foreseen = -float(step @ (2 * slope / scale + scaled @ step))
-        if foreseen <= tol * here.cost and damping <= 1:
-            break
-        trial = here.moved(step / scale)
-        if np.all(np.isfinite(trial.a)) and region.holds(trial.poles) and trial.cost < here.cost:
-            gain = (here.cost - trial.cost) / max(foreseen, 1e-300)
-            damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
-            here = trial
-            gram, slope = here.normal()
-        else:
-            damping *= 5
-            if damping > 1e8:
-                break
+
+    def moved(at: _Modes, move: F64) -> _Modes | None:
+        trial = at.moved(move)
+        return trial if np.all(np.isfinite(trial.a)) and region.holds(trial.poles) else None
+
+    enough = 1e-26 * float(np.sum(here.lines.target**2))
+    here, nit, ended = levenberg_marquardt(
+        here, _Modes.normal, _step, moved, enough=enough, tol=tol, maxiter=maxiter
+    )
     c = here.c
     if dcgain is not None:  # what the heavy weight has left
         inner = -np.linalg.solve(here.a, here.b)
         c = c + (dcgain - c @ inner) @ np.linalg.pinv(inner)
-    return Realisation(here.a, here.b, c, np.zeros((c.shape[0], here.b.shape[1]))), nit
+    return Realisation(here.a, here.b, c, np.zeros((c.shape[0], here.b.shape[1]))), nit + (ended == "settled")
+
+
+def _step(_: _Modes, normal: tuple[F64, F64], damping: float) -> tuple[F64, float]:
+    """The damped move, and the fall of the cost that it promises."""
+    gram, slope = normal
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(scale, scale)
+    step = np.linalg.lstsq(scaled + damping * np.eye(scale.size), -slope / scale, rcond=1e-15)[0]
+    return step / scale, -float(step @ (2 * slope / scale + scaled @ step))
 
 
 def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:

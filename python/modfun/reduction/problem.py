@@ -325,8 +325,8 @@ class Problem:
             found.append(total)
         return np.concatenate(found)
 
-    def step(self, here: Point, rows: F64, damping: float) -> tuple[list[C128], F64, float]:
-        """New poles and delays, and the cost foreseen (without damping's share)."""
+    def step(self, here: Point, rows: F64, damping: float) -> tuple[tuple[list[C128], F64], float]:
+        """New poles and delays, and the fall of the cost that they promise (without damping's share)."""
         size = np.linalg.norm(rows, axis=0)
         size[size == 0] = 1.0
         damped = np.vstack([rows / size, np.sqrt(damping) * np.eye(size.size)]) if damping else rows / size
@@ -356,7 +356,7 @@ class Problem:
         for own in here.poles:
             poles.append(Fractions(own).zeros_with(x[first : first + own.size]) if own.size else own)
             first += own.size
-        return poles, here.delays + x[first:], float(left @ left)
+        return (poles, here.delays + x[first:]), here.cost - float(left @ left)
 
     def is_singular(self, here: Point) -> bool:
         """Whether some changes of poles and delays change nothing that numerators could not undo."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.least_squares import levenberg_marquardt
 from ..models.layout import Layout
 from .fractions import Region, mirrored
 from .problem import Point, Problem
@@ -176,7 +177,7 @@ def _sweep(problem: Problem, here: Point, unstable: int | None, region: Region |
     """Sanathanan–Koerner steps; the best point on the way."""
     best, nit = here, 0
     while nit < SWEEPS:
-        poles, _, _ = problem.step(here, problem.slopes(here, problem.data), 0.0)
+        (poles, _), _ = problem.step(here, problem.slopes(here, problem.data), 0.0)
         nit += 1
         if not all(np.all(np.isfinite(own)) for own in poles):
             break
@@ -199,25 +200,20 @@ def _descend(
     if not np.isfinite(here.cost):
         return here, 0, "nonfinite"
     size = sum(float(np.sum((one.residuals + one.columns @ one.coefficients) ** 2)) for one in here.blocks)
-    damping = 1e-3
-    rows = problem.slopes(here, here.response)
-    for nit in range(maxiter):
-        if here.cost <= 1e-28 * size:
-            return here, nit, "ok"
-        poles, delays, foreseen = problem.step(here, rows, damping)
-        if here.cost - foreseen <= tol * here.cost and damping <= 1.0:
-            return here, nit, "ok"
-        trial = problem.point(poles, delays) if _allowed(poles, unstable, region) else None
-        if trial is not None and trial.cost < here.cost:
-            gain = (here.cost - trial.cost) / max(here.cost - foreseen, 1e-300)
-            damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
-            here = trial
-            rows = problem.slopes(here, here.response)
-        else:
-            damping *= 5.0
-            if damping > 1e8:
-                return here, nit, "ok"
-    return here, maxiter, "maxiter"
+
+    def moved(_: Point, to: tuple[list[C128], F64]) -> Point | None:
+        return problem.point(*to) if _allowed(to[0], unstable, region) else None
+
+    here, nit, ended = levenberg_marquardt(
+        here,
+        lambda at: problem.slopes(at, at.response),
+        problem.step,
+        moved,
+        enough=1e-28 * size,
+        tol=tol,
+        maxiter=maxiter,
+    )
+    return here, nit, "maxiter" if ended == "maxiter" else "ok"
 
 
 def _allowed(poles: list[C128], unstable: int | None, region: Region | None) -> bool:

@@ -87,7 +87,7 @@ def source_of(given: Any) -> Source | Lines:
     if isinstance(given, tuple):
         return _source(_matrices(given), None)
     if not isinstance(given, LTI):
-        from ..systems.interop import system_of
+        from ..systems.making import system_of
 
         given = system_of(given, 0.0)
     return _source(realisation(given), given.delays)

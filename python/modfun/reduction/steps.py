@@ -13,7 +13,8 @@ from ..base.samples import numbered
 from ..errors import SpecError
 from ..models.layout import Layout
 from ..models.transfer_function import TransferFunction, system_of
-from ..systems.lti import LTI, ss, tf
+from ..systems.lti import LTI
+from ..systems.making import ss, tf
 from .criterion import Criterion, Target, Weight, criterion_of, lines_criterion
 from .fractions import Fractions, Region
 from .gramians import Realisation

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import coefficients, local_responses
 from ..base.arguments import public, reals, whole
+from ..base.arrays import C128, F64
 from ..base.progress import Progress
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
@@ -20,8 +21,6 @@ from .coefficients import spectrum
 
 __all__ = ["frf"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 METHODS = ("lrm", "lpm", "modulating")
 WEIGHTINGS = ("ls", "awls", "ml")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import html
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.student import root
 from ..base.tables import Table
 from ..errors import FitError
@@ -18,7 +18,6 @@ from .estimates import Estimates
 
 __all__ = ["Collinearity", "collinearity_of"]
 
-F64 = NDArray[np.float64]
 STRONG = 30.0  # condition index (Belsley, Kuh and Welsch)
 SHARE = 0.5  # of a variance that one direction accounts for
 

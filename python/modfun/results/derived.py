@@ -6,19 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
-from ..language.evaluate import expression
+from ..language.evaluate import function_of
 from .estimates import Estimates
 from .gradients import differences, root_gradients
 
 __all__ = ["cancelling", "damp", "derived"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Root = tuple[complex, C128]  # and its derivatives (parameter)
 
 
@@ -41,10 +39,10 @@ def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[
         # A name such as b0[q,de] is no word of the language: it is read under one that is.
         words = {name: f"p{k}_" for k, name in enumerate(names) if not name.isidentifier() and name in given}
         if not words:
-            return expression(given, names)
+            return function_of(given, names)
         for own, word in words.items():
             given = given.replace(own, word)
-        read = expression(given, [words.get(name, name) for name in names])
+        read = function_of(given, [words.get(name, name) for name in names])
         return lambda values: read({words.get(own, own): value for own, value in values.items()})
     if callable(given):
         return lambda values: _called(name, given, values)

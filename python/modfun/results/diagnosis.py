@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import coefficients
+from ..base.arrays import F64
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
 from .estimates import Estimates
@@ -30,7 +31,6 @@ __all__ = [
     "surely_stable",
 ]
 
-F64 = NDArray[np.float64]
 PIECE = 1 << 15  # intervals of which long records' levels are made
 
 

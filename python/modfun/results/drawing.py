@@ -6,14 +6,21 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import shown
-from ..base.axes import bridge_gaps, drawing, frequency_axis, returned, take_axes, take_pairs
+from ..base.arrays import F64
+from ..base.axes import (
+    bridge_gaps,
+    chosen_outputs,
+    chosen_rows,
+    drawing,
+    frequency_axis,
+    returned,
+    take_axes,
+    take_pairs,
+)
 from ..base.student import root
-from ..base.tables import nearest
 from ..errors import SpecError
-from ..plot.channels import spectrum as draw_spectrum
 from ..records.record import Record
 from ..systems.drawing import Curve, curves_of, draw_bode, span
 from ..systems.frequency_response import FrequencyResponse
@@ -23,7 +30,6 @@ from .scores import score
 
 __all__ = ["bode", "correlation", "harmonics", "poles", "residual_tests", "residuals", "response"]
 
-F64 = NDArray[np.float64]
 NUMBERS = 10  # parameters up to which correlations are written into their cells
 
 
@@ -45,7 +51,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     -------
     Axes or ndarray of Axes, shape (2 · outputs,)
     """
-    chosen = _chosen_outputs(fit, output, "plot.response")
+    chosen = chosen_outputs(fit.outputs, output, "plot.response")
     measured = fit.record_of(rec, "plot.response")
     simulated, _ = fit.simulate(measured)
     errors = np.where(True if measured.mask is None else measured.mask, measured.y - simulated, np.nan)
@@ -58,7 +64,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         upper.plot(
             measured.t, simulated[i], color="C3", linewidth=1.0, label=f"simulated: {levels[i]:.1f} dB"
         )
-        bridge_gaps(upper, measured, name, label="masked")
+        bridge_gaps(upper, measured.t, measured[name], measured._good(name), label="masked")
         lower.plot(measured.t, errors[i], color="C0", linewidth=0.8, label="error")
         upper.set_ylabel(f"{name}{unit}")
         if lower is not upper:
@@ -245,7 +251,7 @@ def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: 
     seen = fit.record_of(rec, "plot.harmonics")
     spec = seen.spectrum()
     axes = take_axes(ax, len(spec.channels), height=1.8)
-    draw_spectrum(spec, ax=axes[0] if hasattr(ax, "plot") else axes, hz=hz)
+    spec.plot(axes[0] if hasattr(ax, "plot") else axes, hz=hz)
     scale, _ = frequency_axis(hz)
     low, high = _used(fit, seen)
     edges = scale * max(low, spec.omega[0] / 2), scale * min(high, 1.05 * spec.omega[-1])
@@ -306,7 +312,7 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
         lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
         lower.set_ylabel(f"autocorrelation{of}")
 
-    return _each_row(fit, ax, _chosen_rows(fit, output, "plot.residuals"), 2.3, draw)
+    return _each_row(fit, ax, chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals"), 2.3, draw)
 
 
 @drawing
@@ -325,7 +331,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     -------
     ndarray of Axes, shape (2 · rows,)
     """
-    chosen = _chosen_rows(fit, output, "plot.residual_tests")
+    chosen = chosen_rows(fit.row_names, fit.outputs, output, "plot.residual_tests")
     if hasattr(ax, "plot"):
         raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
 
@@ -437,24 +443,3 @@ def correlation(fit: Fit, ax: Any = None) -> Any:
             colour = "#fefefe" if abs(value) > 0.6 else "#222222"
             here.text(j + 0.5, i + 0.5, f"{value:.2f}", ha="center", va="center", color=colour, size=8)
     return returned(ax, [here])
-
-
-def _chosen_outputs(fit: Fit, output: str | None, what: str) -> list[int]:
-    """Positions of the outputs to draw: the one that is named, or all."""
-    if output is None:
-        return list(range(len(fit.outputs)))
-    if output not in fit.outputs:
-        raise SpecError(f"{what}: the fit has no output {output!r}; {nearest(output, fit.outputs)}")
-    return [fit.outputs.index(output)]
-
-
-def _chosen_rows(fit: Fit, output: str | None, what: str) -> list[int]:
-    """Positions of the rows of residuals to draw: outputs or, of equations, these, which may be fewer."""
-    rows = fit.row_names
-    if output is None:
-        return list(range(len(rows)))
-    if output in rows:
-        return [rows.index(output)]
-    if len(rows) != len(fit.outputs):
-        raise SpecError(f"{what}: residuals belong to equations; {nearest(output, rows)}")
-    return _chosen_outputs(fit, output, what)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import inf, nan
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import noise_level
-from ..base.arguments import public, whole
+from ..base.arguments import whole
+from ..base.arrays import C128, F64
 from ..base.student import probability, root, student_interval
 from ..base.tables import nearest
 from ..errors import DataError, FitError, SpecError
@@ -21,22 +21,20 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import system_of
 from ..records.record import Record
-from ..systems.lti import LTI, ss
+from ..systems.lti import LTI
+from ..systems.making import ss
+from ..systems.polynomials import companion
 from . import gradients, prediction
 from .prediction import InitialState
-from .regression import companion
 
 __all__ = ["Estimates"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 # Fields that are in the core's answer by the same name.
 ANSWERED = (
     "cov_nonrobust", "cov_hc3", "cost", "df_resid", "status", "nit", "gram", "condition_bound", "band_rule",
 )  # fmt: skip
 
 
-@partial(public, within="Fit")
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimates:
     """What the core answered, what was asked of it, and the numbers that follow; `Fit` tells the fields.

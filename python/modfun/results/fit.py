@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import C128, F64
 from ..base.samples import frequencies
 from ..base.tables import Findings, Table, nearest
 from ..errors import SpecError
@@ -28,9 +29,6 @@ from .storage import fit_to_dict
 from .summary import Summary, facts, one_line, parameters
 
 __all__ = ["Fit"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public

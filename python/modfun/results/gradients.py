@@ -8,28 +8,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..models.layout import Layout
-from ..systems.polynomials import roots_of
+from ..systems.polynomials import root_slopes
 
 __all__ = ["differences", "pole_gradients", "response_gradients", "root_gradients"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
-
-def root_gradients(polynomial: F64, places: Sequence[int | None], size: int) -> tuple[C128, C128]:
-    """Roots and their derivatives (root, parameter): dr/dc_k = -r^(n-k)/P'(r).
+def root_gradients(p: F64, places: Sequence[int | None], size: int) -> tuple[C128, C128]:
+    """Roots and their derivatives (root, parameter).
 
     `places` says which of the `size` parameters each coefficient is, None where it is none. The derivatives
     of a repeated root are infinite.
     """
-    found, degree = roots_of(polynomial), polynomial.size - 1
-    slope = np.polyval(np.polyder(polynomial), found)
+    found, slopes = root_slopes(p)
     gradient = np.zeros((found.size, size), complex)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for k, at in enumerate(places):
-            if at is not None:
-                gradient[:, at] = -(found ** (degree - k)) / slope
+    for k, at in enumerate(places):
+        if at is not None:
+            gradient[:, at] = slopes[:, k]
     return found, gradient
 
 

@@ -6,22 +6,27 @@ Of linear equations all responses are exact and their sum is linear; of others t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..base.arrays import F64
+from ..base.least_squares import levenberg_marquardt
+from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
+from ..records.mask import sample_weights
 from ..records.record import Record
-from ..systems.lti import LTI, ss
+from ..systems.lti import LTI
+from ..systems.making import ss
 from ..systems.propagate import respond
 from .estimates import Estimates
-from .prediction import InitialState, given_state, sample_weights
+from .prediction import InitialState, given_state
 
 __all__ = ["find_state", "simulate_equations", "slopes"]
 
-F64 = NDArray[np.float64]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
 # First guesses of what is not measured, in units of the outputs' size.
 MULTIPLES = (0.0, 1.0, -1.0, 0.1, -0.1, 10.0, -10.0)
@@ -29,8 +34,7 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
-TERMS = {None: 0, "constant": 1, "linear": 2}  # unknowns of a trend
-TOL = 1e-10
+NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
 
 def simulate_equations(
@@ -78,7 +82,7 @@ def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> t
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
     system = ss(a, b @ pick, c[rows], d[rows] @ pick)
-    return _linear_state(system, rec, TERMS[fit.trend], algebraic, state)
+    return _linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
 
 
 def _linear_state(
@@ -133,7 +137,7 @@ def _linear_state(
     columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
     if not columns:
         return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0))
-    own = sample_weights(rec)
+    own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
     left, regressors = rec.y - forced, np.array(columns)
     if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
         raise DataError(
@@ -182,7 +186,7 @@ def find_state(
     initial : InitialState
         `trend` holds the constant, or the constant and the slope by t, of each equation.
     """
-    search = _Search(model, rec, TERMS[trend], state)
+    search = _Search(model, rec, TRENDS.index(trend), state)
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
     tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
@@ -196,17 +200,17 @@ def find_state(
             "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
-        z, _ = search.refine(z, length, ROUNDS, 1e-2)
-    for rtol, tol in ((ROUGH, 1e-2), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
+        z, _ = search.refine(z, length, ROUNDS, NEARLY)
+    for rtol, tol in ((ROUGH, NEARLY), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
         search.weigh(z)
         search.rtol = rtol
         z, _ = search.refine(z, count, ROUNDS, tol)
-    y, jacobian, residual = search.at(z, count)  # DataError: it leaves all bounds, and says when
+    here = search.at(z, count)  # DataError: it leaves all bounds, and says when
     freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
     cov = np.zeros((n + z.size - search.found, n + z.size - search.found))
-    cov[n - search.found :, n - search.found :] = np.linalg.pinv(jacobian.T @ jacobian)
+    cov[n - search.found :, n - search.found :] = np.linalg.pinv(here.jacobian.T @ here.jacobian)
     x, drift = search.split(z)
-    return y, InitialState(x, cov[:n, :n] * (residual @ residual / freedom), drift)
+    return here.y, InitialState(x, cov[:n, :n] * (here.cost / freedom), drift)
 
 
 def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:
@@ -247,7 +251,7 @@ class _Search:
             model = model_of(wider, np.append(self.params, np.zeros(extra)))
         self.model = model
         self.found = len(model.states) if state is None else 0  # so many of the unknowns are states
-        self.own = sample_weights(rec)
+        self.own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
         spread = np.std(rec.y, axis=1)
         self.weights = self.own / np.where(spread > 0, spread, 1.0)[:, None]
         # A state's size in time: derivatives of an output by the time in which it turns.
@@ -287,14 +291,14 @@ class _Search:
     def weigh(self, z: F64) -> None:
         """Weigh outputs by the residuals that z leaves."""
         try:
-            e = self.own * (self.rec.y - self.at(z, self.rec.t.size)[0])
+            e = self.own * (self.rec.y - self.at(z, self.rec.t.size).y)
         except DataError:
             return
         level = np.sqrt(np.sum(e**2, axis=1) / np.maximum(np.count_nonzero(self.own, axis=1), 1))
         level = np.maximum(level, 1e-9 * np.max(np.abs(self.rec.y)))
         self.weights = self.own / level[:, None]
 
-    def at(self, z: F64, length: int) -> tuple[F64, F64, F64]:
+    def at(self, z: F64, length: int) -> _Point:
         """Response, Jacobian and residuals, weighted, over the first samples."""
         rec, steps = self.rec, STEP * np.maximum(np.abs(z), self.sizes)
         moved = z[:, None] + np.hstack([np.zeros((z.size, 1)), np.diag(steps)])
@@ -309,33 +313,54 @@ class _Search:
         w = self.weights[:, None, :length]
         jacobian = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1)
         jacobian = jacobian.reshape(y.shape[0] * y.shape[2], z.size)
-        return y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        return _Point(
+            z, y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        )
 
     def refine(self, z: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
         """Levenberg–Marquardt steps until one gains less than `tol`; cost inf where there is no response."""
         try:
-            _, jacobian, residual = self.at(z, length)
+            here = self.at(z, length)
         except DataError:
             return z, np.inf
-        cost, damping = float(residual @ residual), 1e-6
-        for _ in range(rounds if z.size else 0):
-            size = np.linalg.norm(jacobian, axis=0)
-            size = np.where(size > 0, size, 1.0)
-            rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(z.size)])
-            step = np.linalg.lstsq(rows, np.append(residual, np.zeros(z.size)), rcond=None)[0] / size
+
+        def moved(at: _Point, step: F64) -> _Point | None:
             try:
-                _, new, left = self.at(z + step, length)
-                less = float(left @ left)
+                return self.at(at.z + step, length)
             except DataError:
-                less = np.inf
-            if less < cost:
-                done = cost - less <= tol * cost
-                z, jacobian, residual, cost = z + step, new, left, less
-                damping = max(damping / 10, 1e-12)
-                if done:
-                    break
-            elif damping > 1e8 or np.all(np.abs(step) <= tol * np.maximum(np.abs(z), self.sizes)):
-                break
-            else:
-                damping = max(10 * damping, 1e-4)
-        return z, cost
+                return None
+
+        here, _, _ = levenberg_marquardt(
+            here,
+            lambda at: at.jacobian,
+            _step,
+            moved,
+            enough=0.0,
+            tol=tol,
+            maxiter=rounds if z.size else 0,
+            damping=1e-6,
+        )
+        return here.z, here.cost
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Unknowns, their response, and weighted derivatives and residuals."""
+
+    z: F64
+    y: F64
+    jacobian: F64
+    residual: F64
+
+    @property
+    def cost(self) -> float:
+        return float(self.residual @ self.residual)
+
+
+def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float]:
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
+    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0] / size
+    left = here.residual - jacobian @ step
+    return step, here.cost - float(left @ left)

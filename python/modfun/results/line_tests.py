@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..base.arrays import C128, F64
 
 __all__ = ["Whiteness", "colour_of_lines", "correlation_of_lines", "cumulated_power"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.words import STATUS
 from ..equations.equation import Equation
 from ..equations.layout import layout_of
 from ..equations.state_space import StateSpace
 from ..errors import DataError
-from ..models.free import free_from_plain
+from ..models.free import from_plain
 from ..models.noise import Noise
-from ..models.options import STATUS, Options
+from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..systems.frequency_response import FrequencyResponse
 from .fit import Fit
@@ -95,8 +96,8 @@ def _structure_from_dict(values: dict[str, Any]) -> Any:
         own = dict(values)
         family: Any = {"Equation": Equation, "StateSpace": StateSpace}[own.pop("family")]
         return family.from_dict(own)
-    params = {name: free_from_plain(given) for name, given in values["params"].items()}
-    return TransferFunction(**{**values, "delay": free_from_plain(values["delay"]), "params": params})
+    params = {name: from_plain(given) for name, given in values["params"].items()}
+    return TransferFunction(**{**values, "delay": from_plain(values["delay"]), "params": params})
 
 
 def _options_from_dict(values: dict[str, Any]) -> Options:

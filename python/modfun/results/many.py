@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.optional import optional
 from ..base.student import probability, student_interval
 from ..base.tables import Table, nearest
+from ..base.words import STATUS
 from ..errors import SpecError
-from ..models.options import STATUS, Options
+from ..models.options import Options
 from .estimates import Estimates
 
 __all__ = ["FitMany"]
-
-F64 = NDArray[np.float64]
 
 
 @public

@@ -15,15 +15,14 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import complexes
+from ..base.arrays import C128, F64
 from ..errors import FitError, SpecError
 
 __all__ = ["Observed", "default_eigenvalues", "observe"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 DECAY = 1.0  # least decay of the error over the record, in time constants; more costs accuracy
 APART = 0.02  # repeated eigenvalues are set apart by so much of themselves: one output cannot place them
 FASTEST = 15.0  # time constants in a step that can be followed backwards

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any, Never
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import reals
+from ..base.arrays import F64
 from ..base.student import root
 from ..equations.layout import EquationLayout
+from ..equations.symbolic.known import basis
 from ..errors import SpecError
 from ..models.noise import Noise
 from ..records.record import Record
@@ -20,8 +22,6 @@ from .initial_state import simulate_equations
 from .prediction import InitialState
 
 __all__ = ["EquationFit"]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,8 +64,6 @@ class EquationFit(Fit):
         -------
         value, bse : (time,) arrays
         """
-        from ..equations.symbolic.varying import basis
-
         instants = np.atleast_1d(reals("varying", "t", t))
         names, values, held = basis(self.layout.compiled, name, instants)
         place = [self.param_names.index(own) for own in names]

@@ -7,8 +7,8 @@ from math import nan
 from typing import Any, Never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.tables import Findings
 from ..errors import FitError, SpecError
 from ..records.record import Record
@@ -19,8 +19,6 @@ from .fit import Fit
 from .page_records import Content, of_gains
 
 __all__ = ["ResponseFit"]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

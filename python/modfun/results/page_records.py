@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
+from typing import Any
 
+from ..base.samples import Origin
 from ..base.tables import Findings, Table
 from ..errors import FitError
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
 from ..pages.provenance import hashes, hashes_of_gains
-from ..plot.channels import record as draw_record
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from . import drawing
@@ -71,7 +72,7 @@ def of_records(fit: Estimates, facts: Sequence[tuple[str, str]], findings: Findi
             section("response", "Response", lambda: _responses(fit)),
             section("residuals", "Residuals", lambda: _residuals(fit), lambda: _tests(fit)),
         ),
-        hashes=lambda: () if fit.records is None else hashes(fit.records),
+        hashes=lambda: () if fit.records is None else hashes(map(_arrays, fit.records)),
     )
 
 
@@ -84,9 +85,13 @@ def of_gains(data: FrequencyResponse, facts: Sequence[tuple[str, str]], findings
         before=(section("data", "Data", lambda: _gains(data)),),
         level=lambda: (Facts(tuple((name, told[name]) for name in ("Weights", "Condition", "Errors"))),),
         after=tuple,
-        hashes=lambda: hashes_of_gains(data),
+        hashes=lambda: hashes_of_gains({name: getattr(data, name) for name in ("omega", "response", "cov")}),
         measured=(data,),
     )
+
+
+def _arrays(rec: Record) -> tuple[Origin | None, dict[str, Any]]:
+    return rec.source, {name: getattr(rec, name) for name in ("t", "y", "u", "mask", "sigma")}
 
 
 def _gains(data: FrequencyResponse) -> Iterable[Block]:
@@ -147,7 +152,7 @@ def _tables(records: Sequence[Record]) -> Iterable[Block]:
 def _over_time(records: Sequence[Record]) -> Iterable[Block]:
     for _, rec, of in _drawn(records):
         rows = len(rec.outputs) + len(rec.inputs)
-        svg = drawn(partial(draw_record, rec), rows, height=1.4, sharex=True)
+        svg = drawn(rec.plot, rows, height=1.4, sharex=True)
         masked = "" if rec.mask is None else " Masked samples are left out; dotted lines bridge them."
         yield Figure(
             svg,

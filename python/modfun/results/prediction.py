@@ -6,28 +6,30 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._core import simulate_uneven
 from ..base.arguments import shown
+from ..base.arrays import F64
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
-from ..records.mask import refuse_own_noise
+from ..records.mask import sample_weights
 from ..records.record import Record
-from ..systems.lti import LTI, tf
+from ..records.samples import refuse_own_noise
+from ..systems.lti import LTI
+from ..systems.making import tf
+from ..systems.polynomials import companion
 from .observer import observe
-from .regression import companion, free_response, regress, trend_columns
+from .regression import free_response, regress, trend_columns
 
 __all__ = [
     "InitialState",
     "given_state",
     "observe_paths",
     "path_model",
-    "sample_weights",
     "simulate_paths",
 ]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,7 @@ def simulate_paths(
     """
     orders = layout.orders
     given = None if initial_state is None else given_state(initial_state, sum(orders))
-    drift, weights = trend_columns(rec.t, trend), sample_weights(rec)
+    drift, weights = trend_columns(rec.t, trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
     states, offsets, first = [], [], 0
@@ -126,12 +128,6 @@ def simulate_paths(
             "predict a shorter piece with rec.window(start, stop)"
         )
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
-
-
-def sample_weights(rec: Record) -> F64:
-    """1/standard deviation of each sample of the outputs, up to a factor, 0 where masked; (output, time)."""
-    weights = np.ones_like(rec.y) if rec.sigma is None else 1 / rec.sigma
-    return weights if rec.mask is None else np.where(rec.mask, weights, 0.0)
 
 
 def observe_paths(
@@ -203,25 +199,7 @@ def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
 
 
 def _forced_uneven(model: LTI, rec: Record) -> F64:
-    """Uneven steps, one exact transition each; smooth inputs are taken as straight between samples."""
-    from scipy.linalg import expm
-
+    """Exact at uneven instants; smooth inputs are taken as straight between samples."""
     a, b, c, d, _ = model.scaled()
-    n, inputs = b.shape
-    step = np.diff(rec.t)
-    block = np.zeros((n + 2 * inputs, n + 2 * inputs))
-    block[:n, :n], block[:n, n : n + inputs] = a, b
-    # The slope enters as a state that is constant over the step: du/h, so its row is not scaled by h.
-    blocks = block * step[:, None, None]
-    blocks[:, n : n + inputs, n + inputs :] = np.eye(inputs)
-    transition = expm(blocks)
-    rise = np.where(np.array(rec.intersample)[:, None] == "zoh", 0.0, np.diff(rec.u))
-    drive = np.einsum("kij,jk->ki", transition[:, :n, n : n + inputs], rec.u[:, :-1])
-    drive += np.einsum("kij,jk->ki", transition[:, :n, n + inputs :], rise)
-    x = np.zeros(n)
-    y = np.empty(rec.t.size)
-    y[0] = 0.0
-    for k, move in enumerate(transition[:, :n, :n]):
-        x = move @ x + drive[k]
-        y[k + 1] = (c @ x)[0]
-    return np.asarray(y + (d @ rec.u)[0], dtype=float)
+    held = [kind == "zoh" for kind in rec.intersample]
+    return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)

@@ -5,25 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import simulate
+from .._core import simulate, simulate_uneven
+from ..base.arrays import F64
+from ..base.words import TRENDS
 from ..errors import DataError
+from ..systems.polynomials import companion, time_unit
 
-__all__ = ["Regression", "companion", "free_response", "regress", "rms", "trend_columns"]
-
-F64 = NDArray[np.float64]
+__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
 
 
 def rms(v: F64) -> float:
     """Root mean square, whatever the size of the numbers."""
     peak = float(np.max(np.abs(v)))
     return peak * float(np.sqrt(np.mean((v / peak) ** 2))) if peak > 0 else 0.0
-
-
-def companion(den: F64) -> F64:
-    """The matrix of x' = A x, x = y, y', ..., for den(p) y = 0; den is monic."""
-    return np.vstack([np.eye(den.size - 1, k=1)[:-1], -den[:0:-1]])
 
 
 def free_response(den: F64, t: F64) -> F64:
@@ -42,43 +37,32 @@ def free_response(den: F64, t: F64) -> F64:
         Row i is the output for y^(i) = 1 and all other derivatives 0 at t[0]. Entries overflow to inf
         where an unstable mode grows beyond all numbers.
     """
-    a = np.asarray(den, float)[1:]
-    n = a.size
+    den = np.asarray(den, float)
+    n = den.size - 1
     if n == 0:
         return np.zeros((0, t.size))
     # Derivatives in units of the fastest rate: a companion matrix of entries near one.
-    powers = np.arange(1, n + 1)
-    rate = float(np.max(np.abs(a) ** (1.0 / powers))) or 1.0 / float(t[-1] - t[0])
-    motion = rate * companion(np.concatenate([[1.0], a / rate**powers]))
+    rate = time_unit(den, 1.0 / float(t[-1] - t[0]))
+    a = companion(den, rate)
     step = np.diff(t)
     rows = np.empty((n, t.size))
     even = bool(np.ptp(step) <= 1e-9 * step.mean())
-    if even:
-        nothing = np.zeros((1, t.size))
-        pick = np.zeros((1, n))
-        pick[0, 0] = 1.0
-        dt = float(t[-1] - t[0]) / step.size
-        for i in range(n):
-            start = np.zeros(n)
-            start[i] = 1.0
-            rows[i] = simulate(
-                motion, np.zeros((n, 1)), pick, np.zeros((1, 1)), start, nothing, dt, "zoh", None
-            )[0]
-    else:
-        from scipy.linalg import expm
-
-        state = np.eye(n)
-        rows[:, 0] = state[0]
-        for k, transition in enumerate(expm(motion * step[:, None, None])):
-            state = transition @ state
-            rows[:, k + 1] = state[0]
+    dt = float(t[-1] - t[0]) / step.size
+    nothing, into, through = np.zeros((1, t.size)), np.zeros((n, 1)), np.zeros((1, 1))
+    pick = np.eye(n)[:1]
+    for i, start in enumerate(np.eye(n)):
+        system = a, into, pick, through, start, nothing
+        if even:
+            rows[i] = simulate(*system, dt, "zoh", None)[0]
+        else:
+            rows[i] = simulate_uneven(*system, [True], t)[0]
     return rows / rate ** np.arange(n)[:, None]
 
 
 def trend_columns(t: F64, trend: str | None) -> F64:
     """Offset (and slope) of an output: rows 1 and (t - t[0])/T, as many as the trend has."""
     time = (t - t[0]) / (t[-1] - t[0])
-    return np.vstack([np.ones_like(time), time])[: {None: 0, "constant": 1, "linear": 2}[trend]]
+    return np.vstack([np.ones_like(time), time])[: TRENDS.index(trend)]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.tables import Table
 from ..errors import DataError
 from ..records.record import Record
@@ -14,8 +14,6 @@ from .estimates import Estimates
 from .regression import rms
 
 __all__ = ["fit_percent", "r2", "score", "signal_to_error", "theil"]
-
-F64 = NDArray[np.float64]
 
 
 def _pair(y: F64, simulated: F64) -> tuple[F64, F64]:

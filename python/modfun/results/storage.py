@@ -9,7 +9,7 @@ import numpy as np
 
 from .._core import __version__
 from ..errors import SpecError
-from ..models.free import free_to_plain
+from ..models.free import to_plain
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -54,9 +54,9 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
     if not isinstance(structure, TransferFunction):
         return {"family": type(structure).__name__, **structure.to_dict()}
     values: dict[str, Any] = {"poles": structure.poles, "zeros": structure.zeros}
-    values["delay"] = free_to_plain(structure.delay)
+    values["delay"] = to_plain(structure.delay)
     values["denominator"] = structure.denominator
-    values["params"] = {name: free_to_plain(given) for name, given in structure.params}
+    values["params"] = {name: to_plain(given) for name, given in structure.params}
     return values
 
 

@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._core import coefficients
 from ..base.arguments import public, reals
-from ..base.samples import INTERSAMPLE, frozen
+from ..base.arrays import F64
+from ..base.samples import frozen
 from ..base.tables import Table
+from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..files.delimited import write_delimited
-from .checks import Names, amplitudes_of, names_of, number
-
-if TYPE_CHECKING:
-    from ..records.record import Record
-    from ..records.spectra import Spectrum
+from . import drawing
+from .checks import amplitudes_of, names_of, number
+from .spectrum import Spectrum
 
 __all__ = ["Signals"]
 
-F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]
 
 
@@ -77,7 +77,7 @@ class Signals:
         self,
         u: ArrayLike,
         dt: float,
-        inputs: Names | None = None,
+        inputs: str | int | Sequence[str] | None = None,
         intersample: str | Sequence[str] = "zoh",
         functions: Sequence[Function | None] | None = None,
     ) -> None:
@@ -166,9 +166,6 @@ class Signals:
         Spectrum
             ``spectrum().plot()`` draws it.
         """
-        from .._core import coefficients
-        from ..records.spectra import Spectrum
-
         rules = ["trapezoid" if kind == "smooth" else kind for kind in self.intersample]
         top = self.intervals // 2
         lines = 2 * np.abs(coefficients(self.u, top, rules, [0.0] * len(self.inputs), 0, None)[:, 1:])
@@ -199,9 +196,7 @@ class Signals:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the inputs over time; see `modfun.plot.signals`."""
-        from .. import plot
-
-        return plot.signals(self, ax=ax)
+        return drawing.inputs(self.t, self.u, self.inputs, self.intersample, ax)
 
     # What can be made of them --------------------------------------------------------------------
 
@@ -316,19 +311,6 @@ class Signals:
                     f"take a dt that divides {self.dt:g} s"
                 )
         return Signals(rows, step, self.inputs, self.intersample, self.functions)
-
-    def record(self, y: ArrayLike, outputs: str | Sequence[str] | None = None) -> Record:
-        """A Record of outputs measured under these inputs.
-
-        Parameters
-        ----------
-        y : array_like, shape (time,) or (output, time)
-        outputs : str or sequence of str, optional
-            Names.
-        """
-        from ..records.record import Record
-
-        return Record(y=y, u=self, outputs=outputs)
 
     def to_csv(self, path: str | Path) -> None:
         """Write times and samples as a file of comma separated values: t in seconds, then the inputs.

@@ -14,12 +14,13 @@ from .._core import Stream as CoreStream
 from ..base.arguments import public, real
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
+from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..fitting.fit import Estimator, fit_quietly
 from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
 from ..models.layout import Layout
 from ..models.noise import Noise
-from ..models.options import STATUS, Options
+from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from .._core import count_errors
 from ..base.student import student_factor
-from ..errors import ModfunWarning
+from ..errors import ModfunError, ModfunWarning
+from ..fitting.fit import Estimator, fit_many, fit_quietly
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
 from .contenders import Contender
-from .fitted import fit_one, fit_records
 from .functions import Failed, attempt, generator, number, parameters
 from .generated import Generated
 from .groups import Group
@@ -83,7 +84,7 @@ def estimate(plan: Plan, contender: Contender, group: Group | Generated, rec: Re
         With the exception as its cause.
     """
     if contender.call is None:
-        return attempt("", fit_one, contender.estimators[group.index], rec)
+        return attempt("", _fit_one, contender.estimators[group.index], rec)
     return attempt("", contender.call, rec, generator("estimator", plan.seed, replicate, group.index))
 
 
@@ -164,7 +165,7 @@ class _Cell:
         start = time.perf_counter()
         rows = np.array([row for row, _ in self._waiting])
         own = self.contender.estimators[self.group.index]
-        for places, found in fit_records(own, [rec for _, rec in self._waiting]):
+        for places, found in _fit_records(own, [rec for _, rec in self._waiting]):
             mine = rows[places]
             if isinstance(found, str):
                 self.fail(int(mine[0]), found)
@@ -211,3 +212,42 @@ class _Cell:
         moments, bins, counts = count_errors(errors, truth, figures.tolist())
         tally.moments[where][columns] = moments
         return bins, counts
+
+
+# Estimators of the core on records made in Python: batches where the sampling is common ---------------
+
+
+def _fit_one(own: Estimator, rec: Record) -> Fit:
+    """A fit without its warnings."""
+    return fit_quietly((rec,), own.model, own.options)
+
+
+def _fit_records(own: Estimator, records: Sequence[Record]) -> Iterator[tuple[list[int], FitMany | str]]:
+    """Fit every record, those of one sampling together; the same numbers as one by one.
+
+    Yields
+    ------
+    places : list of int
+        Which of the records.
+    found : FitMany or str
+        Their fits; or the text of what was raised, for a single record.
+    """
+    alike: dict[object, list[int]] = {}
+    for k, rec in enumerate(records):
+        alike.setdefault((rec.intervals, rec.dt, rec.intersample) if rec.dt is not None else k, []).append(k)
+    for places in alike.values():
+        yield from _fits_of(own, records, places)
+
+
+def _fits_of(
+    own: Estimator, records: Sequence[Record], places: list[int]
+) -> Iterator[tuple[list[int], FitMany | str]]:
+    few = [records[k] for k in places]
+    try:
+        yield places, fit_many(few, own.model, threads=1, progress=False, **own.options.given())
+    except ModfunError as error:
+        if len(places) == 1:
+            yield places, f"{type(error).__name__}: {error}"
+            return
+        for place in places:  # one may stand still where the others move
+            yield from _fits_of(own, records, [place])

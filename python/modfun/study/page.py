@@ -10,21 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from .. import plot
 from ..base.tables import Table
 from ..pages import provenance
 from ..pages.figures import drawn
 from ..pages.page import check_place, save
 from ..pages.parts import Block, Code, Facts, Figure, Grid, Page, Section, Words, plain_table, section
-from ..plot.tables import study_rows
 from .directory import FILE, Directory
-from .results import Results
+from .drawing import study, study_rows
+from .figures import Figures
 
 __all__ = ["page_of", "write_study"]
 
 
 def write_study(
-    results: Results,
+    results: Figures,
     path: str | os.PathLike[str],
     *,
     directory: str | os.PathLike[str] | None = None,
@@ -35,7 +34,7 @@ def write_study(
     return save(page_of(results, directory, title), path, "report")
 
 
-def page_of(results: Results, directory: str | os.PathLike[str] | None, title: str | None) -> Page:
+def page_of(results: Figures, directory: str | os.PathLike[str] | None, title: str | None) -> Page:
     """The page.
 
     Parameters
@@ -82,7 +81,7 @@ def page_of(results: Results, directory: str | os.PathLike[str] | None, title: s
     return Page(title or named, tuple(facts), said, "plain", tuple(_findings(results)), made)
 
 
-def _findings(results: Results) -> Iterable[str]:
+def _findings(results: Figures) -> Iterable[str]:
     """What each estimator did, over all cells."""
     for k, name in enumerate(results.estimators):
         tried, failed = (
@@ -110,27 +109,27 @@ def _findings(results: Results) -> Iterable[str]:
         yield f"{said}."
 
 
-def _kind(results: Results, k: int) -> str:
+def _kind(results: Figures, k: int) -> str:
     """Whose intervals were counted, of an estimator that is no function."""
     own = results._plan.contenders[k].estimators
     return f" ({'HC3' if own[0].options.cov_type == 'HC3' else 'classical'})" if own else ""
 
 
-def _figure(results: Results) -> Block:
+def _figure(results: Figures) -> Block:
     rows = len(study_rows(results)[2])
     return Figure(
-        drawn(partial(plot.study, results), rows, columns=2, height=3.4, sharex=True),
+        drawn(partial(study, results), rows, columns=2, height=3.4, sharex=True),
         "Bias on the left and standard deviation on the right, of each estimator.",
         "Root mean squares over the parameters, % of the true values. Bars are ± 2 Monte Carlo standard "
         "errors, the dotted line is the Cramér–Rao bound under white noise, where there is one.",
     )
 
 
-def _metrics(results: Results) -> Section:
+def _metrics(results: Figures) -> Section:
     return section("metrics", "Metrics", lambda: Grid.of(results.metrics.table(), "Metrics"))
 
 
-def _failures(results: Results) -> Iterable[Block]:
+def _failures(results: Figures) -> Iterable[Block]:
     count: dict[str, list[Any]] = {"estimator": list(results.estimators)}
     for word, counts in results.status.items():
         count[word] = counts.reshape(-1, len(results.estimators)).sum(axis=0)
@@ -139,7 +138,7 @@ def _failures(results: Results) -> Iterable[Block]:
         yield Grid.of(results.messages, "What functions raised, of the first hundred")
 
 
-def _provenance(results: Results) -> Iterable[Block]:
+def _provenance(results: Figures) -> Iterable[Block]:
     yield Facts(
         (("Seed", str(results._plan.seed)), ("Noise", f"drawn as {results.draw}"), *provenance.versions())
     )

@@ -1,43 +1,27 @@
-"""The figures of a Monte Carlo study."""
+"""The results of a Monte Carlo study: its figures, and what users do with them."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .. import plot
 from ..base.arguments import public
 from ..base.optional import optional
 from ..base.tables import Table
-from ..equations.written import Written
-from ..errors import DataError, SpecError
-from ..experiments.bound import crlb
 from ..records.record import Record
-from ..systems.lti import LTI
-from .axes import Axis
-from .contenders import Contender
-from .groups import Group
-from .metrics import Metric, Metrics
-from .plan import Plan
-from .tally import STATUS, USED, Tally
+from .drawing import study
+from .figures import Figures
+from .page import write_study
+from .replicate import replicate
 
 __all__ = ["Results"]
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-
 
 @public
-@dataclass(frozen=True, eq=False, repr=False)
-class Results:
+class Results(Figures):
     """Figures of a study; arrays are (cell…, estimator, parameter), `*_mcse` the Monte Carlo error.
 
     The axes of the cells are those given as a dict or a list, in the order system, input, initial_state,
@@ -86,196 +70,6 @@ class Results:
         the first hundred. `status` counts all.
     replicates : int
     """
-
-    axes: dict[str, tuple[Any, ...]]
-    truth: F64
-    bias: F64
-    bias_mcse: F64
-    sd: F64
-    sd_mcse: F64
-    rmse: F64
-    rmse_mcse: F64
-    median: F64
-    median_mcse: F64
-    coverage: F64
-    coverage_mcse: F64
-    failures: I64
-    status: dict[str, I64]
-    nit: F64
-    samples: F64 | None
-    metrics: Metrics
-    seconds: dict[str, float]
-    messages: Table
-    replicates: int
-    draw: str
-    _plan: Plan = field(repr=False)
-
-    @classmethod
-    def collect(
-        cls, plan: Plan, tally: Tally, replicates: int, draw: str, samples: F64 | None = None
-    ) -> Results:
-        """Results from sums; samples are (replicate, group, level, estimator, parameter)."""
-        given = [a for a in plan.axes if a.given]
-        names = tuple(c.name for c in plan.contenders)
-        axes = {a.name: a.labels for a in given} | {"estimator": names, "parameter": plan.parameters}
-        by_word = {word: _shaped(tally.status[..., k], given) for k, word in enumerate(STATUS)}
-        count = len(plan.parameters)  # metrics follow them
-        figures = {name: _shaped(values, given) for name, values in tally.figures(plan.truth).items()}
-        if samples is not None:
-            sizes = [len(a.labels) for a in given]
-            samples = samples.reshape(len(samples), *sizes, *samples.shape[3:])
-            samples = np.moveaxis(samples, 0, -2)
-            samples.flags.writeable = False
-        return cls(
-            axes=axes,
-            truth=_shaped(plan.truth[..., :count], given),
-            **{name: values[..., :count] for name, values in figures.items()},
-            failures=_shaped(tally.status[..., USED:].sum(axis=-1), given),
-            status=by_word,
-            nit=_shaped(tally.nit, given),
-            samples=None if samples is None else samples[..., :count],
-            metrics=_metrics(plan, tally, samples, axes),
-            seconds=dict(zip(names, tally.seconds.tolist(), strict=True)),
-            messages=_messages(plan, tally),
-            replicates=replicates,
-            draw=draw,
-            _plan=plan,
-        )
-
-    @property
-    def param_names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self.axes["parameter"]
-
-    @property
-    def estimators(self) -> tuple[str, ...]:
-        """Names of the estimators."""
-        return self.axes["estimator"]
-
-    @cached_property
-    def crlb(self) -> F64:
-        """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
-
-        With the initial state (and the estimator's trend) unknown, from all samples; nan where the noise or
-        the records are the user's, the structure does not hold the system, or the initial state of equations
-        is drawn. No estimator need reach it in a narrow band, and a biased one may pass it.
-        """
-        plan = self._plan
-        array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
-        known: dict[Any, F64] = {}
-        for g in plan.groups:
-            if not isinstance(g, Group) or g.noise is not None:
-                continue  # there is no system, or noise whose covariance nobody knows
-            rec = g.record(g.rest.y)
-            for k, c in enumerate(plan.contenders):
-                key = (g.index, c.structures[g.index], c.trend)
-                if key not in known:
-                    try:
-                        known[key] = _bound(g, c, rec)
-                    except (SpecError, DataError):
-                        known[key] = np.full(len(c.names(g)), np.nan)
-                array[g.index, :, k, plan.columns(c, g)] = known[key][:, None] * plan.sigma(g)
-        bound: F64 = _shaped(array, [a for a in plan.axes if a.given])
-        return bound
-
-    # Tables ----------------------------------------------------------------------------------------
-
-    def table(self) -> Table:
-        """Every figure with its Monte Carlo standard error: a row a cell, estimator and parameter.
-
-        `maxiter`, where there are any, counts estimates that did not settle and are in the figures.
-        """
-        columns: dict[str, list[Any]] = {name: [] for name in self.axes}
-        figures = ("bias", "sd", "rmse", "median", "coverage")
-        columns["true"] = []
-        for name in figures:
-            columns |= {name: [], f"{name}_mcse": []}
-        counted = self._counted()
-        columns |= {"crlb": [], **{name: [] for name in counted}}
-        for where, labels in self._rows():
-            for k, name in enumerate(self.param_names):
-                if np.isnan(self.sd[where][k]) and np.isnan(self.truth[where][k]):
-                    continue  # another structure's parameter
-                for axis, label in zip(self.axes, (*labels, name), strict=True):
-                    columns[axis].append(label)
-                columns["true"].append(self.truth[where][k])
-                for figure in figures:
-                    columns[figure].append(getattr(self, figure)[where][k])
-                    columns[f"{figure}_mcse"].append(getattr(self, f"{figure}_mcse")[where][k])
-                columns["crlb"].append(self.crlb[where][k])
-                for name, counts in counted.items():
-                    columns[name].append(int(counts[where]))
-        return Table(columns, title=self._title())
-
-    def relative(self) -> Table:
-        """Figures relative to the true parameters, in %, root mean square over the parameters.
-
-        The report's footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. A row a cell
-        and estimator. Without any bias the figure is not 0 but about sd/√R, its Monte Carlo noise. The
-        standard errors are those of the delta method with fully correlated parameters, so at most too
-        large. `maxiter` as in `table`.
-        """
-        columns: dict[str, list[Any]] = {name: [] for name in self.axes if name != "parameter"}
-        figures = ("bias", "sd", "rmse", "crlb")
-        for name in figures:
-            columns[name] = []
-            if name != "crlb":
-                columns[f"{name}_mcse"] = []
-        counted = self._counted()
-        columns |= {name: [] for name in counted}
-        for where, labels in self._rows():
-            for axis, label in zip(self.axes, labels, strict=False):
-                columns[axis].append(label)
-            for figure in figures:
-                value, error = self._relative(figure, where)
-                columns[figure].append(value)
-                if figure != "crlb":
-                    columns[f"{figure}_mcse"].append(error)
-            for name, counts in counted.items():
-                columns[name].append(int(counts[where]))
-        return Table(columns, title=f"{self._title()}; % of the true parameters")
-
-    def _counted(self) -> dict[str, I64]:
-        """Outcomes that tables count: failures, and what did not settle where anything did not."""
-        unsettled = self.status["maxiter"]
-        return {"failures": self.failures} | ({"maxiter": unsettled} if np.any(unsettled) else {})
-
-    def _relative(self, figure: str, where: tuple[int, ...]) -> tuple[float, float]:
-        truth = self.truth[where]
-        own = ~np.isnan(truth)
-        if not own.any() or np.any(truth[own] == 0):
-            return float("nan"), float("nan")
-        values = 100 * getattr(self, figure)[where][own] / truth[own]
-        size = float(np.sqrt(np.mean(values**2)))
-        if figure == "crlb":
-            return size, float("nan")
-        errors = 100 * getattr(self, f"{figure}_mcse")[where][own] / np.abs(truth[own])
-        if size == 0:
-            return 0.0, float(np.sqrt(np.mean(errors**2)))
-        return size, float(np.sum(np.abs(values) * errors) / (values.size * size))
-
-    def _rows(self) -> Iterator[tuple[tuple[int, ...], tuple[Any, ...]]]:
-        used = [labels for name, labels in self.axes.items() if name != "parameter"]
-        for where in product(*(range(len(labels)) for labels in used)):
-            yield where, tuple(labels[k] for labels, k in zip(used, where, strict=True))
-
-    def _title(self) -> str:
-        return f"{self.replicates} replicates, seed {self._plan.seed}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """All figures as plain Python values, tables by column."""
-        return {
-            "replicates": self.replicates,
-            "seed": self._plan.seed,
-            "draw": self.draw,
-            "axes": {name: list(labels) for name, labels in self.axes.items()},
-            "table": self.table().to_dict(),
-            "relative": self.relative().to_dict(),
-            "status": {word: counts.tolist() for word, counts in self.status.items()},
-            "metrics": self.metrics.table().to_dict(),
-            "messages": self.messages.to_dict(),
-            "seconds": self.seconds,
-        }
 
     def to_pandas(self) -> Any:
         """The rows of `table` as a pandas.DataFrame (extra ``pandas``)."""
@@ -332,8 +126,6 @@ class Results:
         DataError
             A function of yours made no record in this replicate; its own exception is the cause.
         """
-        from .replicate import replicate
-
         return replicate(self._plan, self.draw, self.replicates, number, cell)
 
     def report(
@@ -365,15 +157,13 @@ class Results:
         ImportError
             jinja2 or matplotlib is not installed.
         """
-        from .page import write_study
-
         return write_study(self, path, directory=directory, title=title)
 
     # Looks -----------------------------------------------------------------------------------------
 
     def plot(self, ax: Any = None) -> Any:
         """Draw bias and standard deviation against NSR, as the report's Fig. 2; see `mf.plot.study`."""
-        return plot.study(self, ax=ax)
+        return study(self, ax=ax)
 
     def __repr__(self) -> str:
         return repr(self._shown())
@@ -383,60 +173,3 @@ class Results:
 
     def _shown(self) -> Table:
         return self.relative() if np.any(np.isfinite(self.truth)) else self.table()
-
-
-def _bound(group: Group, contender: Contender, rec: Record) -> F64:
-    """Cramér–Rao bound for noise of unit standard deviation."""
-    structure, system = contender.structures[group.index], group.system
-    if isinstance(system, LTI) and isinstance(structure, Written):
-        raise SpecError("crlb: for a linear system the bound is that of a TransferFunction's coefficients")
-    if isinstance(system, LTI):
-        return crlb(system, rec, sigma=group.unit, trend=contender.trend, model=structure).sd
-    if structure != system.structure or group.drawn or group.state is not None:
-        raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
-    return crlb(system, rec, sigma=group.unit, trend=contender.trend, start=group.rest.start).sd
-
-
-def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:
-    """(group, level, estimator, …) as (cell…, estimator, …), read only."""
-    shaped = array.reshape(*(len(a.labels) for a in given), *array.shape[2:])
-    shaped.flags.writeable = False
-    return shaped
-
-
-def _metrics(plan: Plan, tally: Tally, samples: F64 | None, axes: dict[str, tuple[Any, ...]]) -> Metrics:
-    """Figures of the metrics, which stand behind the parameters; their truth being 0, moments are theirs."""
-    given = [a for a in plan.axes if a.given]
-    used = tally.status[..., :USED].sum(axis=-1)
-    zero = tally.figures(np.zeros(plan.shape))
-    found = {}
-    for k, (name, _) in enumerate(plan.metrics):
-        column = len(plan.parameters) + k
-        values = {n: _shaped(v[..., column], given) for n, v in zero.items()}
-        count = tally.moments[..., column, 0].astype(np.int64)
-        found[name] = Metric(
-            mean=values["bias"],
-            mean_mcse=values["bias_mcse"],
-            **{n: values[n] for n in ("sd", "sd_mcse")},
-            count=_shaped(count, given),
-            failures=_shaped(used - count, given),
-            samples=None if samples is None else samples[..., column],
-        )
-    return Metrics(found, axes)
-
-
-def _messages(plan: Plan, tally: Tally) -> Table:
-    sizes = [len(a.labels) for a in plan.axes[:-1]]
-    columns: dict[str, list[Any]] = {a.name: [] for a in plan.axes if a.given}
-    columns |= {"estimator": [], "replicate": [], "text": []}
-    for one in tally.raised:
-        at = (*np.unravel_index(one["group"], sizes), one["level"])
-        for a, k in zip(plan.axes, at, strict=True):
-            if a.given:
-                columns[a.name].append(a.labels[int(k)])
-        columns["estimator"].append(plan.contenders[one["estimator"]].name)
-        columns["replicate"].append(one["replicate"])
-        columns["text"].append(one["text"])
-    count = int(tally.status[..., STATUS.index("raised")].sum())
-    first = f", the first {len(tally.raised)} are" if count > len(tally.raised) else ""
-    return Table(columns, title=f"{count} estimates failed with an exception{first}")

@@ -18,7 +18,7 @@ from ..base.arguments import shown
 from ..base.callables import importable
 from ..base.progress import Progress
 from ..errors import ModfunWarning, SpecError
-from ..files.memory import available as _available
+from ..files.writing import memory
 from .engine import engine, tallies
 from .generated import Generated
 from .groups import Group
@@ -254,7 +254,7 @@ def _here(executor: Any) -> bool:
 def _room(work: Work, replicates: int) -> F64:
     """Memory for all estimates, refused where it cannot be had."""
     size = 8 * replicates * prod(work.plan.shape)
-    free = _available()
+    free = memory()
     if free is not None and size > free:
         raise SpecError(
             f"run: keep='samples' of {replicates} replicates needs {size / 2**30:.1f} GiB and "

@@ -12,11 +12,12 @@ from typing import Any
 
 from .. import rivals
 from ..base.tables import nearest
+from ..base.words import TRENDS
 from ..errors import DataError, ModfunError, SpecError
 from ..fitting.fit import Estimator
-from ..models.options import TRENDS
 from ..models.transfer_function import TransferFunction
-from ..systems.lti import LTI, ss, tf
+from ..systems.lti import LTI
+from ..systems.making import ss, tf
 from . import toml_values as values
 from .monte_carlo import MonteCarlo
 from .toml_values import Key, Reader
@@ -280,7 +281,7 @@ def _estimator(key: Key, value: Any) -> Any:
 
 
 def _trend(key: Key, value: Any) -> Any:
-    if value not in ("none", *TRENDS):
+    if value not in ("none", "auto", *TRENDS[1:]):
         raise key.wrong(value, '"none", "constant", "linear" or "auto"')
     return None if value == "none" else value
 

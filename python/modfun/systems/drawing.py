@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.axes import clip_to_lines, frequency_axis, returned, take_axes
 from ..errors import SpecError
 
 __all__ = ["Curve", "curves_of", "draw_bode", "span"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import html
 from ..base.arguments import complexes, public, reals
 from ..base.optional import optional
-from ..base.samples import frequencies, numbered
+from ..base.samples import band_edges, frequencies, numbered
 from ..base.student import probability
 from ..base.tables import Table
 from ..errors import DataError, SpecError
-from ..models.options import Options
 from .drawing import curves_of, draw_bode, span
 
 __all__ = ["FrequencyResponse"]
@@ -200,7 +199,7 @@ class FrequencyResponse:
         DataError
             No frequency between them.
         """
-        low, high = Options.checked("FrequencyResponse.select", band=band).band or (0.0, 0.0)
+        low, high = (0.0, 0.0) if band is None else band_edges("FrequencyResponse.select", band)
         keep = np.flatnonzero((self.omega >= low) & (self.omega <= high))
         if not keep.size:
             raise DataError(

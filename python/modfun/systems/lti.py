@@ -13,13 +13,24 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import public, real, reals, whole
 from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from ..errors import DataError, SpecError
-from ..language.evaluate import is_samples, sources
 from ..signals import Signals
+from ..signals.sources import is_samples, sources
 from .frequency_response import FrequencyResponse
-from .polynomials import Table, all_equal, by_modulus, polynomials_of, roots, strip, text_of
+from .gains import gains
+from .interop import matrices_to_control, polynomials_to_control, to_scipy
+from .polynomials import (
+    Polynomials,
+    all_equal,
+    by_modulus,
+    companion,
+    roots,
+    strip,
+    text_of,
+    time_unit,
+)
 from .propagate import intersample_kinds, respond
 
-__all__ = ["LTI", "ss", "tf"]
+__all__ = ["LTI", "state_space"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
@@ -45,8 +56,8 @@ class LTI:
         Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
     """
 
-    numerators: Table | None
-    denominators: Table | None
+    numerators: Polynomials | None
+    denominators: Polynomials | None
     matrices: Matrices | None
     delays: tuple[float, ...]
     inputs: tuple[str, ...] | None = None
@@ -140,12 +151,7 @@ class LTI:
                     for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                         g[i, j] = np.polyval(n, s) / np.polyval(d, s)
         else:
-            a, b, c, d0 = self.matrices
-            for k, point in enumerate(s):
-                try:
-                    g[:, :, k] = c @ np.linalg.solve(point * np.eye(a.shape[0]) - a, b) + d0
-                except np.linalg.LinAlgError:
-                    g[:, :, k] = np.inf
+            g[:] = gains(*self.matrices, w).transpose(1, 2, 0)
         with np.errstate(over="ignore", invalid="ignore"):
             g *= np.exp(-s * np.array(self.delays)[:, None])[None]
         return FrequencyResponse(omega=w, response=g)
@@ -270,7 +276,7 @@ class LTI:
         if self.matrices is not None:
             return self
         a, b, c, d, scale = self.scaled()
-        return ss(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, delay=self.delays)
+        return state_space(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, self.delays)
 
     @property
     def A(self) -> F64:
@@ -292,7 +298,7 @@ class LTI:
         """Feedthrough matrix of `to_ss`."""
         return self.to_ss()._state()[3]
 
-    def polynomials(self) -> tuple[Table, Table]:
+    def polynomials(self) -> tuple[Polynomials, Polynomials]:
         """Numerators and monic denominators, each (output, input), in descending powers of s."""
         if self.matrices is None:
             assert self.numerators is not None
@@ -329,15 +335,14 @@ class LTI:
         SpecError
             There is a delay and `pade` is not given, or is no whole number above 0.
         """
-        from . import interop
-
-        return interop.to_control(self, pade)
+        if self.matrices is not None:
+            return matrices_to_control(self.matrices, self.delays, pade)
+        return polynomials_to_control(*self.polynomials(), self.delays, pade)
 
     def to_scipy(self) -> Any:
         """The same as a `scipy.signal.lti` object; delays are refused, SciPy has none."""
-        from . import interop
-
-        return interop.to_scipy(self)
+        single = self.matrices is None and self.shape == (1, 1)
+        return to_scipy((self.num, self.den) if single else self.to_ss()._state(), self.delays)
 
     # In print --------------------------------------------------------------------------------
 
@@ -393,13 +398,12 @@ class LTI:
         at = 0
         for i, which, p in blocks:
             m = p.size - 1
-            w = max((abs(p[k]) ** (1.0 / k) for k in range(1, m + 1)), default=1.0) or 1.0
+            w = time_unit(p)
             powers = w ** -np.arange(m + 1.0)
             q = p * powers
             rows = slice(at, at + m)
             if m:
-                a[rows, rows] = np.eye(m, k=1) * w
-                a[at + m - 1, rows] = -w * q[:0:-1]
+                a[rows, rows] = companion(p, w)
                 c[i, at] = 1.0
                 scale[rows] = powers[:m]
             for j in which:
@@ -413,145 +417,9 @@ class LTI:
         return a, b, c, d, scale
 
 
-@public
-def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LTI:
-    """Transfer function num(s)/den(s)·e^(−delay·s).
-
-    Parameters
-    ----------
-    num : array_like, or nested lists of them, or a system of python-control or SciPy
-        Numerator in descending powers of s: one polynomial; a list of polynomials, one an input; or a
-        list (output) of lists (input) of polynomials. A `control.TransferFunction`, `control.StateSpace`
-        or `scipy.signal.lti` object stands alone; one in state space stays so.
-    den : array_like, or nested lists of them
-        Denominator, common to all paths, or nested as `num` is. It is made monic.
-    delay : float or sequence of float
-        Delay of the inputs, s, at least 0; one, or one an input.
-
-    Returns
-    -------
-    LTI
-
-    Raises
-    ------
-    SpecError
-        A numerator of higher degree than its denominator, a zero or missing denominator, a delay below
-        0, a discrete-time system.
-
-    Examples
-    --------
-    >>> tf([5], [1, 3, 8])
-          5
-    -------------
-    s^2 + 3 s + 8
-    """
-    if den is None:
-        from . import interop
-
-        return interop.system_of(num, delay)
-    nums = polynomials_of(num, "num")
-    outputs, inputs = len(nums), len(nums[0])
-    dens = polynomials_of(den, "den")
-    if len(dens) == 1 and len(dens[0]) == 1:
-        dens = [dens[0] * inputs] * outputs
-    if any(len(row) != inputs for row in [*nums, *dens]) or len(dens) != outputs:
-        raise SpecError(
-            f"mf.tf: num has {outputs} output(s) of {[len(r) for r in nums]} input(s), den "
-            f"{len(dens)} of {[len(r) for r in dens]}; give one denominator, or one a path, nested as num"
-        )
-    top, bottom = [], []
-    for num_row, den_row in zip(nums, dens, strict=True):
-        tops, bottoms = [], []
-        for n, d in zip(num_row, den_row, strict=True):
-            n, d = strip(n), strip(d)
-            if d[0] == 0:
-                raise SpecError("mf.tf: the denominator is zero; give at least one nonzero coefficient")
-            if n.size > d.size:
-                raise SpecError(
-                    f"mf.tf: the numerator has degree {n.size - 1}, the denominator {d.size - 1}; "
-                    "an improper system has no response to samples: lower the numerator's degree "
-                    "or add fast poles"
-                )
-            with np.errstate(over="ignore"):
-                n, d = n / d[0], d / d[0]
-            if not (np.isfinite(n).all() and np.isfinite(d).all()):
-                raise SpecError(
-                    "mf.tf: the leading coefficient of the denominator is so small beside the others that "
-                    "their quotients overflow; leave it out, or count time in another unit"
-                )
-            tops.append(frozen(n))
-            bottoms.append(frozen(d))
-        top.append(tuple(tops))
-        bottom.append(tuple(bottoms))
-    return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
-
-
-@public
-def ss(
-    A: ArrayLike | Any,
-    B: ArrayLike | None = None,
-    C: ArrayLike | None = None,
-    D: ArrayLike | None = None,
-    *,
-    delay: float | Sequence[float] = 0.0,
-) -> LTI:
-    """State space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
-
-    Parameters
-    ----------
-    A, B, C : array_like
-        Matrices (state, state), (state, input), (output, state); a vector B is one input, C one output.
-        A system (`LTI`, or of python-control or SciPy) stands alone.
-    D : array_like, optional
-        Feedthrough (output, input), default zero.
-    delay : float or sequence of float
-        Delay of the inputs, s, at least 0; one, or one an input.
-
-    Returns
-    -------
-    LTI
-
-    Raises
-    ------
-    SpecError
-        Matrices whose sizes do not fit, or are not finite.
-    """
-    if B is None and C is None and D is None and not isinstance(A, np.ndarray | list | tuple | float | int):
-        from . import interop
-
-        return interop.system_of(A, delay).to_ss()
-    if B is None or C is None:
-        raise SpecError("mf.ss: give A, B and C (and D), or a system of python-control or SciPy")
-    a = np.atleast_2d(reals("mf.ss", "A", A))
-    n = a.shape[0] if a.size else 0
-    a = a.reshape(n, n) if a.size == n * n else a
-    b = reals("mf.ss", "B", B)
-    b = b.reshape(n, -1) if b.ndim < 2 and n and b.size % n == 0 else np.atleast_2d(b)
-    c = np.atleast_2d(reals("mf.ss", "C", C))
-    d = np.zeros((c.shape[0], b.shape[1])) if D is None else np.atleast_2d(reals("mf.ss", "D", D))
-    shapes = [m.shape for m in (a, b, c, d)]
-    if shapes != [(n, n), (n, b.shape[1]), (c.shape[0], n), (c.shape[0], b.shape[1])]:
-        raise SpecError(
-            f"mf.ss: A, B, C, D have shapes {', '.join(map(str, shapes))}; they must be (state, state), "
-            "(state, input), (output, state), (output, input)"
-        )
+def state_space(a: F64, b: F64, c: F64, d: F64, delays: tuple[float, ...]) -> LTI:
+    """A state space of matrices that fit each other."""
     if not all(np.all(np.isfinite(m)) for m in (a, b, c, d)):
         raise SpecError("mf.ss: a matrix holds nan or inf; all entries must be finite")
     matrices = (frozen(np.array(a)), frozen(np.array(b)), frozen(np.array(c)), frozen(np.array(d)))
-    return LTI(None, None, matrices, _delays(delay, b.shape[1], "mf.ss"))
-
-
-def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
-    values = np.atleast_1d(reals(what, "delay", given))
-    if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
-        values = values[0]
-    if values.size == 1:
-        values = np.repeat(values, inputs)
-    if values.shape != (inputs,):
-        raise SpecError(f"{what}: {values.size} delays for {inputs} input(s); give one, or one an input")
-    if not np.all(np.isfinite(values)) or np.any(values < 0):
-        raise SpecError(
-            f"{what}: delay is {values.tolist()} s; delays are finite and at least 0 "
-            "(an output that leads its input is not causal: shift the output instead)"
-        )
-    return tuple(float(v) for v in values)
+    return LTI(None, None, matrices, delays)

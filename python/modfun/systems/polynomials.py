@@ -1,4 +1,4 @@
-"""Polynomials in descending powers of s: read from lists, stripped, their roots, as text."""
+"""Polynomials in descending powers of s: read, stripped, their roots, companion forms and text."""
 
 from __future__ import annotations
 
@@ -10,11 +10,23 @@ from numpy.typing import NDArray
 from ..base.arguments import reals
 from ..errors import SpecError
 
-__all__ = ["Table", "all_equal", "by_modulus", "polynomials_of", "roots", "roots_of", "strip", "text_of"]
+__all__ = [
+    "Polynomials",
+    "all_equal",
+    "by_modulus",
+    "companion",
+    "polynomials_of",
+    "root_slopes",
+    "roots",
+    "roots_of",
+    "strip",
+    "text_of",
+    "time_unit",
+]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
-Table = tuple[tuple[F64, ...], ...]  # (output, input)
+Polynomials = tuple[tuple[F64, ...], ...]  # (output, input)
 
 
 def polynomials_of(given: Any, name: str) -> list[list[F64]]:
@@ -49,14 +61,46 @@ def strip(p: F64, relative: float = 0.0) -> F64:
     return p[keep[0] :] if keep.size else np.zeros(1)
 
 
+def time_unit(monic: F64, still: float = 1.0) -> float:
+    """Frequency in rad/s that keeps the coefficients of a monic polynomial near 1 when s is counted in it.
+
+    It is `still` where all coefficients but the first are zero.
+    """
+    return max((abs(monic[k]) ** (1.0 / k) for k in range(1, monic.size)), default=still) or still
+
+
+def companion(monic: F64, unit: float = 1.0) -> F64:
+    """A of the states y, y'/unit, y''/unit², … whose y solves monic(d/dt) y = 0."""
+    matrix = np.eye(monic.size - 1, k=1)
+    matrix[-1:] = -(monic * unit ** -np.arange(float(monic.size)))[:0:-1]
+    return matrix * unit
+
+
 def roots(p: F64) -> C128:
     """Roots, with the variable scaled as the coefficients suggest."""
+    return _scaled_roots(p)[0]
+
+
+def root_slopes(p: F64) -> tuple[C128, C128]:
+    """Roots r by increasing modulus and their derivatives (root, coefficient), −r^k/p'(r) to that of s^k."""
+    found, q, w = _scaled_roots(p)
+    found = by_modulus(found)
+    z = found / w
+    powers = np.arange(float(p.size))[::-1]
+    with np.errstate(divide="ignore", invalid="ignore"):  # repeated roots have no derivatives
+        slope = -(z[:, None] ** powers) / np.polyval(np.polyder(q), z)[:, None]
+        return found, slope * w ** (powers + 2 - q.size) / strip(p)[0]
+
+
+def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
+    """Roots, and the polynomial made monic with its variable counted in units of a frequency, and this."""
     p = strip(p)
     if p.size < 2:
-        return np.zeros(0, dtype=np.complex128)
+        return np.zeros(0, dtype=np.complex128), np.ones(1), 1.0
     q = p / p[0]
-    w = max(abs(q[k]) ** (1.0 / k) for k in range(1, q.size)) or 1.0
-    return np.asarray(np.roots(q * w ** -np.arange(float(q.size))) * w, dtype=np.complex128)
+    w = time_unit(q)
+    q = q * w ** -np.arange(float(q.size))
+    return np.asarray(np.roots(q) * w, dtype=np.complex128), q, w
 
 
 def roots_of(p: F64) -> C128:
@@ -69,7 +113,7 @@ def by_modulus(roots: Any) -> C128:
     return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]
 
 
-def all_equal(table: Table) -> bool:
+def all_equal(table: Polynomials) -> bool:
     first = table[0][0]
     return all(np.array_equal(p, first) for row in table for p in row)
 

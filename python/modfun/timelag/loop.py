@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arguments import real, reals
 from ..base.samples import MOST_SAMPLES
 from ..errors import DataError, ModfunWarning, SpecError
-from ..language.evaluate import is_samples, sources
 from ..signals import Signals
+from ..signals.sources import is_samples, sources
 from ..systems.propagate import intersample_kinds
 from .design import Controller, as_design, sampled_words, seconds
 from .motion import History, Motion, Trajectory, drive, history

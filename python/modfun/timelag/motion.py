@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import reals
 from ..errors import DataError, SpecError
-from ..language.evaluate import Source, evaluate, is_samples
+from ..signals.sources import Source, evaluate, is_samples
 from ..systems.propagate import spline
 
 if TYPE_CHECKING:

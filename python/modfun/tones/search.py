@@ -12,9 +12,9 @@ from ..base.arguments import public, real, reals, whole
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
 from ..base.tables import nearest
+from ..base.words import STATUS, TRENDS
 from ..errors import DataError, SpecError
-from ..experiments.bound import TRENDS
-from ..models.options import MOST_THREADS, STATUS
+from ..models.options import MOST_THREADS
 from ..records.batches import Batch
 from ..records.record import Record
 from .results import KINDS, Sinusoids, SinusoidsMany
@@ -128,7 +128,7 @@ def sinusoids(
     >>> t = 0.01 * np.arange(256)
     >>> noise = 0.1 * np.random.default_rng(0).standard_normal(256)
     >>> s = sinusoids(Record(y=np.cos(60 * t) + np.sin(75 * t) + noise, dt=0.01), count=2)
-    >>> [round(w, 1) for w in s.omega]
+    >>> [float(round(w, 1)) for w in s.omega]
     [60.0, 75.0]
     """
     y, weights, step = _samples(data, dt)

@@ -2,14 +2,18 @@
 
 use std::sync::Arc;
 
+use super::design::Design;
 use super::fit::RecordView;
-use super::fitter::{Fitter, Range};
-use super::spare::{Lent, Spare};
-use super::{Design, Outcome, Start, Wanted, Workspace, estimate};
-use crate::error::{Error, Status};
+use super::fitter::Fitter;
+use super::many::Many;
+use super::options::{Options, Start, Wanted};
+use super::replicates::estimate;
+use super::shared::Worker;
+use super::spare::Lent;
+use super::workspace::Workspace;
+use crate::error::Error;
 use crate::modulation::Lines;
 use crate::simd::{LANES, Wide};
-use crate::spectrum::{CoefficientPlan, Scratch};
 use crate::threads::{self, Control};
 
 /// Records a chunk, the unit of scheduling.
@@ -24,63 +28,6 @@ pub struct Batch<'a> {
     pub y: Vec<&'a [f64]>,
     /// Inputs of each record, one record after the other; or one set for all.
     pub u: Vec<&'a [f64]>,
-}
-
-/// Results of many fits, replicate after replicate.
-#[derive(Debug, Clone, Default)]
-pub struct Many {
-    /// Estimates.
-    pub theta: Vec<f64>,
-    /// Classical standard errors.
-    pub bse_nonrobust: Vec<f64>,
-    /// HC3 standard errors.
-    pub bse_hc3: Vec<f64>,
-    /// Outcomes.
-    pub status: Vec<Status>,
-    /// Weighted sums of squares.
-    pub cost: Vec<f64>,
-    /// Iterations.
-    pub nit: Vec<u32>,
-    /// Degrees of freedom of each HC3 standard error, of equations alone.
-    pub hc3_degrees: Vec<f64>,
-}
-
-/// The problem all replicates share: lines, design and how samples become coefficients.
-pub(crate) struct Shared {
-    pub design: Arc<Design>,
-    pub plans: Vec<CoefficientPlan>,
-    /// First and last line as asked for.
-    pub(super) range: Range,
-    workers: Spare<Worker>,
-}
-
-impl Shared {
-    pub(super) fn new(design: Design, plans: Vec<CoefficientPlan>, range: Range) -> Shared {
-        Shared { design: Arc::new(design), plans, range, workers: Spare::new() }
-    }
-
-    fn worker(&self) -> Worker {
-        let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
-        Worker {
-            space: Workspace::new(&self.design),
-            scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
-            samples: vec![Wide::ZERO; samples],
-            re: vec![Wide::ZERO; lines],
-            im: vec![Wide::ZERO; lines],
-            one: [vec![0.0; lines], vec![0.0; lines]],
-        }
-    }
-}
-
-/// One worker's memory for blocks of records.
-struct Worker {
-    space: Workspace,
-    scratch: Vec<Scratch>,
-    samples: Vec<Wide>,
-    re: Vec<Wide>,
-    im: Vec<Wide>,
-    /// Re and Im of one record.
-    one: [Vec<f64>; 2],
 }
 
 /// The same in all lanes: one record has the bits of any lane of eight.
@@ -153,7 +100,7 @@ impl Fitter {
         };
         let shared = self.shared(&batch.record(chooser, inputs))?;
         let (d, lines) = (&shared.design, shared.design.lines()[0]);
-        let options = super::Options { wanted: Wanted::Covariance, ..self.o.options };
+        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let once = batch.shares_inputs(inputs);
         // Memory, and whether the inputs that all share are in it.
         let make = || (shared.workers.lend(), false);
@@ -210,27 +157,5 @@ impl Fitter {
             all.append(part?);
         }
         Ok((all, Arc::clone(d)))
-    }
-}
-
-impl Many {
-    /// Adds one lane's results.
-    pub(super) fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
-        self.theta.extend(w.theta(d, lane));
-        self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
-        self.bse_hc3.extend(w.bse_hc3(d, lane));
-        self.status.push(outcome.status[lane]);
-        self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
-        self.nit.push(outcome.nit[lane]);
-    }
-
-    pub(super) fn append(&mut self, mut other: Many) {
-        self.theta.append(&mut other.theta);
-        self.bse_nonrobust.append(&mut other.bse_nonrobust);
-        self.bse_hc3.append(&mut other.bse_hc3);
-        self.status.append(&mut other.status);
-        self.cost.append(&mut other.cost);
-        self.nit.append(&mut other.nit);
-        self.hc3_degrees.append(&mut other.hc3_degrees);
     }
 }

@@ -1,26 +1,20 @@
 //! The lines of a fit that was given none: wide enough for the estimate, and not an error bar wider.
+//!
+//! With N intervals, n poles and # unknowns, trend terms included:
+//!
+//! ```text
+//! wide    K  = max(⌊N/8⌋, min(⌊N/4⌋, 16)),        narrow  k₀ = min(3# + n, K),
+//! chosen  k* = min { k : se_i(k) ≤ 1.01 se_i(K) for every parameter i, at equal σ }.
+//! ```
+//!
+//! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
+//! is the report's guideline (eq. 20).
 
-use super::Start;
-use super::fit::BandRule;
-use super::fitter::{Desk, Fitter, Problem, Range};
+use super::band::{BandRule, Choice, Range, SAME, fewest_lines};
+use super::fitter::{Desk, Fitter, Problem};
+use super::options::Start;
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
-
-/// Standard errors may grow by this factor when the default band is narrowed.
-const TOLERANCE: f64 = 1.01;
-
-/// Costs that differ by less, in parts of themselves, are those of one minimum.
-const SAME: f64 = 1e-9;
-
-/// Which lines a fit uses.
-pub(crate) struct Choice {
-    /// First and last of each record.
-    pub ranges: Vec<Range>,
-    /// The rule's account, where it chose.
-    pub rule: Option<BandRule>,
-    /// Where to start from, if not from `wls`.
-    pub theta: Option<Vec<f64>>,
-}
 
 impl Fitter {
     /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
@@ -83,37 +77,4 @@ impl Fitter {
             Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
         })
     }
-}
-
-/// The fewest lines that keep all `variances` (at equal σ; none where lines are too few) within the tolerance
-/// of those of the wide band; a variance of zero is that of a parameter on its bound. Variances fall as lines
-/// join, so halving finds them. `omega0`: line spacing of each record.
-pub(crate) fn fewest_lines(
-    omega0: &[f64],
-    wide: &[Range],
-    mut variances: impl FnMut(&[Range]) -> Option<Vec<f64>>,
-) -> Vec<Range> {
-    let longest = omega0.iter().copied().fold(f64::INFINITY, f64::min);
-    let edge = wide.iter().zip(omega0).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
-    let up_to = |steps: usize| -> Vec<Range> {
-        let highest = steps as f64 * longest;
-        wide.iter()
-            .zip(omega0)
-            .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
-            .collect()
-    };
-    let top = (edge / longest + 0.5) as usize;
-    let Some(reference) = variances(wide) else { return wide.to_vec() };
-    let mut good = |steps: usize| {
-        let limit = TOLERANCE * TOLERANCE;
-        variances(&up_to(steps)).is_some_and(|v| {
-            v.iter().zip(&reference).all(|(v, r)| *r == 0.0 || (*v > 0.0 && *v <= limit * r))
-        })
-    };
-    let (mut low, mut high) = (0, top);
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        if good(middle) { high = middle } else { low = middle }
-    }
-    if high == top { wide.to_vec() } else { up_to(high) }
 }

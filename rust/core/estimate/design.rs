@@ -180,10 +180,10 @@ impl Design {
     }
 
     /// The weights that belong to the noise, once θ is known.
-    pub(crate) fn final_weights(&self) -> super::pass::Weights {
+    pub(crate) fn final_weights(&self) -> super::normal_equations::RowWeights {
         match self.noise {
-            Noise::Output => super::pass::Weights::Adapted,
-            Noise::Equation => super::pass::Weights::Flat,
+            Noise::Output => super::normal_equations::RowWeights::Adapted,
+            Noise::Equation => super::normal_equations::RowWeights::Flat,
         }
     }
 
@@ -196,10 +196,10 @@ impl Design {
     }
 
     /// Columns of the information at the estimate: the model's own response for `ml`.
-    pub(crate) fn final_factors(&self) -> super::pass::Factors {
+    pub(crate) fn final_factors(&self) -> super::normal_equations::LeftColumns {
         match (self.method, self.noise) {
-            (Method::Ml, Noise::Output) => super::pass::Factors::Denoised,
-            _ => super::pass::Factors::Data,
+            (Method::Ml, Noise::Output) => super::normal_equations::LeftColumns::Denoised,
+            _ => super::normal_equations::LeftColumns::Data,
         }
     }
 

@@ -1,8 +1,9 @@
 //! What a fit is told and what it answers.
 
-use super::Options;
-use crate::error::{Error, Status};
-use crate::modulation::Lines;
+use super::answer::Answer;
+use super::band::{Band, default_lines};
+use super::options::Options;
+use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
 use crate::structure::{Method, Noise, Structure, Trend};
@@ -23,17 +24,6 @@ pub struct RecordView<'a> {
     pub y: &'a [f64],
     /// Inputs.
     pub u: Vec<&'a [f64]>,
-}
-
-/// Which lines are used.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Band {
-    /// By the default rule (docs/architecture.md, "Default band").
-    Default,
-    /// From and to, in rad/s.
-    Edges(f64, f64),
-    /// The report's M: the highest harmonic is M + n.
-    Harmonics(usize),
 }
 
 /// Everything that says how a record is fitted.
@@ -61,49 +51,16 @@ pub struct FitOptions {
     pub options: Options,
 }
 
-/// What the default rule saw and chose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BandRule {
-    /// Highest line of the wide fit.
-    pub wide: usize,
-    /// Highest line of the narrow fit that gave the second start.
-    pub narrow: usize,
-    /// Cost on the wide band from `wls`, and from the narrow fit.
-    pub costs: [f64; 2],
-    /// Highest line chosen.
-    pub chosen: usize,
-}
-
 /// A finished fit.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// Estimates in the user's units.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns; infinite where they are dependent.
-    pub condition_bound: f64,
-    /// Σ|r|²/(hS) in units of the output squared.
-    pub cost: f64,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
+    /// Estimates, covariances, outcome.
+    pub answer: Answer,
     /// Noise standard deviation, √(cost/degrees of freedom): of the output's samples, or of the
     /// equation error's.
     pub sigma: f64,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals on the lines of each record over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<(f64, f64)>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
 }
 
 impl FitOptions {
@@ -157,25 +114,5 @@ impl FitOptions {
     /// Highest lines of the default rule for a window of `intervals`: wide, narrow.
     pub(crate) fn default_lines(&self, intervals: usize) -> (usize, usize) {
         default_lines(self.method, self.unknowns(), self.structure.order, intervals)
-    }
-}
-
-/// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
-///
-/// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
-pub(crate) fn default_lines(
-    method: Method,
-    unknowns: usize,
-    order: usize,
-    intervals: usize,
-) -> (usize, usize) {
-    let narrow = unknowns.saturating_mul(3).saturating_add(order);
-    let wide = (intervals / 8).max((intervals / 4).min(16));
-    match method {
-        Method::Ls | Method::Wls => {
-            let only = narrow.min(intervals / 2);
-            (only, only)
-        }
-        _ => (wide, narrow.min(wide)),
     }
 }

@@ -3,16 +3,19 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::batch::{Many, Shared};
-use super::default_band::Choice;
-use super::fit::{BandRule, Fit, FitOptions, RecordView, Time};
+use super::answer::{Answer, unit_diagonal};
+use super::band::{BandRule, Choice, Range};
+use super::design::Design;
+use super::fit::{Fit, FitOptions, RecordView, Time};
+use super::many::Many;
+use super::options::{Options, Start, Wanted};
+use super::replicates::estimate;
+use super::shared::Shared;
 use super::spare::Spare;
-use super::stream::Spectra;
 use super::uncertainty::Residuals;
-use super::window::{Window, coefficient_plans};
-use super::{Design, Options, Start, Wanted, Workspace, estimate};
+use super::window::{Spectra, Window, coefficient_plans};
+use super::workspace::Workspace;
 use crate::error::{Error, Status};
-use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
 use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
@@ -21,9 +24,6 @@ use crate::spectrum::{CoefficientPlan, Scratch};
 const PROBLEMS: usize = 4;
 /// Bands lately chosen for batches that are kept.
 const BANDS: usize = 4;
-
-/// First and last line of a record.
-pub(crate) type Range = (usize, usize);
 
 /// How one record becomes coefficients.
 pub(crate) struct RecordPlan {
@@ -329,29 +329,26 @@ impl Fitter {
         let (d, w) = (&problem.design, &mut problem.space);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let outcome = estimate(self.isa, d, w, LIVE, start, &options);
-        let p = d.parameters();
-        let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();
-        let gram: Vec<f64> =
-            (0..p * p).map(|k| w.gram[k].0[0] / (root[k / p] * root[k % p])).collect();
         let degrees_of_freedom = d.degrees_of_freedom();
         let plain_sigma = (w.cost(0) / degrees_of_freedom as f64).sqrt();
         let mut residuals = Vec::new();
         self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
         let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
         let fit = Fit {
-            theta: w.theta(d, 0).collect(),
-            cov_nonrobust: w.cov_nonrobust(d, 0),
-            cov_hc3: w.cov_hc3(d, 0),
-            condition_bound: condition_bound(&gram, p),
-            gram,
-            cost: w.cost(0) * d.cost_unit() * d.cost_unit(),
-            degrees_of_freedom,
+            answer: Answer {
+                theta: w.theta(d, 0).collect(),
+                cov_nonrobust: w.cov_nonrobust(d, 0),
+                cov_hc3: w.cov_hc3(d, 0),
+                gram: unit_diagonal(&w.gram, d.parameters()),
+                cost: w.cost(0) * d.cost_unit() * d.cost_unit(),
+                degrees_of_freedom,
+                status: outcome.status[0],
+                nit: outcome.nit[0],
+                lines: d.lines(),
+                band_rule,
+            },
             sigma: plain_sigma * d.cost_unit(),
-            status: outcome.status[0],
-            nit: outcome.nit[0],
-            lines: d.lines(),
             residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
-            band_rule,
         };
         desk.keep(problem);
         Ok(fit)

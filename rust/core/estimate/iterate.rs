@@ -1,11 +1,17 @@
 //! The loop of `awls` and `ml`: steps in lanes until none moves, with a way out for lanes whose pivots are small.
 
 use super::design::Design;
-use super::pass::{Factors, Weights, step};
+use super::iterates::{Iterates, Progress, unsound};
+use super::normal_equations::{LeftColumns, RowWeights};
+use super::options::Options;
+use super::pass::step;
 use super::workspace::Workspace;
-use super::{Options, awls, mend_step, ml, wls};
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use super::{awls, ml, qr_step, wls};
+use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::threads::stopped;
+
+/// Steps after which it is asked whether to go on.
+const ASK: usize = 4;
 
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,21 +25,21 @@ pub(crate) enum Rule {
 }
 
 impl Rule {
-    pub(crate) fn weights(self) -> Weights {
-        if self == Rule::Wls { Weights::Flat } else { Weights::Adapted }
+    pub(crate) fn weights(self) -> RowWeights {
+        if self == Rule::Wls { RowWeights::Flat } else { RowWeights::Adapted }
     }
 
-    pub(crate) fn factors(self) -> Factors {
-        if self == Rule::Ml { Factors::Instrument } else { Factors::Data }
+    pub(crate) fn factors(self) -> LeftColumns {
+        if self == Rule::Ml { LeftColumns::Instrument } else { LeftColumns::Data }
     }
 
     /// Takes the step that was found, or part of the way back.
     #[inline(always)]
-    pub(crate) fn take<L: Lanes>(self, w: &mut impl Iterates, limit: L) {
+    pub(crate) fn take<L: Lanes>(self, iterates: &mut Iterates, progress: &mut Progress, limit: L) {
         match self {
-            Rule::Wls => wls::take::<L>(w),
-            Rule::Awls => awls::take::<L>(w, limit),
-            Rule::Ml => ml::take::<L>(w, limit),
+            Rule::Wls => wls::take::<L>(iterates),
+            Rule::Awls => awls::take::<L>(iterates, progress, limit),
+            Rule::Ml => ml::take::<L>(iterates, progress, limit),
         }
     }
 }
@@ -73,7 +79,11 @@ impl Kernel for Iteration<'_> {
     fn run<L: Lanes>(self) -> bool {
         let Iteration { design, space: w, run } = self;
         let limit = L::splat(run.limit);
-        while run.left > 0 && L::load(&w.progress.active).any() && !stopped() {
+        while run.left > 0 && L::load(&w.progress.active).any() {
+            // Steps are short beside the question.
+            if run.left.is_multiple_of(ASK) && stopped() {
+                break;
+            }
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
                 if unsound::<L>(&w.progress, &w.trusted).any() {
@@ -85,124 +95,47 @@ impl Kernel for Iteration<'_> {
             if run.rule != Rule::Wls {
                 (L::load(&w.progress.nit) + L::load(&w.progress.active)).store(&mut w.progress.nit);
             }
-            run.rule.take::<L>(w, limit);
+            run.rule.take::<L>(&mut w.iterates, &mut w.progress, limit);
         }
         true
     }
 }
 
-/// Where eight replicates stand, a number a lane.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Progress {
-    /// 1 in lanes that still iterate, else 0.
-    pub active: Wide,
-    /// Iterations after the start.
-    pub nit: Wide,
-    /// Cost at the current iterate, and the lowest so far.
-    pub cost: Wide,
-    pub best: Wide,
-    /// Largest squared change of a parameter in the last step, as its effect relative to the largest
-    /// term; that of the step before.
-    pub moved: Wide,
-    pub last_move: Wide,
-    /// Steps halved in a row.
-    pub halvings: Wide,
-}
-
-impl Progress {
-    /// Nothing known yet: the live lanes iterate, the others do not.
-    pub fn begin(&mut self, live: [bool; LANES]) {
-        self.nit = Wide::ZERO;
-        self.again(Wide(live.map(f64::from)));
-    }
-
-    /// These lanes iterate anew from where they stand.
-    pub fn again(&mut self, lanes: Wide) {
-        self.active = lanes;
-        self.best = Wide::splat(f64::INFINITY);
-        self.last_move = Wide::splat(f64::INFINITY);
-        self.halvings = Wide::ZERO;
-    }
-}
-
-/// What holds iterates of eight replicates: the current one, where a step leads, the best so far.
-pub(crate) trait Iterates {
-    /// Where the replicates stand.
-    fn progress(&mut self) -> &mut Progress;
-    /// Makes the next iterate the current one in the lanes `of`.
-    fn advance<L: Lanes>(&mut self, of: L);
-    /// Remembers the current iterate as the best so far in the lanes `of`.
-    fn keep<L: Lanes>(&mut self, of: L);
-    /// Moves the current iterate half way back to the best so far in the lanes `of`.
-    fn halve<L: Lanes>(&mut self, of: L);
-}
-
-/// Active lanes whose step small pivots spoiled.
-#[inline(always)]
-pub(crate) fn unsound<L: Lanes>(progress: &Progress, trusted: &Wide) -> L {
-    let (active, trusted) = (L::load(&progress.active), L::load(trusted));
-    // A step that is not finite shows as a move that is not.
-    let sound = L::load(&progress.moved).select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
-    active - active * sound
-}
-
-/// a ≤ b as a mask; true where either is no number.
-#[inline(always)]
-pub(crate) fn at_most<L: Lanes>(a: L, b: L) -> L {
-    b.select_lt(a, L::splat(0.0), L::splat(1.0))
-}
-
-/// Lanes that moved by no more than the limit, or are lost: from a step that is not finite, orthogonal
-/// factors or not, no way leads back.
-#[inline(always)]
-pub(crate) fn settled<L: Lanes>(progress: &Progress, limit: L) -> L {
-    let moved = L::load(&progress.moved);
-    let lost = moved.select_lt(L::splat(f64::INFINITY), L::splat(0.0), L::splat(1.0));
-    at_most(moved, limit).max(lost)
-}
-
-impl Iterates for Workspace {
-    #[inline(always)]
-    fn progress(&mut self) -> &mut Progress {
-        &mut self.progress
-    }
-
-    #[inline(always)]
-    fn advance<L: Lanes>(&mut self, of: L) {
-        choose(of, &self.next, &mut self.theta);
-        for r in &mut self.records {
-            choose(of, &r.next_transient, &mut r.transient);
+/// Replaces steps that small pivots spoiled by steps from orthogonal factors.
+fn mend_step(d: &Design, w: &mut Workspace, weights: RowWeights, factors: LeftColumns) {
+    for lane in 0..LANES {
+        // A step that is not finite shows as a move that is not.
+        let sound = w.trusted.0[lane] > 0.0 && w.progress.moved.0[lane].is_finite();
+        if sound || w.progress.active.0[lane] == 0.0 {
+            continue;
         }
-    }
-
-    #[inline(always)]
-    fn keep<L: Lanes>(&mut self, of: L) {
-        choose(of, &self.theta, &mut self.best_theta);
-        for r in &mut self.records {
-            choose(of, &r.transient, &mut r.best_transient);
-        }
-    }
-
-    #[inline(always)]
-    fn halve<L: Lanes>(&mut self, of: L) {
-        half_way(of, &self.best_theta, &mut self.theta);
-        for r in &mut self.records {
-            half_way(of, &r.best_transient, &mut r.transient);
+        let at = qr_step::Place { lane, weights, factors };
+        let full = w.qr.solve(d, &w.records, &mut w.iterates, at);
+        w.measure_move(lane);
+        w.dependent[lane] = !full;
+        if !full && weights == RowWeights::Flat {
+            // Dependent columns in the start: nothing to iterate from.
+            w.progress.active.0[lane] = 0.0;
         }
     }
 }
 
-#[inline(always)]
-pub(crate) fn choose<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
-    for (from, to) in from.iter().zip(to) {
-        of.choose(L::load(from), L::load(to)).store(to);
-    }
-}
-
-#[inline(always)]
-pub(crate) fn half_way<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
-    for (from, to) in from.iter().zip(to) {
-        let here = L::load(to);
-        of.choose(L::splat(0.5) * (here + L::load(from)), here).store(to);
+impl Workspace {
+    /// The change of one lane after its step was replaced, as the kernel measures it.
+    fn measure_move(&mut self, k: usize) {
+        let each =
+            self.iterates.theta.now.iter().zip(&self.iterates.theta.next).zip(&self.column_size);
+        let square = each.fold(0.0, |most: f64, ((from, to), column)| {
+            let step = to.0[k] - from.0[k];
+            let effect = step * step * column.0[k].abs();
+            // NaN must not read as settled.
+            if effect > most || effect.is_nan() { effect } else { most }
+        });
+        let own = self.iterates.theta.now.iter().zip(&self.column_size);
+        let largest = own.fold(self.target_size.0[k], |most: f64, (t, column)| {
+            let own = t.0[k] * t.0[k] * column.0[k].abs();
+            if own < most { most } else { own }
+        });
+        self.progress.moved.0[k] = square / largest;
     }
 }

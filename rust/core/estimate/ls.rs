@@ -1,4 +1,20 @@
-//! `ls`: least squares on the differenced rows (report, eqs. 14–19).
+//! `ls`: least squares on the differenced rows, in one shot (report, eqs. 14–19).
+//!
+//! With Q(m; θ) = A(s)Y(m) − B(s)U(m), s = imω₀, and Δⁿ of eq. (10), which annihilates the transient, the criterion
+//! is eq. (17),
+//!
+//! ```text
+//! J(θ) = Σ_m |Δⁿ Q(m; θ)|² = |γ₀ + Γθ|²,
+//! ```
+//!
+//! γ₀ = Δⁿ sⁿY and Γ the columns Δⁿ s^{n−j}Y and −Δⁿ s^{n−j}U (eqs. 15, 16), Re and Im stacked (eq. 18). Its
+//! minimiser is eq. (19),
+//!
+//! ```text
+//! θ̂ = −(ΓᵀΓ)⁻¹ Γᵀγ₀.
+//! ```
+//!
+//! The report counts the coefficients of A negative, which is the sign here. A trend adds columns in front of θ.
 
 use super::design::Design;
 use super::workspace::Workspace;
@@ -57,7 +73,7 @@ impl Kernel for LsStep<'_> {
         eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
         substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
         let p = d.parameters();
-        w.theta.copy_from_slice(&w.unknowns[size - p..size]);
+        w.iterates.theta.now.copy_from_slice(&w.unknowns[size - p..size]);
     }
 }
 

@@ -1,10 +1,21 @@
-//! `ml`: the criterion of `awls` with the gradient through the covariance, by denoised regressors.
+//! `ml`: the minimum of the criterion whose weights follow θ, by denoised regressors.
 //!
-//! [θ, T]₊ = (JᵀS⁻¹Γ)⁻¹ JᵀS⁻¹γ₀ with J made of the model's own response, transient included. Its fixed
-//! point is the minimiser of Σ|r|²/S. log det S does not belong in the criterion for θ: the residual is
-//! a θ-dependent transform of the data, and its Jacobian cancels it; with it the bias comes back.
+//! ```text
+//! minimise over θ, T:  V(θ, T) = Σ_m |r(m)|² / S_m,   r = A(s)Y − B(s)U − T(s) = γ₀ + Γ[θ, T],
+//!                      S_m = h_m |A(s)|²,  h₀ = 1, h_m = ½.
+//! ```
+//!
+//! As r/A = Y − Ŷ with the model's own response Ŷ = (BU + T)/A, transient included, half the gradient is
+//! Re J* S⁻¹ r, where J has the columns of Γ with Ŷ in place of Y. The step sets it to zero with J and S held:
+//!
+//! ```text
+//! [θ, T]₊ = −(J* S⁻¹ Γ)⁻¹ J* S⁻¹ γ₀.
+//! ```
+//!
+//! Its fixed point is a minimum of V. log det S does not belong in the criterion for θ: the residual is a θ-dependent
+//! transform of the data, and its Jacobian cancels it; with it the bias comes back.
 
-use super::iterate::{Iterates, at_most, settled};
+use super::iterates::{Iterates, Progress, at_most, settled};
 use crate::simd::Lanes;
 
 /// Steps that may raise the cost before steps are halved: the first ones do so on the way to the answer.
@@ -18,8 +29,7 @@ const HALVINGS: f64 = 12.0;
 
 /// Takes a step unless the cost has risen on the way to it; then the way is halved.
 #[inline(always)]
-pub(crate) fn take<L: Lanes>(w: &mut impl Iterates, limit: L) {
-    let at = w.progress();
+pub(crate) fn take<L: Lanes>(iterates: &mut Iterates, at: &mut Progress, limit: L) {
     let (active, cost, best) = (L::load(&at.active), L::load(&at.cost), L::load(&at.best));
     let (moved, last) = (L::load(&at.moved), L::load(&at.last_move));
     let halvings = L::load(&at.halvings);
@@ -36,7 +46,7 @@ pub(crate) fn take<L: Lanes>(w: &mut impl Iterates, limit: L) {
     taken.choose(moved, last).store(&mut at.last_move);
     taken.choose(L::splat(0.0), halvings + active).store(&mut at.halvings);
     (active - active * taken * done).store(&mut at.active);
-    w.keep::<L>(taken);
-    w.halve::<L>(active - taken);
-    w.advance::<L>(taken);
+    iterates.keep::<L>(taken);
+    iterates.halve::<L>(active - taken);
+    iterates.advance::<L>(taken);
 }

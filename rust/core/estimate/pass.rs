@@ -1,32 +1,13 @@
 //! One pass over the lines: weights, denoised output, sums, the small system, the next iterate. Eight replicates at once.
 
 use super::design::Design;
+use super::normal_equations::{LeftColumns, RowWeights};
 use super::sums::{Data, Model};
 use super::workspace::Workspace;
 use crate::covariance::{polynomial, variance};
 use crate::linalg::lanes::{System, eliminate, solve, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
 use std::ops::Range;
-
-/// What the lines are weighted by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Weights {
-    /// S = 1: the covariance of equation noise.
-    Flat,
-    /// S = |A|² at the current θ.
-    Adapted,
-}
-
-/// Which output the columns of θ are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Factors {
-    /// The data on both sides.
-    Data,
-    /// The denoised output on the left, the data on the right: the step of `ml`.
-    Instrument,
-    /// The denoised output on both sides: the information at the estimate.
-    Denoised,
-}
 
 /// Prepares what does not depend on θ: products of the data for records of a single tile.
 pub(crate) struct Prepare<'a> {
@@ -80,9 +61,14 @@ fn clear<L: Lanes>(all: &mut [Wide]) {
 /// Of a single record all unknowns at once; of several, which share θ, each record's transient is
 /// eliminated and the rest added.
 #[inline(always)]
-pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, factors: Factors) {
+pub(crate) fn step<L: Lanes>(
+    d: &Design,
+    w: &mut Workspace,
+    weights: RowWeights,
+    factors: LeftColumns,
+) {
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
-    let symmetric = factors != Factors::Instrument;
+    let symmetric = factors != LeftColumns::Instrument;
     let single = w.records.len() == 1;
     L::splat(1.0).store(&mut w.trusted);
     if !single {
@@ -111,17 +97,17 @@ pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, fa
     cost.store(&mut w.progress.cost);
     target_size.store(&mut w.target_size);
     if single {
-        copy::<L>(&w.unknowns[nt..size], &mut w.next);
+        copy::<L>(&w.unknowns[nt..size], &mut w.iterates.theta.next);
     } else {
         eliminate::<L>(&mut w.global, p, 0..p, &w.column_size, symmetric, &mut w.trusted);
-        substitute::<L>(&w.global, p, 0..p, &mut w.next);
+        substitute::<L>(&w.global, p, 0..p, &mut w.iterates.theta.next);
     }
-    for r in &mut w.records {
+    for (r, t) in w.records.iter().zip(&mut w.iterates.transients) {
         if !single {
-            copy::<L>(&w.next, &mut w.unknowns[nt..size]);
+            copy::<L>(&w.iterates.theta.next, &mut w.unknowns[nt..size]);
             substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
         }
-        copy::<L>(&w.unknowns[..nt], &mut r.next_transient);
+        copy::<L>(&w.unknowns[..nt], &mut t.next);
     }
     move_of::<L>(w);
 }
@@ -132,7 +118,9 @@ pub(crate) fn step<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights, fa
 fn move_of<L: Lanes>(w: &mut Workspace) {
     let mut largest = L::load(&w.target_size);
     let mut moved = L::splat(0.0);
-    for ((from, to), column) in w.theta.iter().zip(&w.next).zip(&w.column_size) {
+    for ((from, to), column) in
+        w.iterates.theta.now.iter().zip(&w.iterates.theta.next).zip(&w.column_size)
+    {
         let column = L::load(column).abs();
         let change = L::load(to) - L::load(from);
         // The maximum that lets NaN pass: it must not read as settled.
@@ -164,8 +152,8 @@ pub(crate) fn add_parameter_block<L: Lanes>(
 
 /// The system [T, θ | target] that sums make.
 #[inline(always)]
-fn system<'a>(d: &'a Design, sums: &'a [Wide], factors: Factors) -> System<'a> {
-    let symmetric = factors != Factors::Instrument;
+fn system<'a>(d: &'a Design, sums: &'a [Wide], factors: LeftColumns) -> System<'a> {
+    let symmetric = factors != LeftColumns::Instrument;
     let plan = if symmetric { &d.symmetric } else { &d.instrument };
     System { sums, entries: &plan.entries, size: d.size(), symmetric }
 }
@@ -177,8 +165,8 @@ pub(crate) fn record_system<L: Lanes>(
     d: &Design,
     w: &mut Workspace,
     k: usize,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
     residual: bool,
 ) -> L {
     let cost = record_sums::<L, false>(d, w, k, weights, factors, residual);
@@ -193,12 +181,12 @@ fn record_sums<L: Lanes, const HINTS: bool>(
     d: &Design,
     w: &mut Workspace,
     k: usize,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
     residual: bool,
 ) -> L {
-    let plan = if factors == Factors::Instrument { &d.instrument } else { &d.symmetric };
-    let residual = residual || factors != Factors::Data;
+    let plan = if factors == LeftColumns::Instrument { &d.instrument } else { &d.symmetric };
+    let residual = residual || factors != LeftColumns::Data;
     let mut cost = L::splat(0.0);
     for range in tiles(w.records[k].limit, d.tile) {
         let begins = range.start == 0;
@@ -212,8 +200,9 @@ fn record_sums<L: Lanes, const HINTS: bool>(
         let r = &mut w.records[k];
         // Where a record is one tile, its data are prepared.
         let data = if r.lines > d.tile { Data::All } else { Data::Nothing };
-        let hat = Model { re: &w.hat_re, im: &w.hat_im, replaces: factors == Factors::Denoised };
-        let model = if factors == Factors::Data { None } else { Some(hat) };
+        let hat =
+            Model { re: &w.hat_re, im: &w.hat_im, replaces: factors == LeftColumns::Denoised };
+        let model = if factors == LeftColumns::Data { None } else { Some(hat) };
         if data != Data::Nothing || model.is_some() {
             d.products.write::<L>(r, range.clone(), &d.records[k].powers, data, model);
         }
@@ -230,7 +219,7 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
     w: &mut Workspace,
     k: usize,
     range: Range<usize>,
-    weights: Weights,
+    weights: RowWeights,
     residual: bool,
 ) -> L {
     let rd = &d.records[k];
@@ -239,7 +228,7 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
     let part = x.len();
     let (size_x, weight) = (&rd.size_x[range.start..][..part], &rd.weight[range.start..][..part]);
     let lambda = &mut w.weights[..part];
-    let flat = weights == Weights::Flat;
+    let flat = weights == RowWeights::Flat;
     if flat {
         for i in 0..part {
             L::splat(weight[i]).store(&mut lambda[i]);
@@ -250,8 +239,8 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
     }
     // A copy that no store below can change stays in registers.
     let mut own = [Wide::ZERO; N];
-    copy::<L>(&w.theta, &mut own);
-    let denominator = if N > 0 { &own[..] } else { &w.theta[..n] };
+    copy::<L>(&w.iterates.theta.now, &mut own);
+    let denominator = if N > 0 { &own[..] } else { &w.iterates.theta.now[..n] };
     let (a_re, a_im) = (&mut w.a_re[..part], &mut w.a_im[..part]);
     let inverse_square = &mut w.inverse_square[..part];
     for i in 0..part {
@@ -273,7 +262,7 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
 /// transient, on the lines of a tile. Returns Σ λ|r|².
 #[inline(always)]
 fn denoise<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, range: Range<usize>) -> L {
-    let (rd, r) = (&d.records[k], &w.records[k]);
+    let (rd, r, transient) = (&d.records[k], &w.records[k], &w.iterates.transients[k].now);
     let x = &rd.x[range.clone()];
     let part = x.len();
     let (a_re, a_im) = (&w.a_re[..part], &w.a_im[..part]);
@@ -288,7 +277,7 @@ fn denoise<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, range: Range<usize
     let mut first = d.structure.order;
     for (input, degree) in d.structure.numerators.iter().enumerate() {
         let Some(degree) = degree else { continue };
-        let numerator = &w.theta[first..=first + degree];
+        let numerator = &w.iterates.theta.now[first..=first + degree];
         first += degree + 1;
         let at = (1 + input) * r.lines + range.start;
         let (u_re, u_im) = (&r.re[at..][..part], &r.im[at..][..part]);
@@ -300,7 +289,7 @@ fn denoise<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, range: Range<usize
         }
     }
     for (j, column) in d.columns[..d.transient].iter().enumerate() {
-        let t = L::load(&r.transient[j]);
+        let t = L::load(&transient[j]);
         let value = &rd.transient[j * rd.x.len() + range.start..][..part];
         let to = if column.phase % 2 == 0 { &mut *re } else { &mut *im };
         for i in 0..part {

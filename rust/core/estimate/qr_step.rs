@@ -1,8 +1,9 @@
 //! One step of one lane by orthogonal factors, where the pivots of the fast path were too small to trust.
 
 use super::design::{Design, TILE};
-use super::pass::{Factors, Weights};
-use super::workspace::RecordSpace;
+use super::iterates::Iterates;
+use super::normal_equations::{LeftColumns, RowWeights};
+use super::record_space::RecordSpace;
 use crate::covariance::FLOOR;
 use crate::linalg::qr::{Absorber, solve_square};
 use crate::modulation::{Column, Signal};
@@ -15,8 +16,8 @@ const RANK: f64 = 1e-13;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
     pub lane: usize,
-    pub weights: Weights,
-    pub factors: Factors,
+    pub weights: RowWeights,
+    pub factors: LeftColumns,
 }
 
 /// Scratch of the fallback.
@@ -53,17 +54,17 @@ impl QrStep {
         }
     }
 
-    /// Factors one lane's rows, records stacked. False where the columns are dependent.
-    fn factor(&mut self, d: &Design, records: &[RecordSpace], theta: &[Wide], at: Place) -> bool {
+    /// LeftColumns one lane's rows, records stacked. False where the columns are dependent.
+    fn factor(&mut self, d: &Design, records: &[RecordSpace], from: &Iterates, at: Place) -> bool {
         let (p, nt, size) = (d.parameters(), d.transient, d.size());
         let lane = at.lane;
-        for (to, from) in self.theta.iter_mut().zip(theta) {
+        for (to, from) in self.theta.iter_mut().zip(&from.theta.now) {
             *to = from.0[lane];
         }
         self.all.clear();
         let mut full_rank = true;
         for (k, r) in records.iter().enumerate() {
-            for (to, from) in self.transient.iter_mut().zip(&r.transient) {
+            for (to, from) in self.transient.iter_mut().zip(&from.transients[k].now) {
                 *to = from.0[lane];
             }
             self.record.clear();
@@ -98,14 +99,13 @@ impl QrStep {
     pub fn solve(
         &mut self,
         d: &Design,
-        records: &mut [RecordSpace],
-        theta: &[Wide],
-        next: &mut [Wide],
+        records: &[RecordSpace],
+        iterates: &mut Iterates,
         at: Place,
     ) -> bool {
         let (p, nt, size) = (d.parameters(), d.transient, d.size());
         let lane = at.lane;
-        let mut full_rank = self.factor(d, records, theta, at);
+        let mut full_rank = self.factor(d, records, iterates, at);
         for i in 0..p {
             for j in 0..=p {
                 self.square[i * (p + 1) + j] = self.all.qt(i, j);
@@ -113,20 +113,20 @@ impl QrStep {
         }
         let worst = solve_square(&mut self.square, p, &mut self.solution, &mut self.scale);
         full_rank &= worst > RANK;
-        for (to, from) in next.iter_mut().zip(&self.solution) {
+        for (to, from) in iterates.theta.next.iter_mut().zip(&self.solution) {
             to.0[lane] = *from;
         }
-        for (k, r) in records.iter_mut().enumerate() {
+        for (k, transient) in iterates.transients.iter_mut().enumerate() {
             for i in (0..nt).rev() {
                 let row = &self.kept[(k * nt + i) * (size + 1)..][..size + 1];
                 let mut sum = row[size];
                 for j in 0..p {
                     sum = (-row[nt + j]).mul_add(self.solution[j], sum);
                 }
-                for (own, t) in row[..nt].iter().zip(&r.next_transient).skip(i + 1) {
+                for (own, t) in row[..nt].iter().zip(&transient.next).skip(i + 1) {
                     sum = (-own).mul_add(t.0[lane], sum);
                 }
-                r.next_transient[i].0[lane] = sum / row[i];
+                transient.next[i].0[lane] = sum / row[i];
             }
         }
         full_rank
@@ -137,12 +137,12 @@ impl QrStep {
         &mut self,
         d: &Design,
         records: &[RecordSpace],
-        theta: &[Wide],
+        iterates: &Iterates,
         out: &mut [Wide],
         at: Place,
     ) -> bool {
         let p = d.parameters();
-        let full_rank = self.factor(d, records, theta, at);
+        let full_rank = self.factor(d, records, iterates, at);
         // Rows of R⁻¹ in `square`, upper triangular.
         for c in 0..p {
             for i in (0..p).rev() {
@@ -182,12 +182,12 @@ impl QrStep {
         let size_a = self.theta[..n].iter().fold(1.0, |s: f64, c| s.mul_add(rd.size_x[m], c.abs()));
         let square = a.0.mul_add(a.0, a.1 * a.1).max(FLOOR * size_a * size_a);
         let weight = match weights {
-            Weights::Flat => rd.weight[m],
-            Weights::Adapted => rd.weight[m] / square,
+            RowWeights::Flat => rd.weight[m],
+            RowWeights::Adapted => rd.weight[m] / square,
         };
         let y = signal(Signal::Y);
         let mut hat = y;
-        if factors != Factors::Data {
+        if factors != LeftColumns::Data {
             let mut res = (a.0.mul_add(y.0, -(a.1 * y.1)), a.0.mul_add(y.1, a.1 * y.0));
             let mut first = n;
             for (input, degree) in d.structure.numerators.iter().enumerate() {
@@ -224,8 +224,8 @@ impl QrStep {
                 let data = operator(c, y);
                 let model = operator(c, hat);
                 (
-                    if factors == Factors::Denoised { model } else { data },
-                    if factors == Factors::Data { data } else { model },
+                    if factors == LeftColumns::Denoised { model } else { data },
+                    if factors == LeftColumns::Data { data } else { model },
                 )
             } else {
                 let value = operator(c, signal(c.signal));

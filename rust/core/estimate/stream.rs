@@ -1,22 +1,20 @@
 //! Estimates from the last samples of a stream: sliding coefficients into a fitter, at any moment.
 
-use super::batch::Many;
 use super::fit::{Fit, FitOptions, Time};
 use super::fitter::Fitter;
 use super::joint::{JointFit, JointFitter, JointOptions};
+use super::many::Many;
+use super::window::Spectra;
 use crate::error::{Error, Status};
 use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Sliding};
-
-/// Coefficients (re, im) of each record, each of its channels.
-pub(crate) type Spectra = Vec<Vec<(Vec<f64>, Vec<f64>)>>;
 
 /// What estimates from the coefficients of one or several records, the latest first.
 pub trait Slider: Sized {
     /// What makes one.
     type Options: Clone;
-    /// What it answers.
-    type Answer;
+    /// The fit it makes.
+    type Fit;
     /// For `records` records of `samples` samples each, `dt` apart.
     ///
     /// # Errors
@@ -41,7 +39,7 @@ pub trait Slider: Sized {
     ///
     /// # Errors
     /// As the fitter's own.
-    fn answer(&self, spectra: &Spectra) -> Result<Self::Answer, Error>;
+    fn answer(&self, spectra: &Spectra) -> Result<Self::Fit, Error>;
     /// Fits those of up to eight moments, each by itself.
     ///
     /// # Errors
@@ -146,7 +144,7 @@ impl<F: Slider> Stream<F> {
     ///
     /// # Errors
     /// [`Error::Data`] before the first window is full; those of the fitter.
-    pub fn fit(&mut self) -> Result<F::Answer, Error> {
+    pub fn fit(&mut self) -> Result<F::Fit, Error> {
         let spectra = self.spectra()?;
         self.fitters[spectra.len() - 1].answer(&spectra)
     }
@@ -253,7 +251,7 @@ impl<F: Slider> Stream<F> {
 
 impl Slider for Fitter {
     type Options = FitOptions;
-    type Answer = Fit;
+    type Fit = Fit;
 
     fn make(
         options: FitOptions,
@@ -288,7 +286,7 @@ impl Slider for Fitter {
 
 impl Slider for JointFitter {
     type Options = JointOptions;
-    type Answer = JointFit;
+    type Fit = JointFit;
 
     fn make(
         options: JointOptions,
@@ -324,7 +322,7 @@ impl Slider for JointFitter {
         let errors = |cov: &[f64]| (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect();
         let mut many = Many::default();
         for spectra in moments {
-            let f = self.fit_coefficients(spectra.clone())?;
+            let f = self.fit_coefficients(spectra.clone())?.answer;
             many.append(Many {
                 bse_nonrobust: errors(&f.cov_nonrobust),
                 bse_hc3: errors(&f.cov_hc3),

@@ -4,7 +4,7 @@
 //! weight of a line. Entries share sums. What does not depend on θ, x^k times the product, is written
 //! once a replicate; a step is left with λ and one multiply-add a sum and line.
 
-use super::workspace::RecordSpace;
+use super::record_space::RecordSpace;
 use crate::linalg::lanes::Entry;
 use crate::modulation::{Column, Signal};
 use crate::simd::{Lanes, Wide};
@@ -19,7 +19,7 @@ struct Product {
     power: i32,
 }
 
-/// Products of the same two signals, which are written together.
+/// Products of the same two signals, which are written together: parts of one kind, or in turn real and imaginary.
 #[derive(Debug, Clone)]
 struct Family {
     /// The output stands on the left; the denoised output on the right.
@@ -33,9 +33,20 @@ struct Family {
     /// Place of the first among all products, and how many stand in the families before.
     first: usize,
     before: usize,
-    /// Powers of x, and 1 where the imaginary part is meant.
+    /// Powers of x.
     powers: Vec<i32>,
-    parts: [usize; MOST],
+    /// Whether the first product is an imaginary part, and whether imaginary and real parts alternate.
+    imaginary: bool,
+    alternates: bool,
+}
+
+impl Family {
+    /// Whether a product of this part may follow.
+    fn continues_with(&self, imaginary: bool) -> bool {
+        let turned = imaginary != self.imaginary;
+        let count = self.powers.len();
+        count == 1 || turned == (self.alternates && count % 2 == 1)
+    }
 }
 
 /// Products summed together, in a run: as many sums as registers hold.
@@ -98,10 +109,9 @@ pub(crate) fn plan_sums(
     for (k, p) in all.iter().enumerate() {
         let before = k.checked_sub(1).map(|k| all[k]);
         let joins = before.is_some_and(|b| (b.left, b.right) == (p.left, p.right));
-        let part = usize::from(p.imaginary);
         match families.last_mut() {
-            Some(f) if joins && place(k) % width != 0 => {
-                f.parts[f.powers.len()] = part;
+            Some(f) if joins && place(k) % width != 0 && f.continues_with(p.imaginary) => {
+                f.alternates = f.imaginary != p.imaginary || f.alternates;
                 f.powers.push(p.power);
             }
             _ => families.push(Family {
@@ -113,7 +123,8 @@ pub(crate) fn plan_sums(
                 first: place(k),
                 before: k,
                 powers: vec![p.power],
-                parts: [part; MOST],
+                imaginary: p.imaginary,
+                alternates: false,
             }),
         }
     }
@@ -255,13 +266,19 @@ impl Products {
             let at = f.first % width;
             let to = &mut products[(f.first - at) * rows..][..part * width];
             let to = (to, width, at);
-            match count {
-                1 => write_family::<L, 1>(&f.parts, a, b, powers, to),
-                2 => write_family::<L, 2>(&f.parts, a, b, powers, to),
-                3 => write_family::<L, 3>(&f.parts, a, b, powers, to),
-                4 => write_family::<L, 4>(&f.parts, a, b, powers, to),
-                5 => write_family::<L, 5>(&f.parts, a, b, powers, to),
-                _ => write_family::<L, 6>(&f.parts, a, b, powers, to),
+            let from = (a, b, f.imaginary);
+            match (count, f.alternates) {
+                (1, _) => write_family::<L, 1, false>(from, powers, to),
+                (2, false) => write_family::<L, 2, false>(from, powers, to),
+                (3, false) => write_family::<L, 3, false>(from, powers, to),
+                (4, false) => write_family::<L, 4, false>(from, powers, to),
+                (5, false) => write_family::<L, 5, false>(from, powers, to),
+                (_, false) => write_family::<L, 6, false>(from, powers, to),
+                (2, true) => write_family::<L, 2, true>(from, powers, to),
+                (3, true) => write_family::<L, 3, true>(from, powers, to),
+                (4, true) => write_family::<L, 4, true>(from, powers, to),
+                (5, true) => write_family::<L, 5, true>(from, powers, to),
+                (_, true) => write_family::<L, 6, true>(from, powers, to),
             }
         }
     }
@@ -287,26 +304,27 @@ impl Products {
 
 type Complex<'a> = (&'a [Wide], &'a [Wide]);
 
-/// Re or Im (`parts`) of conj(a)·b times `N` powers of x on each line, to a run with so many products a
-/// line, from its place `at` on.
+/// Im (`imaginary`) or Re of conj(a)·b, or with `ALTERNATES` both in turn, times `N` powers of x on each line, to
+/// a run with so many products per line, from its place `at` on.
 #[inline(always)]
-fn write_family<L: Lanes, const N: usize>(
-    parts: &[usize; MOST],
-    a: Complex<'_>,
-    b: Complex<'_>,
+fn write_family<L: Lanes, const N: usize, const ALTERNATES: bool>(
+    (a, b, imaginary): (Complex<'_>, Complex<'_>, bool),
     powers: &[f64],
     (to, width, at): (&mut [Wide], usize, usize),
 ) {
     let powers = powers.as_chunks::<N>().0;
-    let mut both = [Wide::ZERO; 2];
     for i in 0..powers.len().min(a.0.len()).min(a.1.len()).min(b.0.len()).min(b.1.len()) {
         let (p, q) = (L::load(&a.0[i]), L::load(&a.1[i]));
         let (re, im) = (L::load(&b.0[i]), L::load(&b.1[i]));
-        p.mul_add(re, q * im).store(&mut both[0]);
-        p.mul_add(im, -(q * re)).store(&mut both[1]);
+        let (even, odd) = if imaginary {
+            (p.mul_add(im, -(q * re)), p.mul_add(re, q * im))
+        } else {
+            (p.mul_add(re, q * im), p.mul_add(im, -(q * re)))
+        };
         let to = &mut to[i * width + at..][..N];
         for k in 0..N {
-            (L::load(&both[parts[k] & 1]) * L::splat(powers[i][k])).store(&mut to[k]);
+            let part = if ALTERNATES && k % 2 == 1 { odd } else { even };
+            (part * L::splat(powers[i][k])).store(&mut to[k]);
         }
     }
 }

@@ -1,13 +1,22 @@
 //! At the estimate: the transient that belongs to it, cost, and covariance of θ, classical and HC3.
 //!
-//! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i with instruments z. Its covariance is
-//! H (Σ_i z_i z_iᵀ v_i) Hᵀ with H = (Zᵀ Γ)⁻¹: v_i = σ²·(variance of the line) gives the classical one,
-//! v_i = e_i²/(1 − h_i)² gives HC3, which assumes nothing about the colour of the noise.
+//! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i (Re and Im of each line) with instruments z; columns
+//! have the transient projected out. With H = (Σ_i z_i γ_i)⁻¹ its covariance is
+//!
+//! ```text
+//! cov θ̂ = H (Σ_i z_i z_iᵀ v_i) Hᵀ,
+//! v_i = σ̂² · (variance of the row),  σ̂² = cost / degrees of freedom    classical,
+//! v_i = e_i² / (1 − h_i)²                                             HC3,
+//! ```
+//!
+//! e_i the residual, h_i the leverage of the row. HC3 assumes nothing about the colour of the noise. Where the
+//! instruments are the weighted columns themselves (`awls`, and `ml` with J for Γ) the classical one is σ̂²(J* S⁻¹ J)⁻¹.
 
 use super::Wanted;
 use super::design::Design;
 use super::ls::column_value;
-use super::pass::{Factors, Weights, add_parameter_block, lines, record_system, tiles};
+use super::normal_equations::{LeftColumns, RowWeights};
+use super::pass::{add_parameter_block, lines, record_system, tiles};
 use super::qr_step::Place;
 use super::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
@@ -42,9 +51,9 @@ pub(crate) fn mend_inverse(d: &Design, w: &mut Workspace, lane: usize) {
     if w.trusted.0[lane] > 0.0 || d.method == Method::Ls {
         return;
     }
-    let weights = if d.keeps_flat_weights() { Weights::Flat } else { d.final_weights() };
+    let weights = if d.keeps_flat_weights() { RowWeights::Flat } else { d.final_weights() };
     let at = Place { lane, weights, factors: d.final_factors() };
-    w.qr.inverse(d, &w.records, &w.theta, &mut w.inverse, at);
+    w.qr.inverse(d, &w.records, &w.iterates, &mut w.inverse, at);
 }
 
 /// Completes T at a given θ: what an iteration started from θ needs.
@@ -107,23 +116,23 @@ impl Kernel for Covariances<'_> {
 
 /// T of every record by least squares at the current θ.
 #[inline(always)]
-fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
+fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let (nt, size) = (d.transient, d.size());
     let mut trusted = Wide::splat(1.0);
     for k in 0..w.records.len() {
-        record_system::<L>(d, w, k, weights, Factors::Data, false);
+        record_system::<L>(d, w, k, weights, LeftColumns::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
-        w.unknowns[nt..size].copy_from_slice(&w.theta);
+        w.unknowns[nt..size].copy_from_slice(&w.iterates.theta.now);
         substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
-        r.transient.copy_from_slice(&w.unknowns[..nt]);
+        w.iterates.transients[k].now.copy_from_slice(&w.unknowns[..nt]);
     }
 }
 
 /// Normal matrix of θ with the transient projected out into `gram`, projections and (TᵀWT)⁻¹ a
 /// record, and the cost. Columns are denoised for `ml`.
 #[inline(always)]
-fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) -> Wide {
+fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) -> Wide {
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     let factors = d.final_factors();
     let width = p + 1;
@@ -178,7 +187,7 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
     let (p, nt, size) = (d.parameters(), d.transient, d.size());
     w.global[..p * (p + 1)].fill(Wide::ZERO);
     for k in 0..w.records.len() {
-        record_system::<L>(d, w, k, Weights::Flat, Factors::Data, false);
+        record_system::<L>(d, w, k, RowWeights::Flat, LeftColumns::Data, false);
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
@@ -193,7 +202,7 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
 
 /// Both covariances from H, the instruments z and the residuals.
 #[inline(always)]
-fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: Weights) {
+fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let p = d.parameters();
     let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
     let size = if differenced { d.ls_size() } else { p };
@@ -250,7 +259,7 @@ fn projected_row<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: usize, i:
                 let at = (1 + input) * r.lines + m;
                 (L::load(&r.re[at]), L::load(&r.im[at]))
             }
-            _ if d.final_factors() == Factors::Denoised => {
+            _ if d.final_factors() == LeftColumns::Denoised => {
                 (L::load(&w.hat_re[i]), L::load(&w.hat_im[i]))
             }
             _ => (L::load(&r.re[m]), L::load(&r.im[m])),

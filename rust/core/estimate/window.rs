@@ -1,8 +1,12 @@
 //! The window of a record: where it starts, how long it is, which lines a band names, one plan a channel.
 
-use super::fit::{Band, Time};
+use super::band::Band;
+use super::fit::Time;
 use crate::error::Error;
 use crate::spectrum::{CoefficientPlan, Kind};
+
+/// Coefficients (re, im) of each record, each of its channels.
+pub(crate) type Spectra = Vec<Vec<(Vec<f64>, Vec<f64>)>>;
 
 /// Window, resolving frequency and highest possible line of a record.
 #[derive(Debug, Clone, Copy)]

@@ -1,40 +1,10 @@
 //! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
 use super::design::Design;
-use super::iterate::Progress;
+use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
+use super::record_space::RecordSpace;
 use crate::simd::{LANES, Wide};
-
-/// One record of eight replicates.
-#[derive(Debug, Clone)]
-pub(crate) struct RecordSpace {
-    /// Signals (output, inputs, the constant one) × lines.
-    pub re: Vec<Wide>,
-    /// Imaginary parts, alike.
-    pub im: Vec<Wide>,
-    /// Products on the lines of a tile, and how many lines that is.
-    pub products: Vec<Wide>,
-    pub rows: usize,
-    /// Whether the products that no output enters are those of the inputs.
-    pub inputs_ready: bool,
-    /// System of this record: (transient + θ) × (one more).
-    pub matrix: Vec<Wide>,
-    /// Coefficients of the transient at the current iterate, where a step leads, and at the best so far.
-    pub transient: Vec<Wide>,
-    pub next_transient: Vec<Wide>,
-    pub best_transient: Vec<Wide>,
-    /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹: what projects the transient out of a row.
-    pub projection: Vec<Wide>,
-    pub flat_projection: Vec<Wide>,
-    pub transient_inverse: Vec<Wide>,
-    /// Columns on the lines for `ls`, (trend, θ, target) × (Re, Im) a line, and DᵀD of them.
-    pub differenced: Vec<Wide>,
-    pub instruments: Vec<Wide>,
-    /// Lines there are.
-    pub lines: usize,
-    /// Lines in use, at most all: the band rule asks for fewer.
-    pub limit: usize,
-}
 
 /// Scratch for one [`Design`].
 #[derive(Debug, Clone)]
@@ -54,10 +24,7 @@ pub struct Workspace {
     pub(crate) diagonal: Vec<Wide>,
     /// System in θ alone, summed over records.
     pub(crate) global: Vec<Wide>,
-    /// θ at the current iterate, where a step leads, and at the best so far.
-    pub(crate) theta: Vec<Wide>,
-    pub(crate) next: Vec<Wide>,
-    pub(crate) best_theta: Vec<Wide>,
+    pub(crate) iterates: Iterates,
     pub(crate) progress: Progress,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
@@ -108,9 +75,6 @@ impl Workspace {
                 rows: r.x.len().min(tile),
                 inputs_ready: false,
                 matrix: wide(size * (size + 1)),
-                transient: wide(d.transient),
-                next_transient: wide(d.transient),
-                best_transient: wide(d.transient),
                 projection: wide(d.transient * p),
                 flat_projection: wide(d.transient * p),
                 transient_inverse: wide(d.transient * d.transient),
@@ -135,9 +99,7 @@ impl Workspace {
             sums: wide(d.products.count + 1),
             diagonal: wide(size.max(extra)),
             global: wide(extra * (extra + 1)),
-            theta: wide(p),
-            next: wide(p),
-            best_theta: wide(p),
+            iterates: Iterates::new(p, d.transient, d.records.len()),
             progress: Progress::default(),
             dependent: [false; LANES],
             unknowns: wide(size.max(extra)),
@@ -167,5 +129,76 @@ impl Workspace {
         r.inputs_ready &= signal == 0;
         let range = signal * r.lines..(signal + 1) * r.lines;
         (&mut r.re[range.clone()], &mut r.im[range])
+    }
+
+    /// Nothing known yet: the live lanes iterate, the others do not.
+    pub(crate) fn begin(&mut self, live: [bool; LANES]) {
+        self.progress.begin(live);
+        self.dependent = [false; LANES];
+    }
+
+    /// No covariance rather than a wrong one, where the parameters are not determined.
+    pub(crate) fn forget_covariance(&mut self, k: usize) {
+        for c in self.cov_hc3.iter_mut().chain(&mut self.cov_nonrobust) {
+            c.0[k] = f64::NAN;
+        }
+    }
+
+    /// θ of one lane in the user's units.
+    pub fn theta<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        self.iterates.theta.now.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
+    }
+
+    /// Parameter `k` of every lane in the user's units.
+    pub(crate) fn parameter(&self, d: &Design, k: usize) -> [f64; LANES] {
+        self.iterates.theta.now[k].0.map(|t| t * d.scale[k])
+    }
+
+    /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
+    pub(crate) fn parameter_bse(&self, d: &Design, k: usize, hc3: bool) -> [f64; LANES] {
+        let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
+        cov[k * (d.parameters() + 1)].0.map(|v| v.sqrt() * d.scale[k])
+    }
+
+    /// Standard errors of one lane from the diagonal of a covariance.
+    fn bse<'a>(cov: &'a [Wide], d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        let p = d.parameters();
+        d.scale.iter().enumerate().map(move |(k, s)| cov[k * (p + 1)].0[lane].sqrt() * s)
+    }
+
+    /// HC3 standard errors of one lane.
+    pub fn bse_hc3<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
+        Self::bse(&self.cov_hc3, d, lane)
+    }
+
+    /// Classical standard errors of one lane.
+    pub fn bse_nonrobust<'a>(
+        &'a self,
+        d: &'a Design,
+        lane: usize,
+    ) -> impl Iterator<Item = f64> + 'a {
+        Self::bse(&self.cov_nonrobust, d, lane)
+    }
+
+    /// Whitened squared residuals of one lane, summed.
+    pub fn cost(&self, lane: usize) -> f64 {
+        self.progress.cost.0[lane]
+    }
+
+    /// A covariance of one lane in the user's units, row major.
+    fn covariance(cov: &[Wide], d: &Design, lane: usize) -> Vec<f64> {
+        let p = d.parameters();
+        let at = |k: usize| cov[k].0[lane] * d.scale[k / p] * d.scale[k % p];
+        (0..p * p).map(at).collect()
+    }
+
+    /// HC3 covariance of one lane.
+    pub fn cov_hc3(&self, d: &Design, lane: usize) -> Vec<f64> {
+        Self::covariance(&self.cov_hc3, d, lane)
+    }
+
+    /// Classical covariance of one lane.
+    pub fn cov_nonrobust(&self, d: &Design, lane: usize) -> Vec<f64> {
+        Self::covariance(&self.cov_nonrobust, d, lane)
     }
 }

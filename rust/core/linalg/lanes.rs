@@ -7,11 +7,11 @@ use std::ops::Range;
 /// the square of a condition of 3,000.
 const PIVOT: f64 = 1e-7;
 
-/// Zero into `trusted` where a pivot fell below the limit; NaN shows in the solution itself.
+/// `trusted`, with zero in the lanes where a pivot fell below the limit; NaN shows in the solution itself.
 #[inline(always)]
-fn judge<L: Lanes>(pivot: L, before: &Wide, trusted: &mut Wide) {
-    let limit = L::load(before).abs() * L::splat(PIVOT);
-    pivot.select_lt(limit, L::splat(0.0), L::load(trusted)).store(trusted);
+fn judge<L: Lanes>(pivot: L, before: L, trusted: L) -> L {
+    let limit = before.abs() * L::splat(PIVOT);
+    pivot.select_lt(limit, L::splat(0.0), trusted)
 }
 
 /// An entry of a system: one of a list of numbers, times a sign.
@@ -92,15 +92,17 @@ fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
     let (m, diagonal, x) = (&mut m[..S * (S + 1)], &mut diagonal[..S], &mut x[..S]);
     let count = if SYMMETRIC { S * (S + 3) / 2 } else { S * (S + 1) };
     let (sums, entries) = (system.sums, &system.entries[..count]);
+    let mut sound = L::load(trusted);
     // Written out, since the number of earlier rows must be known where a row is compiled.
     macro_rules! rows {
         ($($i:literal)*) => {$(
             if $i < S {
-                reduce::<L, S, $i, SYMMETRIC>(sums, entries, m, &mut diagonal[$i], trusted);
+                sound = reduce::<L, S, $i, SYMMETRIC>(sums, entries, m, &mut diagonal[$i], sound);
             }
         )*};
     }
     rows!(0 1 2 3 4 5 6);
+    sound.store(trusted);
     let mut known = [L::splat(0.0); S];
     for i in (0..S).rev() {
         let row = &m[i * (S + 1)..][..S + 1];
@@ -113,15 +115,16 @@ fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
     }
 }
 
-/// Row `I` less its multiples of the rows before; its inverse pivot stands on the diagonal.
+/// Row `I` less its multiples of the rows before; its inverse pivot stands on the diagonal. Returns `trusted`
+/// as [`judge`] does.
 #[inline(always)]
 fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
     sums: &[Wide],
     entries: &[Entry],
     m: &mut [Wide],
-    before: &mut Wide,
-    trusted: &mut Wide,
-) {
+    diagonal: &mut Wide,
+    trusted: L,
+) -> L {
     let (above, row) = m.split_at_mut(I * (S + 1));
     let row = &mut row[..S + 1];
     // Of a symmetric system the rows before hold one entry less each.
@@ -132,7 +135,8 @@ fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
         let e = &entries[j - first];
         own[j] = L::load(&sums[e.from]) * L::splat(e.sign);
     }
-    own[I].store(before);
+    let before = own[I];
+    before.store(diagonal);
     for k in 0..I {
         let up = &above[k * (S + 1)..][..S + 1];
         let lead = if SYMMETRIC { L::load(&up[I]) } else { own[k] };
@@ -141,11 +145,11 @@ fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
             own[j] = factor.mul_add(L::load(&up[j]), own[j]);
         }
     }
-    judge::<L>(own[I], before, trusted);
     (L::splat(1.0) / own[I]).store(&mut row[I]);
     for j in I + 1..=S {
         own[j].store(&mut row[j]);
     }
+    judge::<L>(own[I], before, trusted)
 }
 
 /// Eliminates the columns `pivots` of a `size` × (`size` + 1) system, the last column its right side.
@@ -163,12 +167,13 @@ pub fn eliminate<L: Lanes>(
     trusted: &mut Wide,
 ) {
     let width = size + 1;
+    let mut sound = L::load(trusted);
     for k in pivots {
         let (above, below) = m.split_at_mut((k + 1) * width);
         let row = &mut above[k * width..];
         let pivot = L::load(&row[k]);
         let inverse = L::splat(1.0) / pivot;
-        judge::<L>(pivot, &diagonal[k], trusted);
+        sound = judge::<L>(pivot, L::load(&diagonal[k]), sound);
         for i in k + 1..size {
             let other = &mut below[(i - k - 1) * width..(i - k) * width];
             let lead = if symmetric { L::load(&row[i]) } else { L::load(&other[k]) };
@@ -181,6 +186,7 @@ pub fn eliminate<L: Lanes>(
         }
         inverse.store(&mut row[k]);
     }
+    sound.store(trusted);
 }
 
 /// Solves the eliminated rows `range` for their unknowns; `x[range.end..size]` are known already.
@@ -219,10 +225,11 @@ pub fn invert<L: Lanes>(
     for k in 0..size {
         work[k * width + size] = m[k * size + k];
     }
+    let mut sound = L::load(trusted);
     for k in 0..size {
         let pivot = L::load(&work[k * width + k]);
         let inverse = L::splat(1.0) / pivot;
-        judge::<L>(pivot, &work[k * width + size], trusted);
+        sound = judge::<L>(pivot, L::load(&work[k * width + size]), sound);
         for i in k + 1..size {
             let factor = -(L::load(&work[k * width + i]) * inverse);
             for j in i..size {
@@ -233,6 +240,7 @@ pub fn invert<L: Lanes>(
         }
         inverse.store(&mut work[k * width + k]);
     }
+    sound.store(trusted);
     for c in 0..size {
         // Forward: L z = e_c with L = (U / diag U)ᵀ; z_i = 0 for i < c.
         for i in 0..size {

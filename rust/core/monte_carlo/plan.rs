@@ -3,9 +3,8 @@
 use std::sync::Arc;
 
 use crate::error::Error;
-use crate::estimate::batch::Shared;
 use crate::estimate::joint::{self, JointFitter, JointOptions, JointRecord};
-use crate::estimate::{FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use crate::estimate::{FitOptions, Fitter, Options, RecordView, Shared, Time, Wanted};
 use crate::modulation::Lines;
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
@@ -90,7 +89,7 @@ pub struct Group {
 /// What the replicates of an estimator share.
 pub(crate) enum Problem {
     Plain(Arc<Shared>),
-    Joint(Box<joint::Shared>),
+    Joint(Box<joint::JointShared>),
 }
 
 impl Problem {

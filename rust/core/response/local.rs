@@ -1,4 +1,14 @@
-//! The neighbourhoods of eight frequencies: packed into lanes, fitted, and taken apart again.
+//! The neighbourhoods of eight frequencies: packed into lanes, fitted, and taken apart again (report, section 4.9).
+//!
+//! On the lines near ω, with the distance x = (ω_m − ω)/(half width), degree d, and B, T, A polynomials in x, A(0) = 1:
+//!
+//! ```text
+//! modulating:  minimise Σ_m |Δ^{d+1}(Y − B(x)U)|²,
+//! polynomial:  minimise Σ_m |Y − B(x)U − T(x)|²,
+//! rational:    minimise Σ_m |A(x)Y − B(x)U − T(x)|² w_m,   w = 1, or 1/|A|² (`awls`, `ml`).
+//! ```
+//!
+//! The response at ω is B(0).
 
 use super::factor::{Complex, Factor, Pair};
 use super::{Family, Piece, Responses, Settings, Weighting};

@@ -1,4 +1,12 @@
 //! Gauss–Newton on the samples, or on lines: frequencies and dampings move, amplitudes and trend are eliminated.
+//!
+//! ```text
+//! minimise over ω, d:  min over trend, α, β of Σ_k w_k² (y_k − trend_k − Σ_i e^{−d_i k}(α_i cos ω_i k + β_i sin ω_i k))²
+//! ```
+//!
+//! (report, section 4.10). The columns of trend and tones are made orthonormal; a step is that of the residual on the
+//! derivatives of the columns, taken beside the columns themselves (variable projection), and is halved until the sum
+//! of squares falls.
 
 use std::f64::consts::TAU;
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import modfun as mf
 import pytest
 from modfun.study import shards
-from study_cases import same, small_parts, study
+from study_cases import quick_study, same, small_parts
 
 pytest.importorskip("distributed")
 
@@ -20,7 +20,7 @@ LOST = """
     import os, pathlib, subprocess, sys, threading, time
     import dask, distributed
     import modfun as mf, modfun.study.work
-    from study_cases import study, wait_for
+    from study_cases import quick_study, wait_for
 
     modfun.study.work.PART = 1.0
     dask.config.set({"distributed.comm.timeouts.connect": "2s"})
@@ -45,7 +45,7 @@ LOST = """
             scheduler.kill()
 
         threading.Thread(target=kill).start()
-        study(replicates=400 * 512).run(executor=client.get_executor(), directory=place / "s", progress=False)
+        quick_study(400 * 512).run(executor=client.get_executor(), directory=place / "s", progress=False)
     except mf.ModfunError as error:
         print(error, flush=True)
     finally:
@@ -72,11 +72,11 @@ def test_the_scheduler_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     kept = shards.status(tmp_path / "s")
     assert kept.damaged == ()
     assert 3 * 512 <= kept.done < 400 * 512
-    made = study(replicates=kept.done + 512)  # the same study, of fewer replicates
+    made = quick_study(kept.done + 512)  # the same study, of fewer replicates
     store = tmp_path / "s" / "parts"
     before = {path.name: path.stat().st_mtime_ns for path in store.glob("*.part")}
     made.run(directory=tmp_path / "s", shard=(0, 50), progress=False)
     assert {name: (store / name).stat().st_mtime_ns for name in before} == before
-    found = study(replicates=400 * 512).run(directory=tmp_path / "s", progress=False)
-    assert same(found, study(replicates=400 * 512).run(progress=False))
+    found = quick_study(400 * 512).run(directory=tmp_path / "s", progress=False)
+    assert same(found, quick_study(400 * 512).run(progress=False))
     assert isinstance(mf.load(tmp_path / "s"), mf.Results)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import sys
 import textwrap
+import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from study_cases import wait_for
 SETUP = """
     import concurrent.futures, contextlib, multiprocessing, signal
     import modfun as mf, numpy as np
+    import scipy.linalg, scipy.optimize, scipy.signal, sympy  # else a call would be cut while it loads them
 
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     system, tf2 = mf.tf([5], [1, 3, 8]), mf.TransferFunction(poles=2, zeros=0)
@@ -77,6 +81,10 @@ LONG = {
     "sinusoids": "again(mf.sinusoids, big.y[0], 3, dt=0.1)",
     "reduce": "again(mf.reduce, mf.ss(np.diag(-np.linspace(.1, 50, 60)), np.ones(60), np.ones(60)), 4)",
     "simulate": "again(mf.simulate, system, input='sin(t**2/5)', duration=1e4, intervals=10**6)",
+    "stiff equation": "again(mf.Equation('D(y, 2) = 1e3*(1 - y**2)*D(y) - y').model({}).simulate, dt=1.0, "
+    "intervals=10**5, x0=[2, 0])",
+    "late equation": "again(mf.Equation('y\\' = -y(t - 0.3)').model({}).simulate, dt=.01, "
+    "intervals=10**6, x0=[1])",
     "crlb with a free delay": "again(mf.crlb, free, [big] * 5, nsr=0.2, params=params)",
     "roots": "again(mf.timelag.DelaySystem(A={k * .37: rng.normal(size=(6, 6)) for k in (0, 1)}).poles, 9)",
     "mu": "plant = mf.timelag.DelaySystem(A={0: [[-1, -3], [2, -5]], 1.0: [[1.66, -.697], [.93, -.33]]}, "
@@ -92,47 +100,77 @@ LONG = {
 
 # The call is cut; then the same short calls as before it give the same numbers.
 AFTERWARDS = """
-def known():
-    found = study().run(progress=False, replicates=600)
-    many = mf.fit_many([rec] * 9, tf2, harmonics=8)
-    return [*found.bias.ravel(), *mf.fit(rec, tf2, harmonics=8).params, *many.params[-1]]
+    def known():
+        found = study().run(progress=False, replicates=600)
+        many = mf.fit_many([rec] * 9, tf2, harmonics=8)
+        return [*found.bias.ravel(), *mf.fit(rec, tf2, harmonics=8).params, *many.params[-1]]
 
-before = known()
-print("ready", flush=True)
-try:
-    CALL
-except KeyboardInterrupt:
-    pass
-assert known() == before
-print("usable", flush=True)
+    before = known()
+    print("ready", flush=True)
+    try:
+        exec(call)
+    except KeyboardInterrupt:
+        pass
+    assert known() == before
+    print("usable", flush=True)
+"""
+
+# Loads modfun once; forks a process for each line it reads, a folder and a call, and says its number and how
+# it ended. That process goes on below the loop, so that its end is that of an interpreter.
+FORKS = """
+    import os, sys
+    for line in sys.stdin:
+        place, call = line.rstrip().split(" ", 1)
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            os.chdir(place)
+            for name, number in (("out", 1), ("err", 2)):
+                os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT), number)
+            break
+        print(child, flush=True)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+    else:
+        sys.exit()
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.fixture(scope="module")
+def forks() -> Iterator[subprocess.Popen[bytes]]:
+    code = "".join(map(textwrap.dedent, (SETUP, FORKS, AFTERWARDS)))
+    words = [sys.executable, "-c", code]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
+        yield process
+        process.communicate(timeout=30)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked, to be quick")
 @pytest.mark.parametrize("call", LONG.values(), ids=LONG)
-def test_ctrl_c(call: str, tmp_path: Path) -> None:
-    code = textwrap.dedent(SETUP) + AFTERWARDS.replace("CALL", call)
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        cwd=tmp_path,
-        text=True,
-        start_new_session=True,
-    ) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            with pytest.raises(subprocess.TimeoutExpired):
-                process.wait(timeout=1.0)
-            os.killpg(process.pid, signal.SIGINT)  # all processes of a terminal get it
-            out, err = process.communicate(timeout=20)
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-    assert out == "usable\n", err
+def test_ctrl_c(call: str, forks: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    assert forks.stdin is not None
+    assert forks.stdout is not None
+    forks.stdin.write(f"{tmp_path} {call}\n".encode())
+    child, out = int(forks.stdout.readline()), tmp_path / "out"
+    try:
+        deadline = time.monotonic() + 60
+        while not (out.exists() and out.read_text() == "ready\n"):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert not ended(forks, 0.5), "the call was to take longer"
+        os.killpg(child, signal.SIGINT)  # all processes of a terminal get it
+        assert ended(forks, 20), "Ctrl-C did not end the call"
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        code = int(forks.stdout.readline())
+    assert out.read_text() == "ready\nusable\n", (tmp_path / "err").read_text()
     # Where the interrupt went through exec() of a text, as of a dataclass, CPython itself ends by the signal.
-    assert process.returncode in (0, -signal.SIGINT)
+    assert code in (0, -signal.SIGINT)
+
+
+def ended(forks: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Whether the process forked last ends within some seconds."""
+    return bool(select.select([forks.stdout], [], [], seconds)[0])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")

@@ -15,7 +15,7 @@ from typing import Any
 import modfun as mf
 import pytest
 from modfun.study import shards
-from study_cases import same, small_parts, study
+from study_cases import quick_study, same, small_parts
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked, to be quick")
 
@@ -27,8 +27,9 @@ KEPT: dict[str, Any] = {"keep": "samples", "progress": False}
 FORKS = """
     import builtins, os, signal, sys, time
     import modfun as mf, modfun.study.directory, modfun.study.run, modfun.study.work
-    from study_cases import study
+    from study_cases import quick_study
     modfun.study.work.PART = 1.0
+    quick_study(1).run(progress=False, threads=1)  # so that no child has to load what runs need
     pwrite = os.pwrite
 
     def counted(call, steps):
@@ -50,7 +51,7 @@ FORKS = """
                 for name in ("open", "fsync", "replace", "close", "pwrite"):
                     setattr(os, name, counted(getattr(os, name), steps))
                 builtins.open = counted(builtins.open, steps)
-            study(replicates=int(replicates)).run(directory=place, keep="samples", progress=False, threads=1)
+            quick_study(int(replicates)).run(directory=place, keep="samples", progress=False, threads=1)
             os._exit(0)
         if way == "after":
             time.sleep(float(number))
@@ -92,7 +93,7 @@ def forks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Forks]:
 
 def test_fifty_moments_of_a_run(forks: Forks, tmp_path: Path) -> None:
     """Studies are killed and gone on with until they end; a new one begins until fifty were killed."""
-    undisturbed = study(replicates=REPLICATES).run(**KEPT)
+    undisturbed = quick_study(REPLICATES).run(**KEPT)
     assert not forks.killed("never", 0, 1, tmp_path / "warm")
     start = time.monotonic()
     assert not forks.killed("never", 0, REPLICATES, tmp_path / "whole")
@@ -126,12 +127,12 @@ def size(number: int) -> int:
 
 def test_every_step_of_writing(forks: Forks, tmp_path: Path) -> None:
     """The process kills itself before each open, write, flush, rename and close."""
-    undisturbed = study(replicates=600).run(**KEPT)
+    undisturbed = quick_study(600).run(**KEPT)
     step, killed = 0, True
     while killed:
         place = tmp_path / str(step)
         killed = forks.killed("at", step, 600, place)
-        assert same(study(replicates=600).run(directory=place, **KEPT), undisturbed), step
+        assert same(quick_study(600).run(directory=place, **KEPT), undisturbed), step
         assert shards.status(place).damaged == ()
         step += 1
     assert step > 40
@@ -142,8 +143,8 @@ def test_what_killed_processes_left_is_removed_when_it_is_old(forks: Forks, tmp_
     while not (left := list(tmp_path.rglob("*.writing"))):
         assert forks.killed("at", step, 600, tmp_path / "s")
         step += 1
-    study(replicates=600).run(directory=tmp_path / "s", **KEPT)
+    quick_study(600).run(directory=tmp_path / "s", **KEPT)
     assert left[0].exists()  # another process may be at it
     os.utime(left[0], (0, 0))
-    study(replicates=600).run(directory=tmp_path / "s", **KEPT)
+    quick_study(600).run(directory=tmp_path / "s", **KEPT)
     assert not left[0].exists()

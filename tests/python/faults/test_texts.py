@@ -15,7 +15,8 @@ from typing import Any
 
 import modfun as mf
 import pytest
-from modfun.language import evaluate as expressions
+from modfun.language.evaluate import function_of
+from modfun.signals.sources import evaluate
 from modfun.study import toml_file
 
 ROOT = Path(__file__).parents[3]
@@ -40,10 +41,12 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return report
 
 
+@pytest.mark.process
 def test_the_hook_sees_what_is_run(told: dict[str, Any]) -> None:
     assert told["run"] == ["compile <string>", "exec <module> of <string>", "open run"]
 
 
+@pytest.mark.process
 def test_no_text_is_run(told: dict[str, Any]) -> None:
     """No import, file, process, socket or code but what a harmless text with a fault causes."""
     assert told["attempts"] > 1000
@@ -51,6 +54,7 @@ def test_no_text_is_run(told: dict[str, Any]) -> None:
     assert told["files"] == ["run", "study.toml"]
 
 
+@pytest.mark.process
 def test_generated_code_holds_no_name_of_a_text(told: dict[str, Any]) -> None:
     """`exec`, `open` and `eval` are fair names of parameters: in generated code they have others."""
     assert told["named"] == "a result"
@@ -94,8 +98,8 @@ def study(text: str) -> Any:
 TAKES: dict[str, Callable[[str], Any]] = {
     "equation": lambda x: mf.Equation(f"y' + {x} = u").compiled(),
     "entry": lambda x: mf.StateSpace([[x]], [1]).compiled(),
-    "signal": lambda x: expressions.evaluate(x, [0.0, 1.0]),
-    "expression": lambda x: expressions.expression(x, ["y"]),
+    "signal": lambda x: evaluate(x, [0.0, 1.0]),
+    "expression": lambda x: function_of(x, ["y"]),
     "input": lambda x: mf.simulate(mf.tf([1], [1, 1]), input=x, duration=1.0, intervals=8),
     "study": study,
 }

@@ -51,7 +51,7 @@ def test_provenance_has_versions_hashes_and_a_call_that_makes_the_fit_again(fit,
     assert np.array_equal(names["fit"].params, fit.params)
 
 
-def test_file_is_named_without_its_folder_and_hashed(rec, tmp_path):
+def test_file_is_named_without_its_folder_and_hashed(rec, tmp_path, undrawn):
     folder = tmp_path / "secret_home"
     folder.mkdir()
     data = folder / "run7.csv"
@@ -88,7 +88,7 @@ def test_page_needs_nothing_else(page):
     assert len(page) < 1.5e6
 
 
-def test_returns_the_path_and_replaces_only_when_whole(fit, tmp_path, monkeypatch):
+def test_returns_the_path_and_replaces_only_when_whole(fit, tmp_path, monkeypatch, undrawn):
     place = tmp_path / "fit.html"
     place.write_text("old")
 
@@ -118,6 +118,7 @@ def test_a_place_that_does_not_serve_is_refused(fit, tmp_path, name, said):
         fit.report(tmp_path / name)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("absent", ["jinja2", "matplotlib"])
 def test_an_absent_package_is_named_with_its_cure(absent, tmp_path):
     code = (
@@ -131,7 +132,7 @@ def test_an_absent_package_is_named_with_its_cure(absent, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_fit_that_did_not_settle_is_not_to_be_used(rec, tmp_path):
+def test_a_fit_that_did_not_settle_is_not_to_be_used(rec, tmp_path, undrawn):
     swapped = mf.Record(y=rec.u, u=rec.y, dt=rec.dt)
     with pytest.warns(mf.ModfunWarning, match="Not settled"):
         found = mf.fit(swapped, mf.TransferFunction(poles=2, zeros=2))
@@ -140,7 +141,7 @@ def test_a_fit_that_did_not_settle_is_not_to_be_used(rec, tmp_path):
     assert "Usable" not in text
 
 
-def test_the_call_does_not_invent_how_a_file_was_read(rec, tmp_path):
+def test_the_call_does_not_invent_how_a_file_was_read(rec, tmp_path, undrawn):
     rec.to_csv(tmp_path / "run.csv")
     read = mf.read(tmp_path / "run.csv", outputs="y", inputs="u", intersample="foh")
     text = mf.fit(read, SECOND).report(tmp_path / "fit.html").read_text(encoding="utf-8")

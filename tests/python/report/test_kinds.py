@@ -96,7 +96,7 @@ def test_a_fit_without_numbers_has_a_page_that_says_so(tmp_path):
     assert 'id="model"' not in text
 
 
-def test_a_defect_is_not_turned_into_words(tmp_path, monkeypatch):
+def test_a_defect_is_not_turned_into_words(tmp_path, monkeypatch, undrawn):
     fit = of_delay()
     for error in (ZeroDivisionError("a defect"), mf.InternalError("a defect")):
         with monkeypatch.context() as patched:
@@ -106,7 +106,7 @@ def test_a_defect_is_not_turned_into_words(tmp_path, monkeypatch):
     assert not (tmp_path / "fit.html").exists()
 
 
-def test_command_line(tmp_path, monkeypatch, capsys):
+def test_command_line(tmp_path, monkeypatch, capsys, undrawn):
     from modfun.commands.main import main
 
     monkeypatch.chdir(tmp_path)

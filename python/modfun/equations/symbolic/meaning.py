@@ -21,22 +21,8 @@ MOST_EXPONENT = 1020
 
 _CONSTANTS = {"pi": sympy.pi, "e": sympy.E}
 _BOOLEAN = (sympy.core.relational.Relational, sympy.logic.boolalg.BooleanAtom)
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "sin": sympy.sin,
-    "cos": sympy.cos,
-    "tan": sympy.tan,
-    "asin": sympy.asin,
-    "acos": sympy.acos,
-    "atan": sympy.atan,
-    "sinh": sympy.sinh,
-    "cosh": sympy.cosh,
-    "tanh": sympy.tanh,
-    "exp": sympy.exp,
-    "log": sympy.log,
-    "sqrt": sympy.sqrt,
+_OWN: dict[str, Callable[..., Any]] = {
     "abs": sympy.Abs,
-    "sign": sympy.sign,
-    "floor": sympy.floor,
     "step": lambda x: sympy.Heaviside(x, 1),
     "min": sympy.Min,
     "max": sympy.Max,
@@ -44,6 +30,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
         (a, c if isinstance(c, _BOOLEAN) else sympy.Abs(c) > 0), (b, True)
     ),
 }
+# SymPy calls the others what the language calls them.
+_FUNCTIONS = {name: _OWN[name] if name in _OWN else getattr(sympy, name) for name in FUNCTIONS}
 _COMPARE: dict[str, Callable[..., Any]] = {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}
 
 

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use super::delays::{self, Delayed};
 use super::design::JointDesign;
-use super::fitter::{JointFitter, JointRecord, RecordPlan};
-use super::iterate::{Start, estimate};
+use super::fitter::{JointFitter, JointRecord, JointRecordPlan};
+use super::iterate::{JointStart, estimate};
 use super::workspace::JointSpace;
 use crate::error::Error;
+use crate::estimate::band::Choice;
 use crate::estimate::batch::CHUNK;
 use crate::estimate::{Many, Options, Outcome, Wanted};
 use crate::simd::{Isa, LANES, Wide};
@@ -15,7 +16,7 @@ use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::threads::{self, Control};
 
 /// What all replicates share: lines, design, how samples become coefficients, where a delay starts.
-pub(crate) struct Shared {
+pub(crate) struct JointShared {
     pub design: Arc<JointDesign>,
     /// Outputs, then paths.
     pub plans: Vec<CoefficientPlan>,
@@ -58,8 +59,8 @@ impl JointBatch<'_> {
 
 impl JointFitter {
     /// What the records of a batch share: lines as given, or as found on one record.
-    pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<Shared, Error> {
-        let alike = |r: &RecordPlan| r.dt.is_finite() && r.uneven.is_empty();
+    pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<JointShared, Error> {
+        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.uneven.is_empty();
         let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
             return Err(Error::Spec(
@@ -70,10 +71,10 @@ impl JointFitter {
         }
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
-        let (ranges, _, theta) = self.choose(&loaded, std::slice::from_ref(record))?;
+        let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
         let design = self.design(&ranges, &loaded.units, &self.o.noise)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
-        Ok(Shared {
+        Ok(JointShared {
             design: Arc::new(design),
             plans: own.plans.clone(),
             kinds: self.kinds.clone(),
@@ -176,7 +177,7 @@ struct Worker {
     im: Vec<Wide>,
 }
 
-impl Shared {
+impl JointShared {
     fn worker(&self) -> Worker {
         let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
         Worker {
@@ -241,8 +242,8 @@ impl Shared {
         let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &delayed, LANES);
         space.begin_delays(d);
         let start = match &self.start {
-            Some(theta) => Start::Theta(theta),
-            None => Start::Wls,
+            Some(theta) => JointStart::Theta(theta),
+            None => JointStart::Wls,
         };
         estimate(isa, d, space, live, start, options, &mut refresh)
     }

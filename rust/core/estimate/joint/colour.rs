@@ -3,7 +3,8 @@
 use super::design::JointDesign;
 use super::rows::rows;
 use super::workspace::JointSpace;
-use crate::estimate::pass::{Factors, Weights, tiles};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::pass::tiles;
 use crate::math::{ln_1, sin_cos_turns_1};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
@@ -125,7 +126,7 @@ impl Kernel for Periodogram<'_> {
         let q = d.outputs();
         for (k, own) in power.iter_mut().enumerate() {
             for range in tiles(w.records[k].lines, d.tile) {
-                rows::<L>(d, w, k, range.clone(), Weights::Adapted, Factors::Data, false);
+                rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
                 for (t, m) in range.enumerate() {
                     let weight = L::splat(d.records[k].weight[m] * 0.5);
                     for i in 0..q {

@@ -3,20 +3,17 @@
 use super::delays;
 use super::design::{Colour, JointDesign, NoiseModel};
 use super::fitter::{JointFitter, JointRecord, Loaded};
-use super::iterate::{Start, estimate};
+use super::iterate::{JointStart, estimate};
 use super::structure::Delay;
 use super::uncertainty::Information;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::default_band::fewest_lines;
-use crate::estimate::fit::{Band, BandRule};
-use crate::estimate::fitter::{LIVE, Range};
+use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::fitter::LIVE;
 use crate::estimate::{Options, Wanted};
 use crate::simd::LANES;
 use crate::structure::Method;
 
-/// Costs that differ by less, in parts of themselves, are those of one minimum.
-pub(crate) const SAME: f64 = 1e-9;
 /// Most steps, and alternations with Σ, of a fit that chooses the band.
 const TRIAL: usize = 15;
 /// Most delays tried, over all paths together.
@@ -24,12 +21,11 @@ const TRIALS: usize = 128;
 
 impl JointFitter {
     /// Lines, the default rule's account, and where to start from.
-    #[allow(clippy::type_complexity)]
     pub(crate) fn choose(
         &self,
         loaded: &Loaded,
         records: &[JointRecord<'_>],
-    ) -> Result<(Vec<Range>, Option<BandRule>, Option<Vec<f64>>), Error> {
+    ) -> Result<Choice, Error> {
         let given: Vec<Range> = self.records.iter().map(|r| r.range).collect();
         let sought = self.o.band == Band::Default
             && !self.o.noise.equation
@@ -40,7 +36,7 @@ impl JointFitter {
                 true => None,
                 false => self.search(loaded, records, &given, &white)?,
             };
-            return Ok((given, None, start));
+            return Ok(Choice { ranges: given, rule: None, theta: start });
         }
         let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
@@ -87,7 +83,7 @@ impl JointFitter {
             None => given,
         };
         rule.chosen = last(&ranges);
-        Ok((ranges, Some(rule), best))
+        Ok(Choice { ranges, rule: Some(rule), theta: best })
     }
 
     /// Cost that fits may be compared by, and the estimate if there is one.
@@ -103,10 +99,10 @@ impl JointFitter {
         let options = Options { wanted: Wanted::Cost, maxiter, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
-        let start = start.map_or(Start::Wls, Start::Theta);
+        let start = start.map_or(JointStart::Wls, JointStart::Theta);
         let outcome = estimate(self.isa, d, w, LIVE, start, &options, &mut refresh)?;
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
-        let cost = criterion(d, w, 0);
+        let cost = w.criterion(d, 0);
         Ok(match usable && cost.is_finite() {
             true => (cost, Some(w.theta(d, 0).collect())),
             false => (f64::INFINITY, None),
@@ -157,17 +153,18 @@ impl JointFitter {
                 for (at, grid) in grids.iter().enumerate() {
                     let tau = grid[rest % grid.len()];
                     rest /= grid.len();
-                    w.theta[d.free.len() + at].0[lane] = tau / d.delay_scale;
+                    w.iterates.theta.now[d.free.len() + at].0[lane] = tau / d.delay_scale;
                 }
             }
             let live = std::array::from_fn(|lane| lane < count);
             let mut refresh =
                 |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
             // First with the delays where they are, then on from there.
-            estimate(self.isa, &d, &mut w, live, Start::Held, &few, &mut refresh)?;
-            let outcome = estimate(self.isa, &d, &mut w, live, Start::Here, &few, &mut refresh)?;
+            estimate(self.isa, &d, &mut w, live, JointStart::Held, &few, &mut refresh)?;
+            let outcome =
+                estimate(self.isa, &d, &mut w, live, JointStart::Here, &few, &mut refresh)?;
             for lane in 0..count {
-                let cost = criterion(&d, &w, lane);
+                let cost = w.criterion(&d, lane);
                 let usable = matches!(outcome.status[lane], Status::Ok | Status::MaxIter);
                 if usable && cost < lowest {
                     (best, lowest) = (Some(w.theta(&d, lane).collect()), cost);
@@ -195,16 +192,4 @@ impl JointFitter {
             Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
         })
     }
-}
-
-/// What fits on the same lines are compared by: the weighted sum of squares where Σ is known, else
-/// N log det Σ̂.
-pub(crate) fn criterion(d: &JointDesign, w: &JointSpace, lane: usize) -> f64 {
-    if d.outputs() == 1 || d.noise.outputs.is_some() {
-        return w.progress.cost.0[lane];
-    }
-    let q = d.outputs();
-    // The diagonal of the inverse root: det Σ = Π 1/root².
-    let sum: f64 = (0..q).map(|i| -2.0 * crate::math::ln_1(w.root[i * q + i].0[lane])).sum();
-    d.degrees_of_freedom() as f64 * sum
 }

@@ -40,7 +40,7 @@ pub(crate) fn refresh(
             let unit = d.units[q + s];
             for lane in 0..LANES {
                 let from = lane.min(lanes - 1);
-                let tau = w.theta[d.free.len() + at].0[from] * d.delay_scale;
+                let tau = w.iterates.theta.now[d.free.len() + at].0[from] * d.delay_scale;
                 let tau = if tau.is_finite() { tau.clamp(min, max) } else { min };
                 if from == lane {
                     let own = &record.samples[*s];

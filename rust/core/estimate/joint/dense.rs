@@ -1,6 +1,6 @@
 //! Covariance of the lines where samples differ in variance: gaps, outliers, changing noise (dense, fixed).
 
-use super::workspace::Rows;
+use super::tile::Rows;
 use crate::simd::{Lanes, Wide};
 
 /// Standard deviation of a sample that counts for nothing, over the largest of the others: its value drops

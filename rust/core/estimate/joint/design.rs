@@ -1,7 +1,7 @@
 //! The plan of a joint problem: lines, columns and scales; nothing in it depends on the samples.
 
 use super::dense::Whitener;
-use super::structure::{JointStructure, Signal, Term};
+use super::structure::{JointSignal, JointStructure, Term};
 use crate::error::Error;
 use crate::modulation::{Column, Lines, transient_columns};
 use crate::structure::{Method, Trend};
@@ -160,8 +160,8 @@ impl JointDesign {
         let mut scale = vec![1.0; structure.coefficients()];
         for t in &terms {
             let unit = match t.signal {
-                Signal::Output => 1.0,
-                Signal::Path(k) => units[t.output] / units[outputs + k],
+                JointSignal::Output => 1.0,
+                JointSignal::Path(k) => units[t.output] / units[outputs + k],
             };
             scale[t.coefficient] = power_of(structure.orders[t.output]) / power_of(t.power) * unit;
         }

@@ -1,20 +1,19 @@
 //! A joint structure and a way of sampling made ready, and a fit of its records with everything a user sees.
 
-use super::default_band::{SAME, criterion};
 use super::delays::{self, Delayed};
 use super::dense::Whitener;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
-use super::iterate::{Start, estimate};
+use super::iterate::{JointStart, estimate};
 use super::structure::{Delay, JointStructure};
 use super::uncertainty::Residuals;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::fit::{Band, BandRule, Time, default_lines};
-use crate::estimate::fitter::{LIVE, Range, binary_unit};
-use crate::estimate::stream::Spectra;
-use crate::estimate::window::{Window, coefficient_plans};
+use crate::estimate::answer::{Answer, unit_diagonal};
+use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, default_lines};
+use crate::estimate::fit::Time;
+use crate::estimate::fitter::{LIVE, binary_unit};
+use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::estimate::{Options, Wanted};
-use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
 use crate::simd::{Isa, Wide};
@@ -86,40 +85,20 @@ pub struct JointRecord<'a> {
 /// A finished joint fit.
 #[derive(Debug, Clone)]
 pub struct JointFit {
-    /// Estimates: free coefficients, then free delays in seconds.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns.
-    pub condition_bound: f64,
-    /// Weighted sum of squares: in units of the output squared for one output, else of Σ̂.
-    pub cost: f64,
+    /// Estimates (free coefficients, then free delays in seconds), covariances, outcome.
+    pub answer: Answer,
     /// Variance of the noise over that given: cost in units of Σ over degrees of freedom.
     pub scale: f64,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
     /// Covariance of the noise of the outputs' samples (of the equations', for equation noise).
     pub noise: Vec<f64>,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
     /// Whether each parameter stands at a bound.
     pub at_bound: Vec<bool>,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals of each record and output over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
 }
 
 /// How one record becomes coefficients.
-pub(crate) struct RecordPlan {
+pub(crate) struct JointRecordPlan {
     pub samples: usize,
     pub dt: f64,
     pub window: Window,
@@ -136,7 +115,7 @@ pub(crate) struct RecordPlan {
 pub struct JointFitter {
     pub(crate) o: JointOptions,
     pub(crate) isa: Isa,
-    pub(crate) records: Vec<RecordPlan>,
+    pub(crate) records: Vec<JointRecordPlan>,
     pub(crate) kinds: Vec<Kind>,
 }
 
@@ -236,7 +215,7 @@ impl JointFitter {
                 _ => Vec::new(),
             };
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
-            Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
+            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         Ok(JointFitter { o, isa, records, kinds })
@@ -265,25 +244,25 @@ impl JointFitter {
     }
 
     fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
-        let (ranges, rule, theta) = self.choose(loaded, records)?;
+        let Choice { ranges, rule, theta } = self.choose(loaded, records)?;
         let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
         let mut w = self.space(&d, loaded);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
-        let mut start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        let mut start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         if rule.is_some() && theta.is_some() {
             // The way from the wide band may end in another minimum than that from `wls`.
             let brief = Options { wanted: Wanted::Cost, ..options };
             let mut cost = |start| -> Result<f64, Error> {
                 let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &brief, &mut refresh)?;
                 let usable = outcome.status[0] == Status::Ok;
-                Ok(if usable { criterion(&d, &w, 0) } else { f64::INFINITY })
+                Ok(if usable { w.criterion(&d, 0) } else { f64::INFINITY })
             };
             let from_wide = cost(start)?;
             // Delays stand where that ended.
-            if cost(Start::Wls)? < from_wide - SAME * from_wide.abs() {
-                start = Start::Wls;
+            if cost(JointStart::Wls)? < from_wide - SAME * from_wide.abs() {
+                start = JointStart::Wls;
             }
         }
         let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options, &mut refresh)?;
@@ -332,7 +311,7 @@ impl JointFitter {
         noise: &NoiseModel,
     ) -> Result<JointDesign, Error> {
         let o = &self.o;
-        let record = |((first, last), r): (&Range, &RecordPlan)| {
+        let record = |((first, last), r): (&Range, &JointRecordPlan)| {
             let highest = match noise.colour {
                 Colour::Fitted => r.plans[0].harmonics(),
                 Colour::Given => *last,
@@ -383,7 +362,7 @@ impl JointFitter {
     }
 
     pub(crate) fn delayed<'a>(&'a self, records: &[JointRecord<'a>]) -> Vec<Delayed<'a>> {
-        let one = |(record, plan): (&JointRecord<'a>, &RecordPlan)| Delayed {
+        let one = |(record, plan): (&JointRecord<'a>, &JointRecordPlan)| Delayed {
             samples: self.o.structure.paths.iter().map(|p| vec![record.u[p.input]]).collect(),
             kinds: &self.kinds,
             dt: plan.dt,
@@ -401,10 +380,7 @@ impl JointFitter {
         nit: u32,
         band_rule: Option<BandRule>,
     ) -> JointFit {
-        let (p, q) = (d.parameters(), d.outputs());
-        let root: Vec<f64> = (0..p).map(|k| w.gram[k * p + k].0[0].sqrt()).collect();
-        let gram: Vec<f64> =
-            (0..p * p).map(|k| w.gram[k].0[0] / (root[k / p] * root[k % p])).collect();
+        let q = d.outputs();
         let freedom = d.degrees_of_freedom();
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
@@ -416,24 +392,25 @@ impl JointFitter {
         let noise =
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
         JointFit {
-            theta: w.theta(d, 0).collect(),
-            cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
-            cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
-            condition_bound: condition_bound(&gram, p),
-            gram,
-            cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
+            answer: Answer {
+                theta: w.theta(d, 0).collect(),
+                cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
+                cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
+                gram: unit_diagonal(&w.gram, d.parameters()),
+                cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
+                degrees_of_freedom: freedom,
+                status,
+                nit,
+                lines: d.lines(),
+                band_rule,
+            },
             scale,
-            degrees_of_freedom: freedom,
             noise,
-            status,
-            nit,
             at_bound: w.pinned.iter().map(|v| v.0[0] > 0.0).collect(),
-            lines: d.lines(),
             residuals: residuals
                 .iter()
                 .map(|r| r.iter().map(|o| o.iter().map(over).collect()).collect())
                 .collect(),
-            band_rule,
         }
     }
 }
@@ -443,7 +420,7 @@ impl JointSpace {
     pub(crate) fn begin_delays(&mut self, d: &JointDesign) {
         for (at, s) in d.free_delays.iter().enumerate() {
             if let Delay::Free { start, .. } = d.structure.paths[*s].delay {
-                self.theta[d.free.len() + at] = Wide::splat(start / d.delay_scale);
+                self.iterates.theta.now[d.free.len() + at] = Wide::splat(start / d.delay_scale);
             }
         }
     }

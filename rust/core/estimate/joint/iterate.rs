@@ -7,9 +7,12 @@ use super::step::{line_weight, step};
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::iterate::{Rule, unsound};
-use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::estimate::{Options, Outcome, Wanted, lost_in_rounding, outcome_of, within_range};
+use crate::estimate::iterate::Rule;
+use crate::estimate::iterates::unsound;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::outcome::{Outcome, lost_in_rounding, statuses};
+use crate::estimate::pass::tiles;
+use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -29,7 +32,7 @@ pub(crate) type Refresh<'a> = dyn FnMut(&mut JointSpace) -> Result<(), Error> + 
 
 /// Where an iteration starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Start<'a> {
+pub(crate) enum JointStart<'a> {
     /// From `wls`, at the delays that stand in the workspace.
     Wls,
     /// From `wls` with delays held all the way: for a first look from many of them.
@@ -46,26 +49,26 @@ pub(crate) fn estimate(
     d: &JointDesign,
     w: &mut JointSpace,
     live: [bool; LANES],
-    start: Start<'_>,
+    start: JointStart<'_>,
     o: &Options,
     refresh: &mut Refresh<'_>,
 ) -> Result<Outcome, Error> {
     w.progress.begin(live);
     w.dependent = [false; LANES];
     w.begin_noise(d);
-    let held = start == Start::Held;
+    let held = start == JointStart::Held;
     match start {
-        Start::Theta(theta) => {
-            for (k, (to, value)) in w.theta.iter_mut().zip(theta).enumerate() {
+        JointStart::Theta(theta) => {
+            for (k, (to, value)) in w.iterates.theta.now.iter_mut().zip(theta).enumerate() {
                 *to = Wide::splat(value / d.parameter_scale(k));
             }
             w.spread_theta(d);
             refresh(w)?;
             isa.run(uncertainty::Transients { design: d, space: w });
         }
-        Start::Here => {}
-        Start::Wls | Start::Held => {
-            w.theta[..d.free.len()].fill(Wide::ZERO);
+        JointStart::Here => {}
+        JointStart::Wls | JointStart::Held => {
+            w.iterates.theta.now[..d.free.len()].fill(Wide::ZERO);
             w.spread_theta(d);
             refresh(w)?;
             iterate(isa, d, w, Rule::Wls, o, true, refresh)?;
@@ -93,7 +96,7 @@ pub(crate) fn estimate(
         uncertainty::finish(isa, d, w, live, o.wanted == Wanted::Covariance);
     }
     let asked = o.wanted == Wanted::Covariance;
-    let status = std::array::from_fn(|k| within_range(status(w, k, asked), w.theta(d, k)));
+    let status = status(d, w, asked);
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
             for c in w.cov_hc3.iter_mut().chain(&mut w.cov_nonrobust) {
@@ -104,11 +107,14 @@ pub(crate) fn estimate(
     Ok(Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) })
 }
 
-fn status(w: &JointSpace, k: usize, with_covariance: bool) -> Status {
-    let data = w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    let dependent = w.dependent[k]
-        || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], w.theta.len(), k));
-    outcome_of(k, &w.theta, data, &w.progress, dependent)
+fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
+    let p = w.iterates.theta.now.len();
+    let dependent = std::array::from_fn(|k| {
+        w.dependent[k]
+            || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
+    });
+    let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    statuses(&w.iterates.theta.now, |k| d.parameter_scale(k), &w.progress, dependent, data)
 }
 
 /// How far a call of the vector code came.
@@ -150,7 +156,7 @@ impl Kernel for Iteration<'_> {
             if rule != Rule::Wls {
                 (L::load(&w.progress.nit) + L::load(&w.progress.active)).store(&mut w.progress.nit);
             }
-            rule.take::<L>(w, limit);
+            rule.take::<L>(&mut w.iterates, &mut w.progress, limit);
             w.spread_theta(d);
             if !held && !d.free_delays.is_empty() {
                 return Came::NewDelays;
@@ -321,9 +327,9 @@ impl Kernel for Covariance<'_> {
         super::step::clear::<L>(&mut w.hat[0][..q]);
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
-                rows::<L>(d, w, k, range.clone(), Weights::Adapted, Factors::Data, false);
+                rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
                 for (t, m) in range.enumerate() {
-                    let weight = L::splat(line_weight(d, k, m, Weights::Adapted));
+                    let weight = L::splat(line_weight(d, k, m, RowWeights::Adapted));
                     let lines = w.records[k].lines;
                     for i in 0..q {
                         let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);

@@ -3,51 +3,15 @@
 use super::design::JointDesign;
 use super::rows::rows;
 use super::step::{line_weight, move_of};
-use super::workspace::JointSpace;
+use super::workspace::{JointSpace, QrSpace};
 use crate::estimate::iterate::Rule;
-use crate::estimate::pass::{Factors, Weights, tiles};
-use crate::linalg::qr::{Absorber, solve_square};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::pass::tiles;
+use crate::linalg::qr::solve_square;
 use crate::simd::{Isa, Kernel, Lanes};
 
 /// Relative size below which a column is a combination of the others.
 const RANK: f64 = 1e-13;
-
-/// Scratch of the fallback.
-#[derive(Debug, Clone)]
-pub(crate) struct QrStep {
-    record: Absorber,
-    all: Absorber,
-    left: Vec<f64>,
-    right: Vec<f64>,
-    square: Vec<f64>,
-    solution: Vec<f64>,
-    /// What moves, in order.
-    found: Vec<f64>,
-    scale: Vec<f64>,
-    /// R of each record's transient with what it needs to be solved.
-    kept: Vec<f64>,
-    /// Which parameters may move.
-    moving: Vec<usize>,
-}
-
-impl QrStep {
-    pub fn new(d: &JointDesign) -> QrStep {
-        let (p, size) = (d.parameters(), d.size());
-        let nt = d.transient.len();
-        QrStep {
-            record: Absorber::new(size, 2 * d.tile * d.outputs()),
-            all: Absorber::new(p, p),
-            left: vec![0.0; size],
-            right: vec![0.0; size + 1],
-            square: vec![0.0; p * (p + 1)],
-            solution: vec![0.0; p],
-            found: vec![0.0; p],
-            scale: vec![0.0; p],
-            kept: vec![0.0; d.records.len() * nt * (size + 1)],
-            moving: Vec::with_capacity(p),
-        }
-    }
-}
 
 /// Writes the rows of a tile for all lanes.
 struct Tile<'a> {
@@ -55,8 +19,8 @@ struct Tile<'a> {
     space: &'a mut JointSpace,
     record: usize,
     range: std::ops::Range<usize>,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
 }
 
 impl Kernel for Tile<'_> {
@@ -75,14 +39,14 @@ impl Kernel for Tile<'_> {
     }
 }
 
-/// Factors one lane's rows, records stacked. False where the columns are dependent.
+/// LeftColumns one lane's rows, records stacked. False where the columns are dependent.
 fn factor(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
     lane: usize,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
 ) -> bool {
     let (q, p, nt, size) = (d.outputs(), d.parameters(), d.transient.len(), d.size());
     let width = size + 1;
@@ -111,7 +75,7 @@ fn factor(
                         }
                         for c in 0..size {
                             qr.left[c] = match factors {
-                                Factors::Data => qr.right[c],
+                                LeftColumns::Data => qr.right[c],
                                 _ => by[row * width + c].0[lane] * root,
                             };
                         }
@@ -120,7 +84,7 @@ fn factor(
                 }
             }
         }
-        let QrStep { record, all, kept, .. } = &mut w.qr;
+        let QrSpace { record, all, kept, .. } = &mut w.qr;
         record.absorb();
         for i in 0..nt {
             let norm = (0..=i).fold(0.0, |s, r| record.r(r, i).mul_add(record.r(r, i), s));
@@ -161,14 +125,18 @@ pub(crate) fn solve(
         let (low, high) = d.parameter_bounds(k);
         let stays = (held && k >= delays) || w.pinned[k].0[lane] > 0.0;
         if stays {
-            let at = if k >= delays { w.theta[k].0[lane] } else { w.next[k].0[lane] };
+            let at = if k >= delays {
+                w.iterates.theta.now[k].0[lane]
+            } else {
+                w.iterates.theta.next[k].0[lane]
+            };
             let at = at.clamp(low, high);
-            w.qr.solution[k] = if k >= delays { at - w.theta[k].0[lane] } else { at };
+            w.qr.solution[k] = if k >= delays { at - w.iterates.theta.now[k].0[lane] } else { at };
         } else {
             w.qr.moving.push(k);
         }
     }
-    let QrStep { all, square, moving, solution, found, scale, .. } = &mut w.qr;
+    let QrSpace { all, square, moving, solution, found, scale, .. } = &mut w.qr;
     let count = moving.len();
     // RᵀR of what moves would square the condition: the rows of QᵀΓ suffice where all move.
     for (a, i) in moving.iter().enumerate() {
@@ -183,24 +151,24 @@ pub(crate) fn solve(
     for (k, value) in moving.iter().zip(found.iter()) {
         solution[*k] = *value;
     }
-    let QrStep { solution, kept, .. } = &w.qr;
-    for (k, r) in w.records.iter_mut().enumerate() {
+    let QrSpace { solution, kept, .. } = &w.qr;
+    for (k, transient) in w.iterates.transients.iter_mut().enumerate() {
         for i in (0..nt).rev() {
             let row = &kept[(k * nt + i) * (size + 1)..][..size + 1];
             let mut sum = row[size];
             for j in 0..p {
                 sum = (-row[nt + j]).mul_add(solution[j], sum);
             }
-            for (own, t) in row[..nt].iter().zip(&r.next_transient).skip(i + 1) {
+            for (own, t) in row[..nt].iter().zip(&transient.next).skip(i + 1) {
                 sum = (-own).mul_add(t.0[lane], sum);
             }
-            r.next_transient[i].0[lane] = sum / row[i];
+            transient.next[i].0[lane] = sum / row[i];
         }
     }
     for (k, found) in solution.iter().enumerate() {
-        let change = found + if k >= delays { w.theta[k].0[lane] } else { 0.0 };
+        let change = found + if k >= delays { w.iterates.theta.now[k].0[lane] } else { 0.0 };
         let (low, high) = d.parameter_bounds(k);
-        w.next[k].0[lane] = change.clamp(low, high);
+        w.iterates.theta.next[k].0[lane] = change.clamp(low, high);
     }
     isa.run(Move { design: d, space: w });
     full
@@ -223,7 +191,7 @@ impl Kernel for Move<'_> {
 pub(crate) fn inverse(isa: Isa, d: &JointDesign, w: &mut JointSpace, lane: usize) -> bool {
     let p = d.parameters();
     let full = factor(isa, d, w, lane, d.final_weights(), d.final_factors());
-    let QrStep { all, square, .. } = &mut w.qr;
+    let QrSpace { all, square, .. } = &mut w.qr;
     for c in 0..p {
         for i in (0..p).rev() {
             let one = if i == c { 1.0 } else { 0.0 };

@@ -1,10 +1,11 @@
 //! Whitened rows of Γ, J and the residual, line by line, for eight replicates.
 
 use super::design::JointDesign;
-use super::structure::Signal;
-use super::workspace::{JointSpace, RecordSpace, Rows};
+use super::structure::JointSignal;
+use super::tile::Rows;
+use super::workspace::{JointRecordSpace, JointSpace};
 use crate::covariance::{polynomial, variance};
-use crate::estimate::pass::{Factors, Weights};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::simd::{Lanes, Wide};
 use std::ops::Range;
 
@@ -50,7 +51,7 @@ fn turned<L: Lanes>(v: Complex<L>, power: usize) -> Complex<L> {
 }
 
 /// Writes the rows of the lines `range` of record `k`: `right` of the data, `left` as `factors` says (with
-/// [`Factors::Data`] it stays as it is: `right` serves), and the residual. `whole`: W holds Σ, too.
+/// [`LeftColumns::Data`] it stays as it is: `right` serves), and the residual. `whole`: W holds Σ, too.
 ///
 /// With whiteners for uneven samples the range must be all lines in use.
 #[inline(always)]
@@ -59,11 +60,11 @@ pub(crate) fn rows<L: Lanes>(
     w: &mut JointSpace,
     k: usize,
     range: Range<usize>,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
     whole: bool,
 ) {
-    let dense = !d.records[k].dense.is_empty() && weights == Weights::Adapted;
+    let dense = !d.records[k].dense.is_empty() && weights == RowWeights::Adapted;
     for (t, m) in range.clone().enumerate() {
         line::<L>(d, w, k, m, t, weights, factors, whole && !dense);
     }
@@ -75,7 +76,7 @@ pub(crate) fn rows<L: Lanes>(
             let place = (q, i, range.len(), first_is_real);
             whitener.apply::<L>(&mut w.right, width, place);
             whitener.apply::<L>(&mut w.residual, 1, place);
-            if factors != Factors::Data {
+            if factors != LeftColumns::Data {
                 whitener.apply::<L>(&mut w.left, width, place);
             }
         }
@@ -83,7 +84,7 @@ pub(crate) fn rows<L: Lanes>(
             for t in 0..range.len() {
                 mix::<L>(&w.root, &mut w.right, t, q, width);
                 mix::<L>(&w.root, &mut w.residual, t, q, 1);
-                if factors != Factors::Data {
+                if factors != LeftColumns::Data {
                     mix::<L>(&w.root, &mut w.left, t, q, width);
                 }
             }
@@ -110,7 +111,7 @@ fn mix<L: Lanes>(root: &[Wide], rows: &mut Rows, t: usize, q: usize, width: usiz
 
 /// A signal's coefficient on line m.
 #[inline(always)]
-fn signal<L: Lanes>(r: &RecordSpace, at: usize, m: usize) -> Complex<L> {
+fn signal<L: Lanes>(r: &JointRecordSpace, at: usize, m: usize) -> Complex<L> {
     (L::load(&r.re[at * r.lines + m]), L::load(&r.im[at * r.lines + m]))
 }
 
@@ -123,14 +124,14 @@ fn line<L: Lanes>(
     k: usize,
     m: usize,
     t: usize,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
     whole: bool,
 ) {
     let (q, paths, nt) = (d.outputs(), d.paths(), d.transient.len());
     let rd = &d.records[k];
     polynomials::<L>(d, w, rd.x[m]);
-    let flat = weights == Weights::Flat;
+    let flat = weights == RowWeights::Flat;
     let inputs_noisy = d.noise.inputs.is_some() && !flat;
     if inputs_noisy {
         full_whitener::<L>(d, w, k, m);
@@ -141,7 +142,7 @@ fn line<L: Lanes>(
     // Residuals before whitening, in `column`.
     let transient = &rd.transient[m * nt..(m + 1) * nt];
     for i in 0..q {
-        let r = &w.records[k];
+        let (r, coefficients) = (&w.records[k], &w.iterates.transients[k].now);
         let mut sum = add(zero::<L>(), get(&w.a, i), signal(r, i, m));
         for s in 0..paths {
             if d.structure.numerators[i][s].is_some() {
@@ -151,7 +152,7 @@ fn line<L: Lanes>(
         }
         for (j, own) in d.transient.iter().enumerate() {
             if own.output == i {
-                let (value, by) = (L::splat(transient[j]), L::load(&r.transient[j]));
+                let (value, by) = (L::splat(transient[j]), L::load(&coefficients[j]));
                 if own.column.phase % 2 == 0 {
                     sum.0 = value.mul_add(by, sum.0);
                 } else {
@@ -161,7 +162,7 @@ fn line<L: Lanes>(
         }
         put(sum, &mut w.column, i);
     }
-    if factors != Factors::Data {
+    if factors != LeftColumns::Data {
         if inputs_noisy {
             smooth::<L>(d, w, k, m);
         } else {
@@ -181,8 +182,8 @@ fn line<L: Lanes>(
         }
     }
     whiten::<L>(&w.white, &w.column, q, &mut w.residual, t * q, 1);
-    columns::<L>(d, w, k, m, t, factors == Factors::Denoised, false);
-    if factors != Factors::Data {
+    columns::<L>(d, w, k, m, t, factors == LeftColumns::Denoised, false);
+    if factors != LeftColumns::Data {
         columns::<L>(d, w, k, m, t, true, true);
     }
 }
@@ -465,8 +466,8 @@ fn columns<L: Lanes>(
             }
             for term in terms {
                 let (at, sign) = match term.signal {
-                    Signal::Output => (term.output, 1.0),
-                    Signal::Path(s) => (q + s, -1.0),
+                    JointSignal::Output => (term.output, 1.0),
+                    JointSignal::Path(s) => (q + s, -1.0),
                 };
                 let mut by = L::splat(sign * powers[term.power]);
                 if target {

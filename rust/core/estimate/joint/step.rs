@@ -2,8 +2,10 @@
 
 use super::design::JointDesign;
 use super::rows::rows;
-use super::workspace::{JointSpace, Rows};
-use crate::estimate::pass::{Factors, Weights, add_parameter_block, copy, tiles};
+use super::tile::Rows;
+use super::workspace::JointSpace;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::pass::{add_parameter_block, copy, tiles};
 use crate::linalg::lanes::{eliminate, substitute};
 use crate::simd::{Lanes, Wide};
 
@@ -15,8 +17,8 @@ const BLOCK: usize = 4;
 pub(crate) fn step<L: Lanes>(
     d: &JointDesign,
     w: &mut JointSpace,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
     delays_held: bool,
 ) {
     let (p, nt, size) = (d.parameters(), d.transient.len(), d.size());
@@ -37,14 +39,15 @@ pub(crate) fn step<L: Lanes>(
     cost.store(&mut w.progress.cost);
     solve_parameters::<L>(d, w, delays_held);
     for k in 0..w.records.len() {
-        let JointSpace { records, next, theta, unknowns, .. } = w;
+        let JointSpace { records, iterates, unknowns, .. } = w;
+        let (next, theta) = (&iterates.theta.next, &iterates.theta.now);
         copy::<L>(next, &mut unknowns[nt..size]);
         // Of a delay the system holds the change.
         for c in d.free.len()..p {
             (L::load(&next[c]) - L::load(&theta[c])).store(&mut unknowns[nt + c]);
         }
         substitute::<L>(&records[k].matrix, size, 0..nt, unknowns);
-        copy::<L>(&unknowns[..nt], &mut records[k].next_transient);
+        copy::<L>(&unknowns[..nt], &mut iterates.transients[k].next);
     }
     move_of::<L>(d, w);
 }
@@ -68,10 +71,11 @@ fn solve_parameters<L: Lanes>(d: &JointDesign, w: &mut JointSpace, delays_held: 
             }
         }
         eliminate::<L>(&mut w.global_work, p, 0..p, &w.column_size, false, &mut w.trusted);
-        substitute::<L>(&w.global_work, p, 0..p, &mut w.next);
+        substitute::<L>(&w.global_work, p, 0..p, &mut w.iterates.theta.next);
         // Of a delay the system gives the change.
         for k in delays.clone() {
-            (L::load(&w.next[k]) + L::load(&w.theta[k])).store(&mut w.next[k]);
+            (L::load(&w.iterates.theta.next[k]) + L::load(&w.iterates.theta.now[k]))
+                .store(&mut w.iterates.theta.next[k]);
         }
         if !bounded || !leaves::<L>(d, w) {
             break;
@@ -86,7 +90,7 @@ fn leaves<L: Lanes>(d: &JointDesign, w: &mut JointSpace) -> bool {
     let mut any = false;
     for k in 0..d.parameters() {
         let (low, high) = d.parameter_bounds(k);
-        let value = L::load(&w.next[k]);
+        let value = L::load(&w.iterates.theta.next[k]);
         let slack = 1e-12 * (low.abs().min(high.abs()) + f64::MIN_POSITIVE);
         let below = value.select_lt(L::splat(low - slack), L::splat(1.0), L::splat(0.0));
         let above = L::splat(high + slack).select_lt(value, L::splat(1.0), L::splat(0.0));
@@ -109,11 +113,11 @@ fn pin<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, held: bool) {
     let (low, high) = d.parameter_bounds(k);
     let mut bound = L::splat(0.0);
     if !held {
-        let wanted = L::load(&w.next[k]);
+        let wanted = L::load(&w.iterates.theta.next[k]);
         bound = wanted.select_lt(L::splat(low), L::splat(low), wanted);
         bound = L::splat(high).select_lt(bound, L::splat(high), bound);
         if k >= d.free.len() {
-            bound = bound - L::load(&w.theta[k]);
+            bound = bound - L::load(&w.iterates.theta.now[k]);
         }
     }
     let off = L::splat(1.0) - on;
@@ -147,8 +151,8 @@ pub(crate) fn record_system<L: Lanes>(
     d: &JointDesign,
     w: &mut JointSpace,
     k: usize,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
 ) -> L {
     let (q, size) = (d.outputs(), d.size());
     let width = size + 1;
@@ -178,9 +182,9 @@ pub(crate) fn record_system<L: Lanes>(
 
 /// 1/(h · unit variance) of a line; one where whiteners hold it.
 #[inline(always)]
-pub(crate) fn line_weight(d: &JointDesign, k: usize, m: usize, weights: Weights) -> f64 {
+pub(crate) fn line_weight(d: &JointDesign, k: usize, m: usize, weights: RowWeights) -> f64 {
     let rd = &d.records[k];
-    if rd.dense.is_empty() || weights == Weights::Flat { rd.weight[m] } else { 1.0 }
+    if rd.dense.is_empty() || weights == RowWeights::Flat { rd.weight[m] } else { 1.0 }
 }
 
 #[inline(always)]
@@ -195,12 +199,12 @@ fn scale_left<L: Lanes>(
     w: &mut JointSpace,
     k: usize,
     range: std::ops::Range<usize>,
-    weights: Weights,
-    factors: Factors,
+    weights: RowWeights,
+    factors: LeftColumns,
 ) {
     let (q, width) = (d.outputs(), d.size() + 1);
     let JointSpace { left, right, .. } = w;
-    let data = factors == Factors::Data;
+    let data = factors == LeftColumns::Data;
     for (t, m) in range.enumerate() {
         let weight = L::splat(line_weight(d, k, m, weights));
         for at in t * q * width..(t + 1) * q * width {
@@ -247,7 +251,7 @@ pub(crate) fn move_of<L: Lanes>(d: &JointDesign, w: &mut JointSpace) {
     let mut moved = L::splat(0.0);
     for k in 0..d.parameters() {
         let column = L::load(&w.column_size[k]).abs();
-        let (from, to) = (L::load(&w.theta[k]), L::load(&w.next[k]));
+        let (from, to) = (L::load(&w.iterates.theta.now[k]), L::load(&w.iterates.theta.next[k]));
         let change = to - from;
         // The maximum that lets NaN pass: it must not read as settled.
         let effect = change * change * column;

@@ -61,7 +61,7 @@ pub struct JointStructure {
 
 /// Which signal a coefficient multiplies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Signal {
+pub(crate) enum JointSignal {
     Output,
     Path(usize),
 }
@@ -71,7 +71,7 @@ pub(crate) enum Signal {
 pub(crate) struct Term {
     pub coefficient: usize,
     pub output: usize,
-    pub signal: Signal,
+    pub signal: JointSignal,
     pub power: usize,
 }
 
@@ -212,13 +212,13 @@ impl JointStructure {
         for (output, order) in self.orders.iter().enumerate() {
             for j in 0..*order {
                 let (coefficient, power) = (denominators[output] + j, order - 1 - j);
-                all.push(Term { coefficient, output, signal: Signal::Output, power });
+                all.push(Term { coefficient, output, signal: JointSignal::Output, power });
             }
             for (path, degree) in self.numerators[output].iter().enumerate() {
                 for j in 0..degree.map_or(0, |d| d + 1) {
                     let power = degree.unwrap_or(0) - j;
                     let coefficient = numerators[output][path] + j;
-                    all.push(Term { coefficient, output, signal: Signal::Path(path), power });
+                    all.push(Term { coefficient, output, signal: JointSignal::Path(path), power });
                 }
             }
         }
@@ -256,11 +256,11 @@ mod tests {
 
     #[test]
     fn terms_name_output_signal_and_power() {
-        let of = |output: usize| -> Vec<(usize, Signal, usize)> {
+        let of = |output: usize| -> Vec<(usize, JointSignal, usize)> {
             let own = |t: &Term| (t.output == output).then_some((t.coefficient, t.signal, t.power));
             two(true).terms().iter().filter_map(own).collect()
         };
-        use Signal::{Output, Path};
+        use JointSignal::{Output, Path};
         assert_eq!(of(0), [(0, Output, 1), (1, Output, 0), (2, Path(0), 1), (3, Path(0), 0)]);
         assert_eq!(
             of(1),

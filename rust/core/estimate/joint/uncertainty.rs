@@ -1,14 +1,23 @@
 //! At a joint estimate: transients, cost, classical and HC3 covariance, residuals.
 //!
-//! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together. HC3
-//! adds them up before squaring: what is left of the correlation between outputs is allowed for.
+//! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together by W,
+//! W S W* = 1. With J_mi the whitened row of output i, Re and Im apart, transients projected out, e_mi its whitened
+//! residual and h_mi its leverage,
+//!
+//! ```text
+//! H = (Σ_mi J_miᵀ J_mi)⁻¹,   classical:  σ̂² H,
+//!                            HC3:        H (Σ_m g_mᵀ g_m) H,   g_m = Σ_i J_mi e_mi / (1 − h_mi).
+//! ```
+//!
+//! HC3 adds the outputs up before squaring, so that what is left of the correlation between them is allowed for.
 
 use super::design::JointDesign;
 use super::qr_step;
 use super::rows::rows;
 use super::step::{clear, line_weight, pair, record_system};
 use super::workspace::JointSpace;
-use crate::estimate::pass::{Factors, Weights, add_parameter_block, copy, tiles};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::pass::{add_parameter_block, copy, tiles};
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -17,14 +26,14 @@ use crate::structure::Method;
 const LEVERAGE: f64 = 1e-6;
 
 impl JointDesign {
-    /// Weights that belong to the estimate.
-    pub(crate) fn final_weights(&self) -> Weights {
-        if self.method == Method::Wls { Weights::Flat } else { Weights::Adapted }
+    /// RowWeights that belong to the estimate.
+    pub(crate) fn final_weights(&self) -> RowWeights {
+        if self.method == Method::Wls { RowWeights::Flat } else { RowWeights::Adapted }
     }
 
     /// Columns of the information at the estimate.
-    pub(crate) fn final_factors(&self) -> Factors {
-        if self.method == Method::Ml { Factors::Denoised } else { Factors::Data }
+    pub(crate) fn final_factors(&self) -> LeftColumns {
+        if self.method == Method::Ml { LeftColumns::Denoised } else { LeftColumns::Data }
     }
 }
 
@@ -65,15 +74,15 @@ impl Kernel for Transients<'_> {
         let (nt, size) = (d.transient.len(), d.size());
         let mut trusted = Wide::splat(1.0);
         for k in 0..w.records.len() {
-            record_system::<L>(d, w, k, d.final_weights(), Factors::Data);
-            let JointSpace { records, theta, unknowns, diagonal, .. } = &mut *w;
+            record_system::<L>(d, w, k, d.final_weights(), LeftColumns::Data);
+            let JointSpace { records, iterates, unknowns, diagonal, .. } = &mut *w;
             let r = &mut records[k];
             eliminate::<L>(&mut r.matrix, size, 0..nt, diagonal, false, &mut trusted);
-            copy::<L>(theta, &mut unknowns[nt..size]);
+            copy::<L>(&iterates.theta.now, &mut unknowns[nt..size]);
             // Of a delay the system holds the change: none.
             clear::<L>(&mut unknowns[nt + d.free.len()..size]);
             substitute::<L>(&r.matrix, size, 0..nt, unknowns);
-            copy::<L>(&unknowns[..nt], &mut r.transient);
+            copy::<L>(&unknowns[..nt], &mut iterates.transients[k].now);
         }
     }
 }
@@ -261,7 +270,7 @@ impl Kernel for Residuals<'_> {
         for k in 0..w.records.len() {
             let mut all = vec![vec![[Wide::ZERO; 2]; w.records[k].limit]; q];
             for range in tiles(w.records[k].limit, d.tile) {
-                rows::<L>(d, w, k, range.clone(), d.final_weights(), Factors::Data, true);
+                rows::<L>(d, w, k, range.clone(), d.final_weights(), LeftColumns::Data, true);
                 for (t, m) in range.enumerate() {
                     let root = L::splat(line_weight(d, k, m, d.final_weights()).sqrt());
                     for (i, own) in all.iter_mut().enumerate() {

@@ -1,22 +1,20 @@
 //! Scratch of a joint problem: coefficients of eight replicates and everything a pass writes.
 
 use super::design::JointDesign;
-use super::qr_step::QrStep;
-use crate::estimate::iterate::{Iterates, Progress, choose, half_way};
-use crate::simd::{LANES, Lanes, Wide};
+use super::tile::Rows;
+use crate::estimate::iterates::{Iterates, Progress};
+use crate::linalg::qr::Absorber;
+use crate::math::ln_1;
+use crate::simd::{LANES, Wide};
 
 /// One record of eight replicates.
 #[derive(Debug, Clone)]
-pub(crate) struct RecordSpace {
+pub(crate) struct JointRecordSpace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
     pub im: Vec<Wide>,
     /// System of this record, (transient + θ) × (one more).
     pub matrix: Vec<Wide>,
-    /// Coefficients of the transient at the current iterate, where a step leads, at the best so far.
-    pub transient: Vec<Wide>,
-    pub next_transient: Vec<Wide>,
-    pub best_transient: Vec<Wide>,
     /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹.
     pub projection: Vec<Wide>,
     pub transient_inverse: Vec<Wide>,
@@ -27,17 +25,47 @@ pub(crate) struct RecordSpace {
     pub limit: usize,
 }
 
-/// Rows of the lines of a tile: (line, output) × (unknowns, target).
+/// Scratch of a step by orthogonal factors.
 #[derive(Debug, Clone)]
-pub(crate) struct Rows {
-    pub re: Vec<Wide>,
-    pub im: Vec<Wide>,
+pub(crate) struct QrSpace {
+    pub record: Absorber,
+    pub all: Absorber,
+    pub left: Vec<f64>,
+    pub right: Vec<f64>,
+    pub square: Vec<f64>,
+    pub solution: Vec<f64>,
+    /// What moves, in order.
+    pub found: Vec<f64>,
+    pub scale: Vec<f64>,
+    /// R of each record's transient with what it needs to be solved.
+    pub kept: Vec<f64>,
+    /// Which parameters may move.
+    pub moving: Vec<usize>,
+}
+
+impl QrSpace {
+    fn new(d: &JointDesign) -> QrSpace {
+        let (p, size) = (d.parameters(), d.size());
+        let nt = d.transient.len();
+        QrSpace {
+            record: Absorber::new(size, 2 * d.tile * d.outputs()),
+            all: Absorber::new(p, p),
+            left: vec![0.0; size],
+            right: vec![0.0; size + 1],
+            square: vec![0.0; p * (p + 1)],
+            solution: vec![0.0; p],
+            found: vec![0.0; p],
+            scale: vec![0.0; p],
+            kept: vec![0.0; d.records.len() * nt * (size + 1)],
+            moving: Vec::with_capacity(p),
+        }
+    }
 }
 
 /// Scratch for one [`JointDesign`].
 #[derive(Debug, Clone)]
 pub struct JointSpace {
-    pub(crate) records: Vec<RecordSpace>,
+    pub(crate) records: Vec<JointRecordSpace>,
     /// Columns the step weighs by, of the data, whitened; and the whitened residual.
     pub(crate) left: Rows,
     pub(crate) right: Rows,
@@ -59,10 +87,8 @@ pub struct JointSpace {
     pub(crate) colour_orders: Vec<usize>,
     /// All coefficients, held ones included, in the workspace's units.
     pub(crate) coefficients: Vec<Wide>,
-    /// Estimated coefficients and delays.
-    pub(crate) theta: Vec<Wide>,
-    pub(crate) next: Vec<Wide>,
-    pub(crate) best_theta: Vec<Wide>,
+    /// Estimated coefficients and delays, and the transients.
+    pub(crate) iterates: Iterates,
     pub(crate) progress: Progress,
     pub(crate) dependent: [bool; LANES],
     pub(crate) diagonal: Vec<Wide>,
@@ -83,7 +109,7 @@ pub struct JointSpace {
     pub(crate) cov_nonrobust: Vec<Wide>,
     pub(crate) z: [Vec<Wide>; 2],
     pub(crate) row: [Vec<Wide>; 2],
-    pub(crate) qr: QrStep,
+    pub(crate) qr: QrSpace,
 }
 
 impl JointSpace {
@@ -101,13 +127,10 @@ impl JointSpace {
         let records = d
             .records
             .iter()
-            .map(|r| RecordSpace {
+            .map(|r| JointRecordSpace {
                 re: wide((q + 2 * paths) * r.x.len()),
                 im: wide((q + 2 * paths) * r.x.len()),
                 matrix: wide(size * (size + 1)),
-                transient: wide(nt),
-                next_transient: wide(nt),
-                best_transient: wide(nt),
                 projection: wide(nt * p),
                 transient_inverse: wide(nt * nt),
                 colour: vec![Wide::splat(1.0); r.x.len() * q],
@@ -133,9 +156,7 @@ impl JointSpace {
             triangle: vec![0.0; q * q],
             colour_orders: vec![0; LANES * q],
             coefficients: wide(d.structure.coefficients()),
-            theta: wide(p),
-            next: wide(p),
-            best_theta: wide(p),
+            iterates: Iterates::new(p, nt, d.records.len()),
             progress: Progress::default(),
             dependent: [false; LANES],
             diagonal: wide(size),
@@ -155,7 +176,7 @@ impl JointSpace {
             cov_nonrobust: wide(p * p),
             z: pair(p),
             row: pair(p),
-            qr: QrStep::new(d),
+            qr: QrSpace::new(d),
         }
     }
 
@@ -177,19 +198,24 @@ impl JointSpace {
                 self.coefficients[k] = Wide::splat(value / d.scale[k]);
             }
         }
-        for (k, value) in d.free.iter().zip(&self.theta) {
+        for (k, value) in d.free.iter().zip(&self.iterates.theta.now) {
             self.coefficients[*k] = *value;
         }
     }
 
     /// Estimates of one lane in the user's units.
     pub fn theta<'a>(&'a self, d: &'a JointDesign, lane: usize) -> impl Iterator<Item = f64> + 'a {
-        self.theta.iter().enumerate().map(move |(k, t)| t.0[lane] * d.parameter_scale(k))
+        self.iterates
+            .theta
+            .now
+            .iter()
+            .enumerate()
+            .map(move |(k, t)| t.0[lane] * d.parameter_scale(k))
     }
 
     /// Parameter `k` of every lane in the user's units.
     pub(crate) fn parameter(&self, d: &JointDesign, k: usize) -> [f64; LANES] {
-        self.theta[k].0.map(|t| t * d.parameter_scale(k))
+        self.iterates.theta.now[k].0.map(|t| t * d.parameter_scale(k))
     }
 
     /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
@@ -214,34 +240,16 @@ impl JointSpace {
         let at = |k: usize| cov[k].0[lane] * d.parameter_scale(k / p) * d.parameter_scale(k % p);
         (0..p * p).map(at).collect()
     }
-}
 
-impl Iterates for JointSpace {
-    fn progress(&mut self) -> &mut Progress {
-        &mut self.progress
-    }
-
-    #[inline(always)]
-    fn advance<L: Lanes>(&mut self, of: L) {
-        choose(of, &self.next, &mut self.theta);
-        for r in &mut self.records {
-            choose(of, &r.next_transient, &mut r.transient);
+    /// What fits on the same lines are compared by: the weighted sum of squares where Σ is known, else
+    /// N log det Σ̂.
+    pub(crate) fn criterion(&self, d: &JointDesign, lane: usize) -> f64 {
+        if d.outputs() == 1 || d.noise.outputs.is_some() {
+            return self.progress.cost.0[lane];
         }
-    }
-
-    #[inline(always)]
-    fn keep<L: Lanes>(&mut self, of: L) {
-        choose(of, &self.theta, &mut self.best_theta);
-        for r in &mut self.records {
-            choose(of, &r.transient, &mut r.best_transient);
-        }
-    }
-
-    #[inline(always)]
-    fn halve<L: Lanes>(&mut self, of: L) {
-        half_way(of, &self.best_theta, &mut self.theta);
-        for r in &mut self.records {
-            half_way(of, &r.best_transient, &mut r.transient);
-        }
+        let q = d.outputs();
+        // The diagonal of the inverse root: det Σ = Π 1/root².
+        let sum: f64 = (0..q).map(|i| -2.0 * ln_1(self.root[i * q + i].0[lane])).sum();
+        d.degrees_of_freedom() as f64 * sum
     }
 }

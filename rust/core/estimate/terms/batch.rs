@@ -1,9 +1,11 @@
 //! Many fits at once, one record after the other over threads, on lines chosen once.
 
-use super::fitter::{Chosen, TermsFit, TermsFitter, TermsRecord};
+use super::fitter::TermsFit;
 use super::lines::Desk;
+use super::plan::{TermsFitter, TermsRecord};
 use crate::error::{Error, Status};
 use crate::estimate::Many;
+use crate::estimate::band::Choice;
 use crate::modulation::Lines;
 use crate::threads::{self, Control};
 
@@ -41,9 +43,9 @@ impl TermsFitter {
         // Where one record's parameters are a good start for all; a linear start needs none.
         let start = match self.o.equations.linear {
             true => None,
-            false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.theta),
+            false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.answer.theta),
         };
-        let shared = Chosen { ranges: chosen.ranges, rule: None, theta: start };
+        let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
         let work = |desk: &mut Desk, chunk: usize| {
             let mut out = Many::default();
             let mut told = None;
@@ -58,7 +60,7 @@ impl TermsFitter {
                 let (fit, back) = self.finish(one, own, &shared, std::mem::take(desk))?;
                 *desk = back;
                 out.push_terms(&fit);
-                told = Some((fit.degrees_of_freedom, fit.lines));
+                told = Some((fit.answer.degrees_of_freedom, fit.answer.lines));
             }
             Ok((out, told))
         };
@@ -79,18 +81,19 @@ impl TermsFitter {
 impl Many {
     /// Adds one fit.
     fn push_terms(&mut self, fit: &TermsFit) {
-        let p = fit.theta.len();
-        let failed = matches!(fit.status, Status::Rank | Status::NonFinite);
+        let own = &fit.answer;
+        let p = own.theta.len();
+        let failed = matches!(own.status, Status::Rank | Status::NonFinite);
         let errors = |cov: &[f64]| (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect::<Vec<f64>>();
         match failed {
             true => self.theta.extend(std::iter::repeat_n(f64::NAN, p)),
-            false => self.theta.extend(&fit.theta),
+            false => self.theta.extend(&own.theta),
         }
-        self.bse_nonrobust.extend(errors(&fit.cov_nonrobust));
-        self.bse_hc3.extend(errors(&fit.cov_hc3));
-        self.status.push(fit.status);
-        self.cost.push(fit.cost);
-        self.nit.push(fit.nit);
+        self.bse_nonrobust.extend(errors(&own.cov_nonrobust));
+        self.bse_hc3.extend(errors(&own.cov_hc3));
+        self.status.push(own.status);
+        self.cost.push(own.cost);
+        self.nit.push(own.nit);
         self.hc3_degrees.extend(&fit.hc3_degrees);
     }
 }

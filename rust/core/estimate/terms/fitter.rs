@@ -1,161 +1,42 @@
-//! Equations and a way of sampling made ready, and a fit of records with everything a user sees.
+//! Fits of equations to records, with everything a user sees.
 
-use super::equations::Equations;
-use super::iterate::{Ended, Problem};
-use super::lines::{Desk, Pairs, RecordPlan};
-use super::rows::{Factors, Spot, Weights};
+use super::iterate::{Ended, TermsProblem};
+use super::lines::Desk;
+use super::plan::{TermsFitter, TermsRecord};
+use super::rows::Spot;
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
-use crate::estimate::Options;
-use crate::estimate::default_band::fewest_lines;
-use crate::estimate::fit::{Band, BandRule, Time, default_lines};
-use crate::estimate::fitter::Range;
-use crate::linalg::condition::condition_bound;
-use crate::modulation::Lines;
+use crate::estimate::answer::Answer;
+use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::options::Options;
 use crate::noise_level::noise_level;
-use crate::quadrature::Rule;
-use crate::simd::Isa;
-use crate::structure::{Method, Trend};
+use crate::structure::Method;
 
-/// Costs that differ by less, in parts of themselves, are those of one minimum.
-const SAME: f64 = 1e-9;
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
 /// A band of more than so many times the lines that tell the unknowns is wide.
 const WIDE: usize = 2;
 /// Precision of an estimate that slopes are taken at.
 const START: f64 = 1e-4;
-/// Most lines of the wide band: beyond, dense factors cost more than they tell.
-const WIDEST: usize = 128;
-
-/// Everything that says how records are fitted.
-#[derive(Debug, Clone)]
-pub struct TermsOptions {
-    /// What is fitted.
-    pub equations: Equations,
-    /// Quadrature behind the noise; signals say their own.
-    pub rule: Rule,
-    /// Estimator.
-    pub method: Method,
-    /// White noise in the equations instead of the channels'.
-    pub flat: bool,
-    /// Constant and drift of each equation.
-    pub trend: Trend,
-    /// Lines.
-    pub band: Band,
-    /// Noise standard deviation of each noisy channel, where known.
-    pub levels: Option<Vec<f64>>,
-    /// Whether the levels' sizes matter, not only their existence.
-    pub levels_matter: bool,
-    /// Iteration.
-    pub options: Options,
-}
-
-/// One record's channels.
-#[derive(Debug, Clone)]
-pub struct TermsRecord<'a> {
-    /// In the order that the formulas number them.
-    pub channels: Vec<&'a [f64]>,
-}
-
 /// A finished fit.
 #[derive(Debug, Clone)]
 pub struct TermsFit {
-    /// Estimates.
-    pub theta: Vec<f64>,
-    /// Classical covariance, row major.
-    pub cov_nonrobust: Vec<f64>,
-    /// HC3 covariance, row major.
-    pub cov_hc3: Vec<f64>,
-    /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
-    pub gram: Vec<f64>,
-    /// At least the condition number of these columns.
-    pub condition_bound: f64,
-    /// Weighted sum of squares in units of the levels' variances.
-    pub cost: f64,
+    /// Estimates, covariances, outcome.
+    pub answer: Answer,
     /// Variance of the noise over that of the levels: cost over degrees of freedom.
     pub scale: f64,
     /// Standard deviation of each noisy channel that weighed the rows.
     pub levels: Vec<f64>,
-    /// Real equations less unknowns.
-    pub degrees_of_freedom: usize,
     /// Degrees of freedom of each HC3 standard error (Satterthwaite).
     pub hc3_degrees: Vec<f64>,
-    /// Outcome.
-    pub status: Status,
-    /// Iterations after the start.
-    pub nit: u32,
     /// Whether each parameter stands at a bound.
     pub at_bound: Vec<bool>,
-    /// Lines of each record.
-    pub lines: Vec<Lines>,
     /// Residuals of each record and equation over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
-    /// The default rule's account.
-    pub band_rule: Option<BandRule>,
-}
-
-/// Everything about fits of one kind that their samples do not change.
-pub struct TermsFitter {
-    pub(crate) o: TermsOptions,
-    pub(crate) isa: Isa,
-    pub(crate) pairs: Pairs,
-    pub(crate) records: Vec<RecordPlan>,
-    given: Vec<Range>,
-    narrow: Vec<Range>,
-}
-
-/// Lines, the rule's account, and where to start from.
-pub(crate) struct Chosen {
-    pub ranges: Vec<Range>,
-    pub rule: Option<BandRule>,
-    pub theta: Option<Vec<f64>>,
 }
 
 impl TermsFitter {
-    /// Makes ready for records of these lengths (in samples) and instants; `uneven` holds the variance of
-    /// each sample of each noisy channel of each record over the channel's, where they differ.
-    ///
-    /// # Errors
-    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
-    pub fn new(
-        o: TermsOptions,
-        sampling: &[(usize, Time<'_>)],
-        uneven: &[Vec<Vec<f64>>],
-        isa: Isa,
-    ) -> Result<TermsFitter, Error> {
-        o.equations.check()?;
-        if sampling.is_empty() {
-            return Err(Error::Data("fitting: no record was given".into()));
-        }
-        if o.levels.as_ref().is_some_and(|l| l.len() != o.equations.noisy.len()) {
-            return Err(Error::Spec(
-                "fitting: noise levels are needed for each noisy channel".into(),
-            ));
-        }
-        let e = &o.equations;
-        let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
-        let trends = usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear);
-        let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
-        let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
-        for (k, (samples, time)) in sampling.iter().enumerate() {
-            if order > *samples {
-                return Err(Error::Data(format!(
-                    "fitting: derivatives up to order {order} from {samples} samples a record; take fewer"
-                )));
-            }
-            let window = crate::estimate::window::Window::new(*samples, *time, e.longest_lag())?;
-            let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
-            let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
-            let own = uneven.get(k).cloned().unwrap_or_default();
-            records.push(RecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
-            given.push(range);
-            narrow.push((range.0, few.min(range.1)));
-        }
-        let pairs = Pairs::new(e);
-        Ok(TermsFitter { isa, pairs, records, given, narrow, o })
-    }
-
     /// Fits one set of parameters to one record, or to several as one problem.
     ///
     /// # Errors
@@ -172,7 +53,7 @@ impl TermsFitter {
         &self,
         records: &[TermsRecord<'_>],
         variances: Vec<f64>,
-        chosen: &Chosen,
+        chosen: &Choice,
         desk: Desk,
     ) -> Result<(TermsFit, Desk), Error> {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
@@ -248,7 +129,7 @@ impl TermsFitter {
         variances: Vec<f64>,
         ranges: &[Range],
         desk: Desk,
-    ) -> Result<Problem<'a>, Error> {
+    ) -> Result<TermsProblem<'a>, Error> {
         let e = &self.o.equations;
         let (mut rows, mut unknowns) = (0, e.parameters);
         let equations = e.orders.len();
@@ -271,10 +152,10 @@ impl TermsFitter {
                     .fold(0.0, |m: f64, (r, p)| { m.max(r.1 as f64 * p.window.omega0) })
             )));
         }
-        let mut problem = Problem::new(self, records, variances, spots, desk);
+        let mut problem = TermsProblem::new(self, records, variances, spots, desk);
         if equations > 1 {
             // Flat weights compare equations by what they hold without parameters.
-            problem.cost(&vec![0.0; e.parameters], Weights::Flat)?;
+            problem.cost(&vec![0.0; e.parameters], RowWeights::Flat)?;
             let power = problem.target_power();
             let largest = power.iter().copied().fold(0.0, f64::max);
             let sound =
@@ -312,16 +193,12 @@ impl TermsFitter {
         Ok(usable(&guess).then_some(guess.theta))
     }
 
-    pub(crate) fn weights(&self) -> (Weights, Factors) {
-        match (self.o.flat, self.o.method) {
-            (true, _) | (_, Method::Wls | Method::Ls) => (Weights::Flat, Factors::Data),
-            (_, Method::Awls) => (Weights::Noise, Factors::Data),
-            (_, Method::Ml) => (Weights::Noise, Factors::Denoised),
-        }
-    }
-
     /// Estimates from θ, or from where one may begin without.
-    fn estimate(&self, problem: &mut Problem<'_>, from: Option<&[f64]>) -> Result<Ended, Error> {
+    fn estimate(
+        &self,
+        problem: &mut TermsProblem<'_>,
+        from: Option<&[f64]>,
+    ) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
         let Options { tol, maxiter, .. } = self.o.options;
         if self.o.method == Method::Ls {
@@ -338,11 +215,11 @@ impl TermsFitter {
 
     /// Whether slopes are taken a second time, where the first estimate's noise is taken away.
     fn refines(&self) -> bool {
-        self.weights().1 == Factors::Denoised && self.o.equations.bends()
+        self.weights().1 == LeftColumns::Denoised && self.o.equations.bends()
     }
 
     /// The estimate once more, with slopes at channels that the first one's noise was taken from.
-    fn again(&self, problem: &mut Problem<'_>, first: Ended) -> Result<Ended, Error> {
+    fn again(&self, problem: &mut TermsProblem<'_>, first: Ended) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
         if !usable(&first) || !self.refines() {
             return Ok(first);
@@ -359,10 +236,10 @@ impl TermsFitter {
         &self,
         records: &[TermsRecord<'_>],
         variances: &[f64],
-    ) -> Result<Chosen, Error> {
-        let adapts = self.weights().0 == Weights::Noise;
+    ) -> Result<Choice, Error> {
+        let adapts = self.weights().0 == RowWeights::Adapted;
         if self.o.band != Band::Default || !adapts {
-            return Ok(Chosen { ranges: self.given.clone(), rule: None, theta: None });
+            return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let wide = self.widest(records, variances)?;
@@ -392,7 +269,7 @@ impl TermsFitter {
             }
         }
         let Some(best) = best else {
-            return Ok(Chosen { ranges: wide, rule: Some(rule), theta: None });
+            return Ok(Choice { ranges: wide, rule: Some(rule), theta: None });
         };
         let (weights, factors) = self.weights();
         all.cost(&best.theta, weights)?;
@@ -403,7 +280,7 @@ impl TermsFitter {
             all.variances_up_to(&last, &best.at_bound)
         });
         rule.chosen = last(&ranges);
-        Ok(Chosen { ranges, rule: Some(rule), theta: Some(best.theta) })
+        Ok(Choice { ranges, rule: Some(rule), theta: Some(best.theta) })
     }
 
     /// The wide band: as planned, for nonlinear signals no wider than the channels show more than noise, since
@@ -429,7 +306,7 @@ impl TermsFitter {
 
     fn finished(
         &self,
-        problem: &mut Problem<'_>,
+        problem: &mut TermsProblem<'_>,
         ended: &Ended,
         levels: Vec<f64>,
         band_rule: Option<BandRule>,
@@ -470,22 +347,23 @@ impl TermsFitter {
             })
             .collect();
         Ok(TermsFit {
-            theta: ended.theta.clone(),
-            condition_bound: condition_bound(&worth.gram, p),
-            cov_nonrobust: worth.nonrobust,
-            cov_hc3: worth.hc3,
-            gram: worth.gram,
-            hc3_degrees,
-            cost,
+            answer: Answer {
+                theta: ended.theta.clone(),
+                cov_nonrobust: worth.nonrobust,
+                cov_hc3: worth.hc3,
+                gram: worth.gram,
+                cost,
+                degrees_of_freedom: degrees,
+                status: ended.status,
+                nit: ended.nit,
+                lines: problem.spots.iter().map(|s| s.lines).collect(),
+                band_rule,
+            },
             scale,
             levels,
-            degrees_of_freedom: degrees,
-            status: ended.status,
-            nit: ended.nit,
+            hc3_degrees,
             at_bound: ended.at_bound.clone(),
-            lines: problem.spots.iter().map(|s| s.lines).collect(),
             residuals,
-            band_rule,
         })
     }
 }

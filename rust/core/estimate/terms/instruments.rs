@@ -1,8 +1,13 @@
 //! `ls`: least squares on the differenced rows (report, eqs. 14–19), and the covariance of such an estimate.
+//!
+//! ```text
+//! J(θ) = Σ_m |Δⁿ Q(m; θ)|²,   Gauss–Newton steps where Q is not linear in θ.
+//! ```
 
-use super::iterate::{Ended, Problem};
-use super::rows::{Factors, Row, Spot, Weights};
+use super::iterate::{Ended, TermsProblem};
+use super::rows::{Row, Spot};
 use crate::error::{Error, Status};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::modulation::{difference_weights, rows};
 use crate::structure::Trend;
 use crate::threads::stopped;
@@ -91,15 +96,15 @@ impl Differences {
     }
 }
 
-impl Problem<'_> {
+impl TermsProblem<'_> {
     /// The estimate by least squares on the differenced rows.
     pub(crate) fn differenced(&mut self, tol: f64, maxiter: usize) -> Result<Ended, Error> {
         let mut theta = self.begin(None)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
         while (nit as usize) < maxiter && !stopped() {
-            self.cost(&theta, Weights::Flat)?;
-            self.jacobian(Factors::Data);
+            self.cost(&theta, RowWeights::Flat)?;
+            self.jacobian(LeftColumns::Data);
             self.difference();
             let step = self.step(&theta);
             nit += 1;
@@ -118,7 +123,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        let cost = self.cost(&theta, Weights::Flat)?;
+        let cost = self.cost(&theta, RowWeights::Flat)?;
         Ok(Ended { theta, cost, status: ended, nit, at_bound })
     }
 

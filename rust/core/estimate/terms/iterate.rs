@@ -1,11 +1,21 @@
 //! Steps to the minimum: Gauss–Newton on whitened rows, the transient projected out, within bounds.
+//!
+//! With C = LLᵀ, and r̃, J̃ what is left of L⁻¹r and L⁻¹J beside the whitened columns of the transient,
+//!
+//! ```text
+//! θ₊ = θ − (J̃ᵀ J̃)⁻¹ J̃ᵀ r̃.
+//! ```
+//!
+//! J has the columns ∂Q/∂θ of the data; for `ml` those of denoised signals (`rows`), with which J̃ᵀr̃ is the exact
+//! gradient of ½ rᵀC(θ)⁻¹r.
 
 use super::complex::C;
 use super::equations::Equations;
-use super::fitter::{TermsFitter, TermsRecord};
 use super::lines::Desk;
-use super::rows::{Factors, Spot, Weights, dot};
+use super::plan::{TermsFitter, TermsRecord};
+use super::rows::{Spot, dot};
 use crate::error::{Error, Status};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::qr::Absorber;
 use crate::threads::stopped;
 
@@ -19,7 +29,7 @@ const LEVEL: f64 = 1e-9;
 const DEPENDENT: f64 = 1e-9;
 
 /// Records on their lines at one θ, with what a step needs.
-pub(crate) struct Problem<'a> {
+pub(crate) struct TermsProblem<'a> {
     pub fitter: &'a TermsFitter,
     records: &'a [TermsRecord<'a>],
     /// Variance of each noisy channel.
@@ -57,16 +67,16 @@ pub(crate) struct Step {
     pub full: bool,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> TermsProblem<'a> {
     pub fn new(
         fitter: &'a TermsFitter,
         records: &'a [TermsRecord<'a>],
         variances: Vec<f64>,
         spots: Vec<Spot>,
         desk: Desk,
-    ) -> Problem<'a> {
+    ) -> TermsProblem<'a> {
         let e = &fitter.o.equations;
-        Problem {
+        TermsProblem {
             fitter,
             records,
             variances,
@@ -123,7 +133,7 @@ impl<'a> Problem<'a> {
     ///
     /// Slopes at the noisy samples make some bias where noise is large; one such pass takes it away.
     pub fn relinearise(&mut self, theta: &[f64]) -> Result<(), Error> {
-        self.cost(theta, Weights::Noise)?;
+        self.cost(theta, RowWeights::Adapted)?;
         let (e, pairs) = (self.equations(), &self.fitter.pairs);
         let mut clean = Vec::with_capacity(self.spots.len());
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
@@ -140,7 +150,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Weighted sum of squares at θ, the transient taken out.
-    pub fn cost(&mut self, theta: &[f64], weights: Weights) -> Result<f64, Error> {
+    pub fn cost(&mut self, theta: &[f64], weights: RowWeights) -> Result<f64, Error> {
         self.set(theta)?;
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let g = &self.values[..e.terms.len()];
@@ -148,8 +158,8 @@ impl<'a> Problem<'a> {
         Ok(each.map(|s| s.evaluate(isa, e, pairs, g, &self.lags, weights)).sum())
     }
 
-    /// Columns of θ and the residual where [`Problem::cost`] was last.
-    pub fn jacobian(&mut self, factors: Factors) {
+    /// Columns of θ and the residual where [`TermsProblem::cost`] was last.
+    pub fn jacobian(&mut self, factors: LeftColumns) {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         self.residual.clear();
         for c in &mut self.columns {
@@ -216,15 +226,15 @@ impl<'a> Problem<'a> {
     pub fn iterate(
         &mut self,
         mut theta: Vec<f64>,
-        weights: Weights,
-        factors: Factors,
+        weights: RowWeights,
+        factors: LeftColumns,
         tol: f64,
         maxiter: usize,
     ) -> Result<Ended, Error> {
         let e = self.equations();
         e.clip(&mut theta);
         // Reweighted data have no cost that must fall.
-        let guarded = weights == Weights::Flat || factors == Factors::Denoised;
+        let guarded = weights == RowWeights::Flat || factors == LeftColumns::Denoised;
         let mut cost = self.cost(&theta, weights)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);

@@ -20,7 +20,7 @@ const LOUD: f64 = 6.0;
 const ROUNDING: f64 = 1e-15;
 
 /// How one record becomes lines.
-pub(crate) struct RecordPlan {
+pub(crate) struct TermsRecordPlan {
     pub samples: usize,
     /// NaN for uneven samples.
     pub dt: f64,
@@ -61,7 +61,7 @@ pub(crate) struct Pairs {
     products: Vec<Vec<(usize, usize, usize)>>,
 }
 
-/// Memory of one worker for [`RecordPlan::load`].
+/// Memory of one worker for [`TermsRecordPlan::load`].
 #[derive(Debug, Default)]
 pub(crate) struct Desk {
     registers: Vec<f64>,
@@ -107,7 +107,7 @@ impl Pairs {
     }
 }
 
-impl RecordPlan {
+impl TermsRecordPlan {
     pub fn new(
         e: &Equations,
         samples: usize,
@@ -115,7 +115,7 @@ impl RecordPlan {
         rule: Rule,
         highest: usize,
         uneven: Vec<Vec<f64>>,
-    ) -> Result<RecordPlan, Error> {
+    ) -> Result<TermsRecordPlan, Error> {
         let window = Window::new(samples, time, e.longest_lag())?;
         if let Some(few) = uneven.iter().find(|v| v.len() != samples) {
             return Err(Error::Data(format!(
@@ -160,7 +160,7 @@ impl RecordPlan {
             }
         };
         let dt = if let Time::Even(dt) = time { dt } else { f64::NAN };
-        Ok(RecordPlan { samples, dt, window, highest, plans, noise, uneven })
+        Ok(TermsRecordPlan { samples, dt, window, highest, plans, noise, uneven })
     }
 
     /// The lines from `first` to `last`.

@@ -1,8 +1,14 @@
-//! Modulated equations of any terms: Σ_j g_j(θ) s^k V_j(m) on the lines, with their dense covariance.
+//! Modulated equations of any terms, with the dense covariance of their lines (report, section 4.8, eq. 1 with F = 1).
 //!
-//! Signals are formulas of noisy channels, coefficients formulas of parameters; several equations may share
-//! both. Noise enters through the sensitivities of the signals, so that the lines of an equation, and of
-//! different equations, are correlated (docs/architecture.md, "Terms").
+//! ```text
+//! Q_e(m; θ) = Σ_j g_j(θ) s^{k_j} V_j(m),   s = imω₀,
+//! minimise over θ, T:  rᵀ C(θ)⁻¹ r,        r = Re and Im of all Q_e(m) − T_e(s).
+//! ```
+//!
+//! Signals V are formulas of noisy channels, coefficients g formulas of parameters; several equations may share both.
+//! Noise enters through the sensitivities of the signals, so that the lines of an equation, and of different
+//! equations, are correlated (docs/architecture.md, "Terms"). `ls` takes differenced rows without weights, `wls` C = 1,
+//! `awls` C of the last estimate, `ml` follows the gradient through C.
 
 mod batch;
 mod complex;
@@ -11,10 +17,12 @@ mod fitter;
 mod instruments;
 mod iterate;
 mod lines;
+mod plan;
 mod rows;
 mod starts;
 mod uncertainty;
 
 pub use batch::TermsBatch;
 pub use equations::{Equations, Lag, Signal, Term};
-pub use fitter::{TermsFit, TermsFitter, TermsOptions, TermsRecord};
+pub use fitter::TermsFit;
+pub use plan::{TermsFitter, TermsOptions, TermsRecord};

@@ -9,28 +9,11 @@ mod denoised;
 use super::complex::C;
 use super::equations::Equations;
 use super::lines::{Pairs, Spectra};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::dense::{Panel, whiten, whiten_more};
 use crate::modulation::Lines;
 use crate::simd::Isa;
 use crate::structure::Trend;
-
-/// What weighs the rows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Weights {
-    /// Each row by its share alone: white noise in the equation.
-    Flat,
-    /// The covariance that the noise of the channels makes at θ.
-    Noise,
-}
-
-/// Which signals the columns of the Jacobian are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Factors {
-    /// As sampled.
-    Data,
-    /// Without the noise that explains the residual.
-    Denoised,
-}
 
 /// Variance of a row on which noise has no say, over that of its neighbours.
 const SILENT: f64 = 1e-9;
@@ -76,7 +59,7 @@ pub(crate) struct Spot {
     pub columns: Vec<Vec<f64>>,
     lambda: Vec<f64>,
     denoised: Vec<Vec<C>>,
-    weights: Weights,
+    weights: RowWeights,
 }
 
 impl Spot {
@@ -150,7 +133,7 @@ impl Spot {
             columns: vec![vec![0.0; rows.len()]; e.parameters],
             lambda: Vec::new(),
             denoised: Vec::new(),
-            weights: Weights::Flat,
+            weights: RowWeights::Flat,
             rows,
         }
     }
@@ -172,13 +155,13 @@ impl Spot {
         pairs: &Pairs,
         g: &[f64],
         lags: &[f64],
-        weights: Weights,
+        weights: RowWeights,
     ) -> f64 {
         self.weights = weights;
         self.errors(e, g);
         let (rows, width) = (self.rows.len(), self.transient.len() + 1);
         match weights {
-            Weights::Flat => {
+            RowWeights::Flat => {
                 self.panel.resize(rows, width);
                 self.fill_columns(0);
                 for (i, sd) in self.flat.iter().enumerate() {
@@ -188,7 +171,7 @@ impl Spot {
                 }
                 self.take_out(0);
             }
-            Weights::Noise => {
+            RowWeights::Adapted => {
                 self.panel.resize(rows, rows + width);
                 self.load_lines(e, pairs, g, lags);
                 self.covariance(e, pairs);
@@ -332,7 +315,7 @@ impl Spot {
         pairs: &Pairs,
         values: &[f64],
         lags: &[f64],
-        factors: Factors,
+        factors: LeftColumns,
     ) {
         self.denoise(pairs, lags, factors);
         let (count, equations) = (self.count(), e.orders.len());
@@ -373,14 +356,14 @@ impl Spot {
         }
         self.lambda = lines;
         match self.weights {
-            Weights::Flat => {
+            RowWeights::Flat => {
                 for (i, sd) in self.flat.iter().enumerate() {
                     for k in 0..e.parameters {
                         self.more.set(i, k, self.more.get(i, k) / sd);
                     }
                 }
             }
-            Weights::Noise => whiten_more(isa, &self.panel, &mut self.more),
+            RowWeights::Adapted => whiten_more(isa, &self.panel, &mut self.more),
         }
         for (k, column) in self.columns.iter_mut().enumerate() {
             for (i, to) in column.iter_mut().enumerate() {

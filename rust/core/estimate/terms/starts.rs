@@ -1,9 +1,11 @@
 //! Where to begin: one linear step where that is exact, else the best of many starts under flat weights.
 
 use super::equations::Equations;
-use super::iterate::Problem;
-use super::rows::{Factors, Weights};
+use super::iterate::TermsProblem;
+
 use crate::error::Error;
+use crate::estimate::band::SAME;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 
 /// Starts that are tried where coefficients or signals are not linear in θ.
 const TRIALS: usize = 24;
@@ -11,27 +13,28 @@ const TRIALS: usize = 24;
 const STEPS: usize = 20;
 /// Decades that the starts of an unbounded parameter reach to either side of 1.
 const DECADES: f64 = 2.0;
-/// Costs that differ by less, in parts of themselves, are those of one minimum: the first counts.
-const SAME: f64 = 1e-9;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
 /// Where lags are free, so many ends are followed under the weights that will count, so many steps far.
 const LOWEST: usize = 3;
 const LOOKED: usize = 8;
 
-impl Problem<'_> {
+impl TermsProblem<'_> {
     /// θ that minimises the unweighted rows; with nonlinear coefficients the best of many minima.
     pub fn begin(&mut self, from: Option<&[f64]>) -> Result<Vec<f64>, Error> {
         let e = &self.fitter.o.equations;
         if e.linear {
             let zero = vec![0.0; e.parameters];
-            return Ok(self.iterate(zero, Weights::Flat, Factors::Data, TOLERANCE, 2)?.theta);
+            return Ok(self
+                .iterate(zero, RowWeights::Flat, LeftColumns::Data, TOLERANCE, 2)?
+                .theta);
         }
         // (unweighted cost, θ) of each end that is none of those before.
         let mut ends: Vec<(f64, Vec<f64>)> = Vec::new();
         let trials = (0..TRIALS).map(|k| start(e, k));
         for theta in from.map(<[f64]>::to_vec).into_iter().chain(trials) {
-            let ended = self.iterate(theta, Weights::Flat, Factors::Data, TOLERANCE, STEPS)?;
+            let ended =
+                self.iterate(theta, RowWeights::Flat, LeftColumns::Data, TOLERANCE, STEPS)?;
             let apart = |(cost, _): &(f64, Vec<f64>)| (ended.cost - cost).abs() > SAME * cost;
             if ended.cost.is_finite() && ends.iter().all(apart) {
                 ends.push((ended.cost, ended.theta));

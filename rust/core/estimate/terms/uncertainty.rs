@@ -3,7 +3,7 @@
 //! The transient is projected out of the columns, so that all is that of a regression on them; leverage counts
 //! the transient's part.
 
-use super::iterate::{Problem, factored};
+use super::iterate::{TermsProblem, factored};
 use crate::linalg::qr::solve_square;
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
@@ -26,7 +26,7 @@ pub(crate) struct Worth {
     pub degrees: Vec<f64>,
 }
 
-impl Problem<'_> {
+impl TermsProblem<'_> {
     /// Covariances from columns and residual that stand; parameters at a bound have none.
     pub fn worth(&self, variance: f64, at_bound: &[bool]) -> Worth {
         let p = self.columns.len();

@@ -1,19 +1,20 @@
 //! The noise that explains the residuals best, and the lines of the signals without it.
 
-use super::{Factors, Spot, Weights, late};
+use super::{Spot, late};
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::terms::complex::C;
 use crate::estimate::terms::lines::Pairs;
 
 impl Spot {
     /// Coefficients of all signals on the lines, denoised where wanted.
-    pub(super) fn denoise(&mut self, pairs: &Pairs, lags: &[f64], factors: Factors) {
+    pub(super) fn denoise(&mut self, pairs: &Pairs, lags: &[f64], factors: LeftColumns) {
         let (count, first) = (self.count(), self.lines.first);
         self.denoised.resize_with(self.spectra.signals.len(), Vec::new);
         for (to, from) in self.denoised.iter_mut().zip(&self.spectra.signals) {
             to.clear();
             to.extend_from_slice(&from[first..first + count]);
         }
-        if factors == Factors::Data || self.weights == Weights::Flat {
+        if factors == LeftColumns::Data || self.weights == RowWeights::Flat {
             return;
         }
         let own = pairs.noisy.len();

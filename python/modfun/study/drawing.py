@@ -1,22 +1,22 @@
-"""Plots of Monte Carlo studies."""
+"""Plot of a Monte Carlo study: bias and standard deviation over an axis of numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base.axes import drawing, returned, take_grid
 from ..errors import SpecError
+from .figures import Figures
 
-if TYPE_CHECKING:
-    from ..study.results import Results
+__all__ = ["study", "study_rows"]
 
 
 @drawing
-def study(res: Results, ax: Any = None) -> Any:
+def study(res: Figures, ax: Any = None) -> Any:
     """Draw bias and standard deviation against NSR, as figure 2 of the report, one row a cell otherwise.
 
     A study with one noise level is drawn over its first axis with several numbers.
@@ -66,7 +66,7 @@ def study(res: Results, ax: Any = None) -> Any:
     return returned(ax, axes)
 
 
-def study_rows(res: Results) -> tuple[str, list[str], list[tuple[Any, ...]]]:
+def study_rows(res: Figures) -> tuple[str, list[str], list[tuple[Any, ...]]]:
     """The axis that a study is drawn over, its other axes, and their labels, a row of Axes each."""
     over = next((name for name in ("nsr", *res.axes) if _is_scale(res.axes.get(name, ()))), None)
     if over is None:

@@ -1,0 +1,80 @@
+"""Nonlinear least squares by Levenberg–Marquardt steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+__all__ = ["levenberg_marquardt"]
+
+
+class Point(Protocol):
+    """Where a search stands."""
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals."""
+
+
+P = TypeVar("P", bound=Point)
+Slopes = TypeVar("Slopes")
+Move = TypeVar("Move")
+
+
+def levenberg_marquardt(
+    here: P,
+    slopes: Callable[[P], Slopes],
+    step: Callable[[P, Slopes, float], tuple[Move, float]],
+    moved: Callable[[P, Move], P | None],
+    *,
+    enough: float,
+    tol: float,
+    maxiter: int,
+    damping: float = 1e-3,
+) -> tuple[P, int, str]:
+    """Search for the least sum of squares.
+
+    Parameters
+    ----------
+    here
+        Start, with its `cost`.
+    slopes : callable
+        What steps from a point need beside it; made once a point.
+    step : callable
+        From a point, its slopes and a damping, beside which columns have unit norm: a move, and the fall of
+        the cost that it promises.
+    moved : callable
+        The point after a move, None where it is not allowed.
+    enough : float
+        Cost that is as good as zero.
+    tol : float
+        Relative fall of the cost; a step that promises less ends the search.
+    maxiter : int
+    damping : float
+        To begin with.
+
+    Returns
+    -------
+    point
+        The best.
+    nit : int
+        Steps tried.
+    ended : {"enough", "settled", "maxiter"}
+    """
+    own = slopes(here)
+    for nit in range(maxiter):
+        if here.cost <= enough:
+            return here, nit, "enough"
+        move, promised = step(here, own, damping)
+        if promised <= tol * here.cost and damping <= 1.0:
+            return here, nit, "settled"
+        trial = moved(here, move)
+        if trial is not None and trial.cost < here.cost:
+            gain = (here.cost - trial.cost) / max(promised, 1e-300)
+            damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
+            here, own = trial, slopes(trial)
+        else:
+            damping *= 5.0
+            if damping > 1e8:
+                return here, nit, "settled"
+    return here, maxiter, "maxiter"

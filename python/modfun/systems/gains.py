@@ -1,0 +1,57 @@
+"""Gains of a state space: point by point, exact far above its poles, or by one Schur form for many points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SchurForm", "gains"]
+
+F64 = NDArray[np.float64]
+C128 = NDArray[np.complex128]
+AT_ONCE = 256  # frequencies
+
+
+def gains(a: F64, b: F64, c: F64, d: F64, omega: F64) -> C128:
+    """G(iω) = C(iω − A)⁻¹B + D, (omega, output, input); infinite where ω is a pole.
+
+    Elimination keeps the zeros of A, so that every digit of a response holds that falls by any power of ω.
+    """
+    found = np.empty((omega.size, *d.shape), dtype=np.complex128)
+    for k, w in enumerate(omega):
+        try:
+            found[k] = c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b) + d
+        except np.linalg.LinAlgError:
+            found[k] = np.inf
+    return found
+
+
+class SchurForm:
+    """The same for thousands of frequencies of systems with hundreds of states, to rounding of the largest.
+
+    Parameters
+    ----------
+    a, b, c, d : ndarray
+        The matrices.
+    """
+
+    def __init__(self, a: F64, b: F64, c: F64, d: F64) -> None:
+        from scipy.linalg import schur
+
+        triangle, z = schur(a, output="complex") if a.size else (a, a)
+        self.triangle: C128 = triangle.astype(np.complex128)
+        self.b, self.c, self.d = z.conj().T @ b, c @ z, d
+
+    def gains(self, omega: F64) -> C128:
+        """G(iω), (omega, output, input): triangular solves for many frequencies at once."""
+        n, (outputs, inputs) = len(self.triangle), self.d.shape
+        found = np.empty((omega.size, outputs, inputs), dtype=np.complex128)
+        for first in range(0, omega.size, AT_ONCE):
+            s = 1j * omega[first : first + AT_ONCE]
+            x = np.empty((n, inputs * s.size), dtype=np.complex128)
+            for k in range(n - 1, -1, -1):
+                right = (self.triangle[k, k + 1 :] @ x[k + 1 :]).reshape(inputs, s.size)
+                x[k] = ((right + self.b[k][:, None]) / (s - self.triangle[k, k])).ravel()
+            y = (self.c @ x).reshape(outputs, inputs, s.size)
+            found[first : first + AT_ONCE] = self.d + y.transpose(2, 0, 1)
+        return found

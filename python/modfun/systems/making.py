@@ -1,0 +1,189 @@
+"""Making systems: from polynomials, from matrices, and from those of python-control and SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..base.arguments import public, reals
+from ..base.samples import frozen
+from ..errors import SpecError
+from .lti import LTI, state_space
+from .polynomials import polynomials_of, strip
+
+__all__ = ["ss", "system_of", "tf"]
+
+
+@public
+def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LTI:
+    """Transfer function num(s)/den(s)·e^(−delay·s).
+
+    Parameters
+    ----------
+    num : array_like, or nested lists of them, or a system of python-control or SciPy
+        Numerator in descending powers of s: one polynomial; a list of polynomials, one an input; or a
+        list (output) of lists (input) of polynomials. A `control.TransferFunction`, `control.StateSpace`
+        or `scipy.signal.lti` object stands alone; one in state space stays so.
+    den : array_like, or nested lists of them
+        Denominator, common to all paths, or nested as `num` is. It is made monic.
+    delay : float or sequence of float
+        Delay of the inputs, s, at least 0; one, or one an input.
+
+    Returns
+    -------
+    LTI
+
+    Raises
+    ------
+    SpecError
+        A numerator of higher degree than its denominator, a zero or missing denominator, a delay below
+        0, a discrete-time system.
+
+    Examples
+    --------
+    >>> tf([5], [1, 3, 8])
+          5
+    -------------
+    s^2 + 3 s + 8
+    """
+    if den is None:
+        return system_of(num, delay)
+    nums = polynomials_of(num, "num")
+    outputs, inputs = len(nums), len(nums[0])
+    dens = polynomials_of(den, "den")
+    if len(dens) == 1 and len(dens[0]) == 1:
+        dens = [dens[0] * inputs] * outputs
+    if any(len(row) != inputs for row in [*nums, *dens]) or len(dens) != outputs:
+        raise SpecError(
+            f"mf.tf: num has {outputs} output(s) of {[len(r) for r in nums]} input(s), den "
+            f"{len(dens)} of {[len(r) for r in dens]}; give one denominator, or one a path, nested as num"
+        )
+    top, bottom = [], []
+    for num_row, den_row in zip(nums, dens, strict=True):
+        tops, bottoms = [], []
+        for n, d in zip(num_row, den_row, strict=True):
+            n, d = strip(n), strip(d)
+            if d[0] == 0:
+                raise SpecError("mf.tf: the denominator is zero; give at least one nonzero coefficient")
+            if n.size > d.size:
+                raise SpecError(
+                    f"mf.tf: the numerator has degree {n.size - 1}, the denominator {d.size - 1}; "
+                    "an improper system has no response to samples: lower the numerator's degree "
+                    "or add fast poles"
+                )
+            with np.errstate(over="ignore"):
+                n, d = n / d[0], d / d[0]
+            if not (np.isfinite(n).all() and np.isfinite(d).all()):
+                raise SpecError(
+                    "mf.tf: the leading coefficient of the denominator is so small beside the others that "
+                    "their quotients overflow; leave it out, or count time in another unit"
+                )
+            tops.append(frozen(n))
+            bottoms.append(frozen(d))
+        top.append(tuple(tops))
+        bottom.append(tuple(bottoms))
+    return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
+
+
+@public
+def ss(
+    A: ArrayLike | Any,
+    B: ArrayLike | None = None,
+    C: ArrayLike | None = None,
+    D: ArrayLike | None = None,
+    *,
+    delay: float | Sequence[float] = 0.0,
+) -> LTI:
+    """State space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
+
+    Parameters
+    ----------
+    A, B, C : array_like
+        Matrices (state, state), (state, input), (output, state); a vector B is one input, C one output.
+        A system (`LTI`, or of python-control or SciPy) stands alone.
+    D : array_like, optional
+        Feedthrough (output, input), default zero.
+    delay : float or sequence of float
+        Delay of the inputs, s, at least 0; one, or one an input.
+
+    Returns
+    -------
+    LTI
+
+    Raises
+    ------
+    SpecError
+        Matrices whose sizes do not fit, or are not finite.
+    """
+    if B is None and C is None and D is None and not isinstance(A, np.ndarray | list | tuple | float | int):
+        return system_of(A, delay).to_ss()
+    if B is None or C is None:
+        raise SpecError("mf.ss: give A, B and C (and D), or a system of python-control or SciPy")
+    a = np.atleast_2d(reals("mf.ss", "A", A))
+    n = a.shape[0] if a.size else 0
+    a = a.reshape(n, n) if a.size == n * n else a
+    b = reals("mf.ss", "B", B)
+    b = b.reshape(n, -1) if b.ndim < 2 and n and b.size % n == 0 else np.atleast_2d(b)
+    c = np.atleast_2d(reals("mf.ss", "C", C))
+    d = np.zeros((c.shape[0], b.shape[1])) if D is None else np.atleast_2d(reals("mf.ss", "D", D))
+    shapes = [m.shape for m in (a, b, c, d)]
+    if shapes != [(n, n), (n, b.shape[1]), (c.shape[0], n), (c.shape[0], b.shape[1])]:
+        raise SpecError(
+            f"mf.ss: A, B, C, D have shapes {', '.join(map(str, shapes))}; they must be (state, state), "
+            "(state, input), (output, state), (output, input)"
+        )
+    return state_space(a, b, c, d, _delays(delay, b.shape[1], "mf.ss"))
+
+
+def system_of(given: Any, delay: float | Sequence[float]) -> LTI:
+    """A system of python-control or SciPy as an LTI, by what it has rather than by its class."""
+    if isinstance(given, LTI):
+        if not np.any(delay):
+            return given
+        if any(given.delays):
+            raise SpecError(f"mf.tf: the system has delays {given.delays} s of its own; leave delay= out")
+        if given.matrices is not None:
+            return ss(*given.matrices, delay=delay)
+        return tf(given.numerators, given.denominators, delay=delay)
+    if hasattr(given, "frdata") or hasattr(given, "omega"):
+        raise SpecError(
+            "mf.tf: this is a frequency response, which has no polynomials; it is data: "
+            "mf.FrequencyResponse(omega=..., response=...)"
+        )
+    if getattr(given, "dt", None) not in (None, 0):
+        raise SpecError(
+            f"mf.tf: the system is discrete in time (dt = {given.dt}); convert it to continuous time first"
+        )
+    if all(hasattr(given, name) for name in "ABCD"):
+        return ss(given.A, given.B, given.C, given.D, delay=delay)
+    if hasattr(given, "num_list") and hasattr(given, "den_list"):
+        return tf(given.num_list, given.den_list, delay=delay)
+    if hasattr(given, "num") and hasattr(given, "den"):
+        num: Any = given.num
+        if np.ndim(given.den) == 1 and isinstance(num, np.ndarray) and num.ndim == 2:
+            num = [[row] for row in num]  # SciPy: one input, several outputs
+        return tf(num, given.den, delay=delay)
+    if hasattr(given, "to_tf"):
+        return system_of(given.to_tf(), delay)
+    raise SpecError(
+        f"mf.tf: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
+    )
+
+
+def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
+    values = np.atleast_1d(reals(what, "delay", given))
+    if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
+        values = values[0]
+    if values.size == 1:
+        values = np.repeat(values, inputs)
+    if values.shape != (inputs,):
+        raise SpecError(f"{what}: {values.size} delays for {inputs} input(s); give one, or one an input")
+    if not np.all(np.isfinite(values)) or np.any(values < 0):
+        raise SpecError(
+            f"{what}: delay is {values.tolist()} s; delays are finite and at least 0 "
+            "(an output that leads its input is not causal: shift the output instead)"
+        )
+    return tuple(float(v) for v in values)

@@ -1,0 +1,99 @@
+//! Which lines a fit uses: as given, or by the default rule.
+
+use crate::structure::Method;
+
+/// Standard errors may grow by this factor when the default band is narrowed.
+const TOLERANCE: f64 = 1.01;
+
+/// Costs that differ by less, in parts of themselves, are those of one minimum.
+pub(crate) const SAME: f64 = 1e-9;
+
+/// First and last line of a record.
+pub(crate) type Range = (usize, usize);
+
+/// Which lines are used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Band {
+    /// By the default rule (docs/architecture.md, "Default band").
+    Default,
+    /// From and to, in rad/s.
+    Edges(f64, f64),
+    /// The report's M: the highest harmonic is M + n.
+    Harmonics(usize),
+}
+
+/// What the default rule saw and chose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BandRule {
+    /// Highest line of the wide fit.
+    pub wide: usize,
+    /// Highest line of the narrow fit that gave the second start.
+    pub narrow: usize,
+    /// Cost on the wide band from `wls`, and from the narrow fit.
+    pub costs: [f64; 2],
+    /// Highest line chosen.
+    pub chosen: usize,
+}
+
+/// Which lines a fit uses.
+pub(crate) struct Choice {
+    /// First and last of each record.
+    pub ranges: Vec<Range>,
+    /// The rule's account, where it chose.
+    pub rule: Option<BandRule>,
+    /// Where to start from, if not from `wls`.
+    pub theta: Option<Vec<f64>>,
+}
+
+/// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
+///
+/// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
+pub(crate) fn default_lines(
+    method: Method,
+    unknowns: usize,
+    order: usize,
+    intervals: usize,
+) -> (usize, usize) {
+    let narrow = unknowns.saturating_mul(3).saturating_add(order);
+    let wide = (intervals / 8).max((intervals / 4).min(16));
+    match method {
+        Method::Ls | Method::Wls => {
+            let only = narrow.min(intervals / 2);
+            (only, only)
+        }
+        _ => (wide, narrow.min(wide)),
+    }
+}
+
+/// The fewest lines that keep all `variances` (at equal σ; none where lines are too few) within the tolerance
+/// of those of the wide band; a variance of zero is that of a parameter on its bound. Variances fall as lines
+/// join, so halving finds them. `omega0`: line spacing of each record.
+pub(crate) fn fewest_lines(
+    omega0: &[f64],
+    wide: &[Range],
+    mut variances: impl FnMut(&[Range]) -> Option<Vec<f64>>,
+) -> Vec<Range> {
+    let longest = omega0.iter().copied().fold(f64::INFINITY, f64::min);
+    let edge = wide.iter().zip(omega0).fold(0.0, |e: f64, (r, omega)| e.max(r.1 as f64 * omega));
+    let up_to = |steps: usize| -> Vec<Range> {
+        let highest = steps as f64 * longest;
+        wide.iter()
+            .zip(omega0)
+            .map(|(r, omega)| (r.0, r.1.min((highest / omega + 1e-9) as usize).max(1)))
+            .collect()
+    };
+    let top = (edge / longest + 0.5) as usize;
+    let Some(reference) = variances(wide) else { return wide.to_vec() };
+    let mut good = |steps: usize| {
+        let limit = TOLERANCE * TOLERANCE;
+        variances(&up_to(steps)).is_some_and(|v| {
+            v.iter().zip(&reference).all(|(v, r)| *r == 0.0 || (*v > 0.0 && *v <= limit * r))
+        })
+    };
+    let (mut low, mut high) = (0, top);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if good(middle) { high = middle } else { low = middle }
+    }
+    if high == top { wide.to_vec() } else { up_to(high) }
+}

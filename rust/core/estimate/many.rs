@@ -1,0 +1,47 @@
+//! Results of many fits.
+
+use super::design::Design;
+use super::outcome::Outcome;
+use super::workspace::Workspace;
+use crate::error::Status;
+
+/// Results of many fits, replicate after replicate.
+#[derive(Debug, Clone, Default)]
+pub struct Many {
+    /// Estimates.
+    pub theta: Vec<f64>,
+    /// Classical standard errors.
+    pub bse_nonrobust: Vec<f64>,
+    /// HC3 standard errors.
+    pub bse_hc3: Vec<f64>,
+    /// Outcomes.
+    pub status: Vec<Status>,
+    /// Weighted sums of squares.
+    pub cost: Vec<f64>,
+    /// Iterations.
+    pub nit: Vec<u32>,
+    /// Degrees of freedom of each HC3 standard error, of equations alone.
+    pub hc3_degrees: Vec<f64>,
+}
+
+impl Many {
+    /// Adds one lane's results.
+    pub(super) fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
+        self.theta.extend(w.theta(d, lane));
+        self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
+        self.bse_hc3.extend(w.bse_hc3(d, lane));
+        self.status.push(outcome.status[lane]);
+        self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
+        self.nit.push(outcome.nit[lane]);
+    }
+
+    pub(super) fn append(&mut self, mut other: Many) {
+        self.theta.append(&mut other.theta);
+        self.bse_nonrobust.append(&mut other.bse_nonrobust);
+        self.bse_hc3.append(&mut other.bse_hc3);
+        self.status.append(&mut other.status);
+        self.cost.append(&mut other.cost);
+        self.nit.append(&mut other.nit);
+        self.hc3_degrees.append(&mut other.hc3_degrees);
+    }
+}

@@ -1,0 +1,32 @@
+//! When an iteration stops, where it starts, and what is computed at its end.
+
+/// When an iteration stops.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Largest change of a parameter, as its effect on the equation relative to the largest term.
+    pub tol: f64,
+    /// Most iterations after the start.
+    pub maxiter: usize,
+    /// What is wanted besides θ.
+    pub wanted: Wanted,
+}
+
+/// What is computed once θ is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wanted {
+    /// Nothing more.
+    Theta,
+    /// The cost, and the transient that belongs to θ.
+    Cost,
+    /// Covariances as well.
+    Covariance,
+}
+
+/// Where an iteration starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start<'a> {
+    /// From `wls`.
+    Wls,
+    /// From given parameters, in the user's units.
+    Theta(&'a [f64]),
+}

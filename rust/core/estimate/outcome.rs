@@ -1,0 +1,65 @@
+//! How replicates ended: a status for each lane.
+
+use super::iterates::Progress;
+use crate::error::Status;
+use crate::simd::{LANES, Wide};
+
+/// Outcome of eight replicates; estimates stay in the workspace.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// One per lane.
+    pub status: [Status; LANES],
+    /// Iterations after the start.
+    pub nit: [u32; LANES],
+}
+
+/// Statuses of all lanes. `theta` in the workspace's units, `scale` those of the user; `data` are the
+/// coefficients; `dependent` says in which lanes columns were found dependent.
+pub(crate) fn statuses<'a, D: Iterator<Item = &'a Wide>>(
+    theta: &[Wide],
+    scale: impl Fn(usize) -> f64,
+    progress: &Progress,
+    dependent: [bool; LANES],
+    data: impl Fn() -> D,
+) -> [Status; LANES] {
+    let steady = |k: usize| if progress.active.0[k] == 0.0 { Status::Ok } else { Status::MaxIter };
+    // What nearly always holds is asked of all lanes at once.
+    if dependent == [false; LANES] && all_finite(theta, &scale, &progress.cost) {
+        return std::array::from_fn(steady);
+    }
+    std::array::from_fn(|k| {
+        if !(theta.iter().all(|t| t.0[k].is_finite()) && progress.cost.0[k].is_finite()) {
+            let sound = data().all(|x| x.0[k].is_finite());
+            return if sound { Status::Rank } else { Status::NonFinite };
+        }
+        if dependent[k] {
+            return Status::Rank;
+        }
+        // An estimate may leave the range of floating point in the user's units.
+        let within = theta.iter().enumerate().all(|(j, t)| (t.0[k] * scale(j)).is_finite());
+        if within { steady(k) } else { Status::NonFinite }
+    })
+}
+
+/// Whether estimates in the user's units and costs are finite in all lanes.
+fn all_finite(theta: &[Wide], scale: impl Fn(usize) -> f64, cost: &Wide) -> bool {
+    // x − x is zero, or no number.
+    let mut zero = cost.0.map(|x| x - x);
+    for (k, t) in theta.iter().enumerate() {
+        let scale = scale(k);
+        for (zero, t) in zero.iter_mut().zip(t.0) {
+            let own = t * scale;
+            *zero += own - own;
+        }
+    }
+    zero == [0.0; LANES]
+}
+
+/// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as
+/// no number.
+pub(crate) fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize, k: usize) -> bool {
+    let variance = |cov: &[Wide], i: usize| cov[i * (parameters + 1)].0[k];
+    let mut variances =
+        covariances.iter().flat_map(|cov| (0..parameters).map(|i| variance(cov, i)));
+    variances.any(|v| v.is_nan() || v < 0.0)
+}

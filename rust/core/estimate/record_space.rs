@@ -1,0 +1,30 @@
+//! Scratch of one record: its coefficients, what a pass makes of them, and its system.
+
+use crate::simd::Wide;
+
+/// One record of eight replicates.
+#[derive(Debug, Clone)]
+pub(crate) struct RecordSpace {
+    /// Signals (output, inputs, the constant one) × lines.
+    pub re: Vec<Wide>,
+    /// Imaginary parts, alike.
+    pub im: Vec<Wide>,
+    /// Products on the lines of a tile, and how many lines that is.
+    pub products: Vec<Wide>,
+    pub rows: usize,
+    /// Whether the products that no output enters are those of the inputs.
+    pub inputs_ready: bool,
+    /// System of this record: (transient + θ) × (one more).
+    pub matrix: Vec<Wide>,
+    /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹: what projects the transient out of a row.
+    pub projection: Vec<Wide>,
+    pub flat_projection: Vec<Wide>,
+    pub transient_inverse: Vec<Wide>,
+    /// Columns on the lines for `ls`, (trend, θ, target) × (Re, Im) a line, and DᵀD of them.
+    pub differenced: Vec<Wide>,
+    pub instruments: Vec<Wide>,
+    /// Lines there are.
+    pub lines: usize,
+    /// Lines in use, at most all: the band rule asks for fewer.
+    pub limit: usize,
+}

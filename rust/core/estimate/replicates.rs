@@ -1,0 +1,62 @@
+//! The estimate of eight replicates: start, iteration, uncertainty, statuses.
+
+use super::design::Design;
+use super::iterate::{Rule, iterate};
+use super::options::{Options, Start, Wanted};
+use super::outcome::{Outcome, lost_in_rounding, statuses};
+use super::pass::Prepare;
+use super::workspace::Workspace;
+use super::{ls, uncertainty};
+use crate::error::Status;
+use crate::simd::{Isa, LANES, Wide};
+use crate::structure::Method;
+
+/// Estimates θ from the coefficients in the workspace; `live` lanes only, the others hold anything.
+pub fn estimate(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    start: Start<'_>,
+    o: &Options,
+) -> Outcome {
+    w.begin(live);
+    isa.run(Prepare { design: d, space: w });
+    if d.method == Method::Ls {
+        isa.run(ls::LsStep { design: d, space: w });
+    } else {
+        match start {
+            Start::Wls => iterate(isa, d, w, Rule::Wls, o),
+            Start::Theta(theta) => {
+                for ((to, value), scale) in w.iterates.theta.now.iter_mut().zip(theta).zip(&d.scale)
+                {
+                    *to = Wide::splat(value / scale);
+                }
+                isa.run(uncertainty::Transients { design: d, space: w });
+            }
+        }
+    }
+    match d.method {
+        Method::Awls if d.adapts() => iterate(isa, d, w, Rule::Awls, o),
+        Method::Ml if d.adapts() => iterate(isa, d, w, Rule::Ml, o),
+        _ => w.progress.active = Wide::ZERO,
+    }
+    uncertainty::finish(isa, d, w, live, o.wanted);
+    let asked = o.wanted == Wanted::Covariance;
+    let status = status(d, w, asked);
+    let lost = status.map(|s| matches!(s, Status::Rank | Status::NonFinite));
+    if lost != [false; LANES] {
+        (0..LANES).filter(|k| lost[*k]).for_each(|k| w.forget_covariance(k));
+    }
+    Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
+}
+
+fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
+    let p = w.iterates.theta.now.len();
+    let dependent = std::array::from_fn(|k| {
+        w.dependent[k]
+            || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
+    });
+    let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
+    statuses(&w.iterates.theta.now, |k| d.scale[k], &w.progress, dependent, data)
+}

@@ -1,0 +1,111 @@
+//! Equations and a way of sampling made ready: what the samples do not change.
+
+use super::equations::Equations;
+use super::lines::{Pairs, TermsRecordPlan};
+
+use crate::error::Error;
+use crate::estimate::band::{Band, Range, default_lines};
+use crate::estimate::fit::Time;
+use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::options::Options;
+use crate::estimate::window::Window;
+use crate::quadrature::Rule;
+use crate::simd::Isa;
+use crate::structure::{Method, Trend};
+
+/// Most lines of the wide band: beyond, dense factors cost more than they tell.
+const WIDEST: usize = 128;
+
+/// Everything that says how records are fitted.
+#[derive(Debug, Clone)]
+pub struct TermsOptions {
+    /// What is fitted.
+    pub equations: Equations,
+    /// Quadrature behind the noise; signals say their own.
+    pub rule: Rule,
+    /// Estimator.
+    pub method: Method,
+    /// White noise in the equations instead of the channels'.
+    pub flat: bool,
+    /// Constant and drift of each equation.
+    pub trend: Trend,
+    /// Lines.
+    pub band: Band,
+    /// Noise standard deviation of each noisy channel, where known.
+    pub levels: Option<Vec<f64>>,
+    /// Whether the levels' sizes matter, not only their existence.
+    pub levels_matter: bool,
+    /// Iteration.
+    pub options: Options,
+}
+
+/// One record's channels.
+#[derive(Debug, Clone)]
+pub struct TermsRecord<'a> {
+    /// In the order that the formulas number them.
+    pub channels: Vec<&'a [f64]>,
+}
+
+/// Everything about fits of one kind that their samples do not change.
+pub struct TermsFitter {
+    pub(crate) o: TermsOptions,
+    pub(crate) isa: Isa,
+    pub(crate) pairs: Pairs,
+    pub(crate) records: Vec<TermsRecordPlan>,
+    pub(crate) given: Vec<Range>,
+    pub(crate) narrow: Vec<Range>,
+}
+
+impl TermsFitter {
+    /// Makes ready for records of these lengths (in samples) and instants; `uneven` holds the variance of
+    /// each sample of each noisy channel of each record over the channel's, where they differ.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
+    pub fn new(
+        o: TermsOptions,
+        sampling: &[(usize, Time<'_>)],
+        uneven: &[Vec<Vec<f64>>],
+        isa: Isa,
+    ) -> Result<TermsFitter, Error> {
+        o.equations.check()?;
+        if sampling.is_empty() {
+            return Err(Error::Data("fitting: no record was given".into()));
+        }
+        if o.levels.as_ref().is_some_and(|l| l.len() != o.equations.noisy.len()) {
+            return Err(Error::Spec(
+                "fitting: noise levels are needed for each noisy channel".into(),
+            ));
+        }
+        let e = &o.equations;
+        let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
+        let trends = usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear);
+        let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
+        let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, (samples, time)) in sampling.iter().enumerate() {
+            if order > *samples {
+                return Err(Error::Data(format!(
+                    "fitting: derivatives up to order {order} from {samples} samples a record; take fewer"
+                )));
+            }
+            let window = Window::new(*samples, *time, e.longest_lag())?;
+            let (wide, few) = default_lines(o.method, unknowns, order, window.intervals);
+            let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
+            let own = uneven.get(k).cloned().unwrap_or_default();
+            records.push(TermsRecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
+            given.push(range);
+            narrow.push((range.0, few.min(range.1)));
+        }
+        let pairs = Pairs::new(e);
+        Ok(TermsFitter { isa, pairs, records, given, narrow, o })
+    }
+
+    /// What weighs the rows, and of which signals the columns are made.
+    pub(crate) fn weights(&self) -> (RowWeights, LeftColumns) {
+        match (self.o.flat, self.o.method) {
+            (true, _) | (_, Method::Wls | Method::Ls) => (RowWeights::Flat, LeftColumns::Data),
+            (_, Method::Awls) => (RowWeights::Adapted, LeftColumns::Data),
+            (_, Method::Ml) => (RowWeights::Adapted, LeftColumns::Denoised),
+        }
+    }
+}
