@@ -35,20 +35,22 @@ LEVELS: tuple[tuple[str, ...], ...] = (
 LEVEL = {room: k for k, rooms in enumerate(LEVELS) for room in rooms}
 
 # Where LEVELS is not kept yet: (importer, imported). This list only shrinks.
-UPWARDS: frozenset[tuple[str, str]] = frozenset({
-    ('inference.comparison', 'plot'),
-    ('inference.order', 'plot'),
-    ('results.fit', 'plot'),
-    ('results.page', 'fitting.of_gains'),
-    ('results.page', 'inference.collinearity'),
-    ('results.page', 'plot'),
-    ('results.page_gains', 'fitting.of_gains'),
-    ('results.page_records', 'plot'),
-    ('results.storage', 'fitting.of_equations'),
-    ('results.storage', 'fitting.of_gains'),
-    ('results.storage', 'study.shards'),
-    ('systems.frequency_response', 'plot'),
-})
+UPWARDS: frozenset[tuple[str, str]] = frozenset(
+    {
+        ("inference.comparison", "plot"),
+        ("inference.order", "plot"),
+        ("results.fit", "plot"),
+        ("results.page", "fitting.of_gains"),
+        ("results.page", "inference.collinearity"),
+        ("results.page", "plot"),
+        ("results.page_gains", "fitting.of_gains"),
+        ("results.page_records", "plot"),
+        ("results.storage", "fitting.of_equations"),
+        ("results.storage", "fitting.of_gains"),
+        ("results.storage", "study.shards"),
+        ("systems.frequency_response", "plot"),
+    }
+)
 # So many files import each other in a circle. This number only falls.
 IN_CIRCLES = 60
 

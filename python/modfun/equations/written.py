@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +19,12 @@ from ..language.parser import CONSTANTS, FUNCTIONS
 from ..models.free import Free
 
 if TYPE_CHECKING:
-    from .identifiability import Identifiability
     from .symbolic.compiled import Compiled
 
 __all__ = [
     "RESERVED",
     "Explanation",
+    "Identifiability",
     "Written",
     "channel_names",
     "outputs_left",
@@ -58,6 +58,47 @@ class Explanation:
 
     def _repr_html_(self) -> str:
         return html.listing(self.sentences, title="; ".join(self.title))
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Which parameters can be found from rich, noise-free records; True if all can.
+
+    Local: parameters near the true ones are told apart, others far away need not be. Prints as sentences.
+
+    Attributes
+    ----------
+    found : tuple of str
+        Parameters with one value near the true one.
+    lost : tuple of str
+        Parameters that cannot be found one by one.
+    rank : int
+        Number of independent combinations of parameters that can be found.
+    sentences : tuple of str
+        What is lost, why, and what would help.
+    """
+
+    found: tuple[str, ...]
+    lost: tuple[str, ...]
+    rank: int
+    sentences: tuple[str, ...]
+
+    def __bool__(self) -> bool:
+        return not self.lost
+
+    @property
+    def title(self) -> str:
+        """How many parameters can be found, in words."""
+        count = len(self.found) + len(self.lost)
+        if not self.lost:
+            return f"All {count} parameters can be found."
+        return f"{self.rank} of {count} parameters, or combinations of them, can be found."
+
+    def __str__(self) -> str:
+        return "\n".join([self.title, *(f"* {text}" for text in self.sentences)])
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.sentences, title=self.title)
 
 
 class Written:
@@ -155,7 +196,7 @@ class Written:
 
         held = {name for name, given in self.params if not isinstance(given, Free)}
         absent = [p for p in self.all_parameters if p not in compiled.parameters and p not in held]
-        return identify(compiled, tuple(absent))
+        return Identifiability(*identify(compiled, tuple(absent)))
 
     @property
     def _kind(self) -> str:
