@@ -14,9 +14,9 @@ from math import floor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
+from .base.arrays import F64
 from .base.words import TRENDS
 from .errors import DataError, FitError, SpecError
 from .experiments.sensitivities import Sensitivities
@@ -30,8 +30,6 @@ from .systems.propagate import Inputs
 
 __all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
 
 

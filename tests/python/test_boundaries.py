@@ -35,28 +35,13 @@ LEVELS: tuple[tuple[str, ...], ...] = (
 LEVEL = {room: k for k, rooms in enumerate(LEVELS) for room in rooms}
 
 # Where LEVELS is not kept yet: (importer, imported). This list only shrinks.
-UPWARDS: frozenset[tuple[str, str]] = frozenset(
-    {
-        ("inference.comparison", "plot"),
-        ("inference.order", "plot"),
-        ("results.fit", "plot"),
-        ("results.page", "fitting.of_gains"),
-        ("results.page", "inference.collinearity"),
-        ("results.page", "plot"),
-        ("results.page_gains", "fitting.of_gains"),
-        ("results.page_records", "plot"),
-        ("results.storage", "fitting.of_equations"),
-        ("results.storage", "fitting.of_gains"),
-        ("results.storage", "study.shards"),
-        ("systems.frequency_response", "plot"),
-    }
-)
+UPWARDS: frozenset[tuple[str, str]] = frozenset({})
 # So many files import each other in a circle. This number only falls.
-IN_CIRCLES = 60
+IN_CIRCLES = 0
 
 LONGEST = 500
 # Files that hold one concept and are longer.
-LONG = frozenset({"results.fit", "rivals"})
+LONG = frozenset({"rivals"})
 
 
 def name_of(path: Path) -> str:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import rivals
+from ..base.arrays import F64
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..experiments.simulation import simulate
@@ -28,7 +28,6 @@ from . import figures as reproduction_figures
 
 __all__ = ["Answer", "report"]
 
-F64 = NDArray[np.float64]
 
 SYSTEM = ([5.0], [1.0, 3.0, 8.0])  # report, eq. (24)
 INPUT = "sin(t**2/5)"

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..errors import DataError
 from .integration import Function, Signal
 
 __all__ = ["pieces", "refined"]
 
-F64 = NDArray[np.float64]
 TERMS = 10  # coefficients of a piece: functions are interpolated at so many Chebyshev nodes
 NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(TERMS) + 0.5) / TERMS)
 LOOKS = np.array([0.02, 0.21, 0.47, 0.74, 0.98])  # of an interval: where interpolation is looked at

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import integrate as core_integrate
+from ..base.arrays import F64
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, function, is_samples
 from ..systems.propagate import spline, too_steep
 
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
-F64 = NDArray[np.float64]
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
 
 

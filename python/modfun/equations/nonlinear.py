@@ -8,9 +8,10 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
+from ..base.arrays import F64
 from ..base.samples import steps_of
 from ..errors import DataError, SpecError
 from ..signals import Signals
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from .symbolic.ode import FirstOrder
 
 __all__ = ["NonlinearModel", "model_of"]
-
-F64 = NDArray[np.float64]
 
 
 @public

@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..systems.polynomials import companion
 from ..systems.propagate import Inputs
 
 __all__ = ["Sensitivities"]
-
-F64 = NDArray[np.float64]
 
 
 class Sensitivities:

@@ -13,9 +13,9 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import count_errors
+from ..base.arrays import F64, I64
 from ..base.student import student_factor
 from ..errors import ModfunError, ModfunWarning
 from ..fitting.fit import Estimator, fit_many, fit_quietly
@@ -31,8 +31,6 @@ from .tally import STATUS, TEXTS, USED, Tally, united
 
 __all__ = ["LEVEL", "called", "estimate"]
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 Bins = tuple[I64, I64]
 
 LEVEL = 0.95  # of the intervals whose coverage is counted

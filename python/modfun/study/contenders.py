@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.callables import source
 from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
@@ -26,7 +26,6 @@ from .groups import Group
 
 __all__ = ["Contender", "contenders"]
 
-F64 = NDArray[np.float64]
 Rule = Callable[[Record, np.random.Generator], Any]
 
 

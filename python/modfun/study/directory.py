@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import STREAM_VERSION, __version__
+from ..base.arrays import F64
 from ..errors import DataError, ModfunWarning, SpecError
 from .files import SampleFile, alone, append, made, packed, read_part, swept, unpacked, write, write_part
 from .frozen import freeze, thaw
@@ -33,7 +34,6 @@ from .work import Part, Work, parts
 
 __all__ = ["FILE", "MANIFEST", "OWN", "SAMPLES", "Directory"]
 
-F64 = NDArray[np.float64]
 
 KIND, SCHEMA = "modfun.study", 1
 STUDY, TRUTH, MANIFEST, PARTS, SAMPLES = "study.json", "truth.npz", "manifest.json", "parts", "samples.npy"

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64, I64
 from ..base.tables import Table
 from ..equations.written import Written
 from ..errors import DataError, SpecError
@@ -25,9 +26,6 @@ from .plan import Plan
 from .tally import STATUS, USED, Tally
 
 __all__ = ["Figures"]
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

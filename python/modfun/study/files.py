@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.format import write_array
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..errors import ModfunError
 from ..files import writing as whole
 from ..files.writing import SCRATCH
@@ -34,7 +35,6 @@ __all__ = [
     "write_part",
 ]
 
-F64 = NDArray[np.float64]
 OLD = 3600.0  # s after which a file under a temporary name was left by a process that was killed
 HEADER = 128  # bytes before the numbers of a sample file, enough for any number of replicates
 

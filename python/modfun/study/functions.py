@@ -11,15 +11,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..errors import SpecError
 from ..records.record import Record
 from ..results.fit import Fit
 
 __all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]
 
-F64 = NDArray[np.float64]
 PURPOSES = ("estimator", "noise", "initial_state", "generate")
 LONGEST = 2000  # characters kept of one exception
 

@@ -10,8 +10,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.callables import source
 from ..errors import ModfunWarning, SpecError
 from ..models.transfer_function import TransferFunction
@@ -21,7 +21,6 @@ from .functions import Failed, attempt, generator, record
 
 __all__ = ["Generated", "cells", "grid_axes"]
 
-F64 = NDArray[np.float64]
 TRIES = 10  # replicates looked at for a first record, where the generator fails now and then
 RESERVED = ("estimator", "parameter", "replicate", "number")
 

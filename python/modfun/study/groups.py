@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import normals
+from ..base.arrays import F64
 from ..base.callables import source
 from ..base.samples import numbered
 from ..equations.nonlinear import NonlinearModel
@@ -22,8 +22,6 @@ from .axes import Axis
 from .functions import attempt, generator, series
 
 __all__ = ["Group", "groups"]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .axes import Axis
@@ -20,7 +20,6 @@ from .groups import Group
 
 __all__ = ["Plan"]
 
-F64 = NDArray[np.float64]
 COEFFICIENT = re.compile(r"([ab])(\d+)(\[.*\])?")
 
 

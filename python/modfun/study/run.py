@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import shown
+from ..base.arrays import F64
 from ..base.callables import importable
 from ..base.progress import Progress
 from ..errors import ModfunWarning, SpecError
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["collected", "far_from", "run", "summed"]
 
-F64 = NDArray[np.float64]
 FIGURES = ("bias", "sd", "rmse", "median", "coverage")
 
 

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from .._core import figures as core_figures
 from .._core import merge_moments, quantiles
+from ..base.arrays import F64, I64
 from ..base.words import STATUS as ENDS
 
 __all__ = ["STATUS", "TEXTS", "USED", "Tally", "united"]
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 STATUS = (*ENDS, "raised")  # a function of the user may
 USED = 2  # the first two have an estimate

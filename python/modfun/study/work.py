@@ -12,9 +12,9 @@ from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import STREAM_VERSION, Study
+from ..base.arrays import F64
 from ..base.callables import source
 from .called import LEVEL, called
 from .contenders import Contender
@@ -25,7 +25,6 @@ from .tally import STATUS, Tally
 
 __all__ = ["Part", "Work", "compute", "parts"]
 
-F64 = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 CHUNK = 512  # replicates the core gives to a thread at once
