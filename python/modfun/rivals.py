@@ -65,6 +65,15 @@ def output_error(
     OutputError
         Call it with a record.
 
+    See Also
+    --------
+    modfun.rivals.pem : A discrete model.
+    modfun.fit : What it is compared with.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
     Examples
     --------
     >>> import modfun as mf
@@ -108,6 +117,24 @@ def pem(
     -------
     PredictionError
         Call it with a record.
+
+    See Also
+    --------
+    modfun.rivals.output_error : White noise at the output.
+    modfun.fit : What it is compared with.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.0)
+    >>> estimate = mf.rivals.pem(mf.TransferFunction(poles=2, zeros=0))
+    >>> sorted(estimate(rec))
+    ['a1', 'a2', 'b0']
     """
     _check(model, "pem", initial_state, ("estimated", "zero"), trend, maxiter)
     return PredictionError(model, initial_state, trend, maxiter)
@@ -128,6 +155,24 @@ def arx(model: TransferFunction) -> ARX:
     -------
     ARX
         Call it with a record.
+
+    See Also
+    --------
+    modfun.rivals.output_error : White noise at the output.
+    modfun.fit : What it is compared with.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.0)
+    >>> estimate = mf.rivals.arx(mf.TransferFunction(poles=2, zeros=0))
+    >>> sorted(estimate(rec))
+    ['a1', 'a2', 'b0']
     """
     _check(model, "arx", "zero", ("zero",), None, 1)
     return ARX(model)
@@ -139,7 +184,26 @@ def arx(model: TransferFunction) -> ARX:
 @public
 @dataclass(frozen=True)
 class OutputError:
-    """Continuous-time output error; made by `output_error`."""
+    """Continuous-time output error; made by `output_error`.
+
+    See Also
+    --------
+    modfun.rivals.output_error : Makes it.
+    modfun.MonteCarlo : Compares it with estimators of this package.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.0)
+    >>> estimate = mf.rivals.output_error(mf.TransferFunction(poles=2, zeros=0))
+    >>> sorted(estimate(rec))
+    ['a1', 'a2', 'b0']
+    """
 
     model: TransferFunction
     initial_state: str
@@ -216,7 +280,26 @@ def _inputs(
 @public
 @dataclass(frozen=True)
 class PredictionError:
-    """Discrete-time output-error model, converted to continuous time; made by `pem`."""
+    """Discrete-time output-error model, converted to continuous time; made by `pem`.
+
+    See Also
+    --------
+    modfun.rivals.pem : Makes it.
+    modfun.MonteCarlo : Compares it with estimators of this package.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.0)
+    >>> estimate = mf.rivals.pem(mf.TransferFunction(poles=2, zeros=0))
+    >>> sorted(estimate(rec))
+    ['a1', 'a2', 'b0']
+    """
 
     model: TransferFunction
     initial_state: str
@@ -250,7 +333,26 @@ class PredictionError:
 @public
 @dataclass(frozen=True)
 class ARX:
-    """Discrete-time ARX least squares, converted to continuous time; made by `arx`."""
+    """Discrete-time ARX least squares, converted to continuous time; made by `arx`.
+
+    See Also
+    --------
+    modfun.rivals.arx : Makes it.
+    modfun.MonteCarlo : Compares it with estimators of this package.
+
+    References
+    ----------
+    L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.0)
+    >>> estimate = mf.rivals.arx(mf.TransferFunction(poles=2, zeros=0))
+    >>> sorted(estimate(rec))
+    ['a1', 'a2', 'b0']
+    """
 
     model: TransferFunction
     name: str = field(default="arx", init=False)

@@ -39,6 +39,15 @@ class Table:
     SpecError
         If the columns differ in length.
 
+    See Also
+    --------
+    modfun.Results.table : A table of a study.
+    modfun.Fit.score : A table of scores.
+
+    References
+    ----------
+    The column formats are those of the guide docs/monte_carlo.md.
+
     Examples
     --------
     >>> table = Table({"mode": [1, 2], "omega": [2.828, 14.5]})

@@ -64,6 +64,16 @@ class Equation(Written):
     SpecError
         Text outside the language, names that clash.
 
+    See Also
+    --------
+    modfun.StateSpace : Matrices with parameters.
+    modfun.fit : Estimates the parameters.
+    modfun.NonlinearModel : The equations with numbers.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, eq. (1) and sections 3 and 4.8.
+
     Examples
     --------
     >>> Equation("y'' + d*y' + a*y + b*y**3 = u").param_names()

@@ -43,6 +43,17 @@ class NonlinearModel:
     structure : Equation or StateSpace, optional
         What it is an instance of.
 
+    See Also
+    --------
+    modfun.Equation : The same without numbers.
+    modfun.Fit.model : Where it comes from.
+    modfun.simulate : Records of it.
+
+    References
+    ----------
+    E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I, Springer, 1993 (the
+    integrator).
+
     Examples
     --------
     >>> import modfun as mf

@@ -55,6 +55,15 @@ class StateSpace(Written):
     SpecError
         Shapes that do not fit, entries outside the language, names that clash.
 
+    See Also
+    --------
+    modfun.Equation : Any equations.
+    modfun.fit : Estimates the parameters.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.8.
+
     Examples
     --------
     >>> m = StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])

@@ -137,11 +137,20 @@ def crlb(
     DataError
         A record with uneven sampling, or experiments from which the parameters cannot be found.
 
+    See Also
+    --------
+    modfun.simulate : Experiments to try.
+    modfun.Fit.bse : Standard errors of a fit.
+
     Notes
     -----
     Each output of a transfer function has an initial state of its own, as in `fit`. The states of a
     StateSpace are one system's; there an unknown offset of each output is also what an unknown constant in
     each equation amounts to, unless A is singular.
+
+    References
+    ----------
+    H. L. Van Trees, Detection, Estimation, and Modulation Theory, Part I, Wiley, 1968, section 2.4.
 
     Examples
     --------

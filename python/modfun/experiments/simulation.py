@@ -198,6 +198,16 @@ def simulate(
     SpecError, DataError
         Arguments that do not fit each other.
 
+    See Also
+    --------
+    modfun.signals : Inputs of experiments.
+    modfun.MonteCarlo : Many records.
+    modfun.LTI.simulate : A response to a record.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.3 (noise-to-signal ratio).
+
     Examples
     --------
     >>> import modfun as mf

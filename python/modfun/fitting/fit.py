@@ -124,10 +124,30 @@ def fit(
     ModfunWarning
         Something about the result deserves a look; `fit.check()` says all.
 
+    See Also
+    --------
+    modfun.fit_many : Many records, each by itself.
+    modfun.Estimator : A structure with its options.
+    modfun.select_order : How many poles.
+
     Notes
     -----
     With a delay the window starts ceil(delay/dt) samples late, so that no input before the record is
     needed.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4; J. G. MacKinnon, H. White, J.
+    Econometrics 29, 1985 (HC3).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> print(fit.params.round(2))
+    [3.07 8.11 5.04]
     """
     options = Options.checked(
         "fit",
@@ -157,6 +177,15 @@ class Estimator:
     model : TransferFunction, Equation or StateSpace
     **options
         Those of `fit`, checked at once.
+
+    See Also
+    --------
+    modfun.fit : The same at once.
+    modfun.MonteCarlo : Studies of estimators.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.
 
     Examples
     --------
@@ -231,6 +260,25 @@ def fit_many(
     ------
     DataError, SpecError
         As in `fit`.
+
+    See Also
+    --------
+    modfun.fit : One record, or several as one problem.
+    modfun.MonteCarlo : Studies with a known truth.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.3.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
+    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
+    >>> found = mf.fit_many(records, mf.TransferFunction(poles=2, zeros=0))
+    >>> found.params.shape
+    (3, 3)
     """
     checked = Options.checked("fit_many", **options)
     structure = structure_of(model, "fit_many")

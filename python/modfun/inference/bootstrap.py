@@ -238,6 +238,15 @@ def bootstrap(
         A model too unstable to be simulated; uneven sampling, masked samples or a sigma
         with "wild", which needs a spectrum.
 
+    See Also
+    --------
+    modfun.Fit.conf_int : Intervals by formula.
+    modfun.MonteCarlo : Studies with a known truth.
+
+    References
+    ----------
+    B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, Chapman & Hall, 1993.
+
     Examples
     --------
     >>> import modfun as mf

@@ -47,6 +47,26 @@ def collinearity(
     ------
     FitError
         The fit has no finite regressors.
+
+    See Also
+    --------
+    modfun.Collinearity : What it returns.
+    modfun.crlb : How well an experiment can do.
+
+    References
+    ----------
+    D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics, Wiley, 1980; V. Klein, J. G. Batterson,
+    NASA TP-1916, 1981.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> found = mf.collinearity(rec, fit)
+    >>> f"{found.condition:.1f}"
+    '5.4'
     """
     structure, chosen = _model(model, options)
     return collinearity_of(fit_quietly(records_of(data, "collinearity"), structure, chosen))

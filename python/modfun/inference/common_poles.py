@@ -38,6 +38,25 @@ class CommonPoles:
         Test that all outputs have this denominator; nan where the orders differ.
     notes : tuple of str
         The outcome in sentences.
+
+    See Also
+    --------
+    modfun.common_poles : Makes it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.6.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=20.0, intervals=500, nsr=0.02, seed=0)
+    >>> structure = mf.TransferFunction(poles=2, zeros=[[1], [0]], denominator="separate")
+    >>> fit = mf.fit(rec, structure, harmonics=30)
+    >>> common = mf.common_poles(fit)
+    >>> len(common.poles)
+    1
     """
 
     poles: Table
@@ -94,9 +113,29 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     SpecError
         A fit whose outputs have one denominator anyway.
 
+    See Also
+    --------
+    modfun.CommonPoles : What it returns.
+    modfun.TransferFunction : `denominator='common'` shares all poles.
+
     Notes
     -----
     Not to object is no proof: a record that tells little objects to little. Compare with the standard errors.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.6.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=20.0, intervals=500, nsr=0.02, seed=0)
+    >>> structure = mf.TransferFunction(poles=2, zeros=[[1], [0]], denominator="separate")
+    >>> fit = mf.fit(rec, structure, harmonics=30)
+    >>> common = mf.common_poles(fit)
+    >>> len(common.poles)
+    1
     """
     if not isinstance(fit, Fit) or fit.layout.common:
         raise SpecError(

@@ -31,6 +31,27 @@ class Comparison(Table):
     ----------
     fits : dict of str to Fit
     record : Record
+
+    See Also
+    --------
+    modfun.compare : Makes it.
+    modfun.plot.comparison : Draws it.
+
+    References
+    ----------
+    J. R. Raol, G. Girija, J. Singh, Modelling and Parameter Estimation of Dynamic Systems, IEE, 2004 (the
+    scores).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> other = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
+    >>> table = mf.compare({"no zero": fit, "one zero": other}, rec)
+    >>> table["model"].tolist()
+    ['no zero', 'one zero']
     """
 
     __slots__ = ("fits", "record")
@@ -70,6 +91,27 @@ class CrossValidation(Table):
     ----------
     columns : mapping of str to sequence
     title : str, optional
+
+    See Also
+    --------
+    modfun.cross_validate : Makes it.
+    modfun.plot.cross_validation : Draws it.
+
+    References
+    ----------
+    M. Stone, Cross-validatory choice and assessment of statistical predictions, J. R. Stat. Soc. B 36,
+    1974.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
+    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
+    >>> two = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=12)
+    >>> cv = mf.cross_validate(records, {"two": two})
+    >>> len(cv)
+    3
     """
 
     __slots__ = ()
@@ -119,6 +161,27 @@ def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None
         No fit, or things that are no fits.
     DataError
         A record with other channels, or none that is common.
+
+    See Also
+    --------
+    modfun.cross_validate : On records that were not fitted.
+    modfun.Fit.score : One fit.
+
+    References
+    ----------
+    J. R. Raol, G. Girija, J. Singh, Modelling and Parameter Estimation of Dynamic Systems, IEE, 2004 (the
+    scores).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> other = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
+    >>> table = mf.compare({"no zero": fit, "one zero": other}, rec)
+    >>> table["model"].tolist()
+    ['no zero', 'one zero']
     """
     fits = _named(models, Fit, "compare")
     if rec is None:
@@ -154,6 +217,27 @@ def cross_validate(
     ------
     SpecError, DataError
         As `fit`, or fewer than two records.
+
+    See Also
+    --------
+    modfun.compare : On one record.
+    modfun.select_order : The number of poles by a criterion.
+
+    References
+    ----------
+    M. Stone, Cross-validatory choice and assessment of statistical predictions, J. R. Stat. Soc. B 36,
+    1974.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
+    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
+    >>> two = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=12)
+    >>> cv = mf.cross_validate(records, {"two": two})
+    >>> len(cv)
+    3
     """
     all_records = records_of(records, "cross_validate")
     if len(all_records) < 2:
@@ -243,6 +327,26 @@ def comparison(table: Comparison, ax: Any = None) -> Any:
     -------
     Axes or ndarray of Axes
         One Axes where there is one output or one was given, otherwise one an output.
+
+    See Also
+    --------
+    modfun.compare : Makes the table.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> other = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
+    >>> table = mf.compare({"no zero": fit, "one zero": other}, rec)
+    >>> ax = mf.plot.comparison(table)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'time (s)', 'y')
     """
     rec = table.record
     axes = take_axes(ax, len(rec.outputs), height=2.3)
@@ -273,6 +377,26 @@ def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
     Returns
     -------
     Axes or ndarray of Axes
+
+    See Also
+    --------
+    modfun.cross_validate : Makes the table.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
+    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
+    >>> two = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=12)
+    >>> cv = mf.cross_validate(records, {"two": two})
+    >>> ax = mf.plot.cross_validation(cv)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'record left out', 'fit (%)')
     """
     outputs = list(dict.fromkeys(table["output"]))
     axes = take_axes(ax, len(outputs), height=2.4)

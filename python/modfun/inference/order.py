@@ -63,6 +63,24 @@ class OrderSelection:
         Noise level that calibrates, of a sample of the output; nan with "bic".
     notes : tuple of str
         What was done and why, in sentences.
+
+    See Also
+    --------
+    modfun.select_order : Makes it.
+    modfun.plot.order : Draws it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> orders = mf.select_order(rec, poles=[1, 2, 3])
+    >>> orders.best.model.order
+    2
     """
 
     table: Table
@@ -130,6 +148,25 @@ def select_order(
         Records with masked samples or a sigma.
     FitError
         No candidate could be fitted.
+
+    See Also
+    --------
+    modfun.rank_test : A quick look without fits.
+    modfun.OrderSelection : What it returns.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; G. Schwarz, Estimating the dimension
+    of a model, Ann. Stat. 6, 1978.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> orders = mf.select_order(rec, poles=[1, 2, 3])
+    >>> orders.best.model.order
+    2
     """
     records = records_of(data, "select_order")
     checked = Options.checked("select_order", **options)
@@ -416,6 +453,24 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
     Axes or ndarray of Axes
         Above the residual level (logarithmic) with the noise level dashed, below the criterion over its
         lowest value; a number at a point is that of its zeros, the chosen candidate is ringed.
+
+    See Also
+    --------
+    modfun.select_order : Makes the selection.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> orders = mf.select_order(rec, poles=[1, 2, 3])
+    >>> ax = mf.plot.order(orders)
+    >>> [one.get_ylabel() for one in ax]
+    ['residual level', 'calibrated BIC over its lowest']
     """
     axes = take_axes(ax, 2, height=2.6)
     upper, lower = axes

@@ -54,6 +54,23 @@ def rank_test(
     ------
     DataError
         Uneven or masked samples, or fewer lines than the columns need.
+
+    See Also
+    --------
+    modfun.select_order : Compares fitted candidates.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> table = mf.rank_test(rec)
+    >>> len(table) > 0
+    True
     """
     q = whole("rank_test", "poles", poles, 1, MOST)
     edges = None if band is None else band_edges("rank_test", band)

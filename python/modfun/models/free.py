@@ -30,6 +30,23 @@ class Free:
     ------
     SpecError
         No number, or bounds that are crossed or do not hold the start.
+
+    See Also
+    --------
+    modfun.TransferFunction : Takes it in `params` and `delay`.
+    modfun.Equation : Takes it in `params`.
+
+    References
+    ----------
+    The guide docs/linear.md, "What is known, bounded, or late".
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> late = mf.Free(min=0.0, max=0.5)
+    >>> structure = mf.TransferFunction(poles=2, zeros=0, delay=late, params={"a1": mf.Free(min=0.0)})
+    >>> structure.param_names()
+    ('a1', 'a2', 'b0', 'delay')
     """
 
     start: float | None

@@ -33,10 +33,30 @@ class Noise:
     SpecError
         Negative levels, or a matrix that is no covariance.
 
+    See Also
+    --------
+    modfun.fit : Takes it as `noise`.
+    modfun.crlb : Takes it as `sigma`.
+
     Notes
     -----
     Ratios are what an estimate depends on. The common factor is estimated too, and scales the standard
     errors; `fit.check()` says where it is far from one.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.4.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=20.0, intervals=500, nsr=0.05, seed=0)
+    >>> known = mf.Noise(y=[0.04, 0.01])
+    >>> structure = mf.TransferFunction(poles=2, zeros=[[1], [0]], denominator="common")
+    >>> fit = mf.fit(rec, structure, noise=known)
+    >>> fit.status
+    'ok'
     """
 
     y: Any

@@ -55,12 +55,22 @@ class TransferFunction:
     SpecError
         More zeros than poles, negative counts or delays, or lengths that differ.
 
+    See Also
+    --------
+    modfun.fit : Estimates its coefficients.
+    modfun.Free : Bounds and starts.
+    modfun.select_order : How many poles.
+
     Notes
     -----
     Parameters are a1 … an, then the numerator of each input in descending powers: b0, b1, … with one
     input, b0[de], b1[de], … with several. With several outputs the output stands first, b0[q,de]; with
     denominator="separate" in the denominators, too: a1[q]. Delays come last: delay, delay[de]. What is
     held is no parameter of the fit.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.2.
 
     Examples
     --------

@@ -56,6 +56,23 @@ def record(rec: Record, ax: Any = None) -> Any:
     -------
     Axes or ndarray of Axes
         One Axes where there is one channel or one was given, otherwise one a channel.
+
+    See Also
+    --------
+    modfun.Record.plot : The same as a method.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> ax = mf.plot.record(rec)
+    >>> [one.get_ylabel() for one in ax]
+    ['y', 'u']
     """
     return rec.plot(ax)
 
@@ -74,6 +91,21 @@ def signals(given: Signals, ax: Any = None) -> Any:
     -------
     Axes or ndarray of Axes
         One Axes where there is one input or one was given, otherwise one an input.
+
+    See Also
+    --------
+    modfun.signals.doublet : A signal to draw.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> ax = mf.plot.signals(mf.signals.doublet("de", width=0.8, dt=0.02, amplitude=2.0, duration=10.0))
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'time (s)', 'de')
     """
     return given.plot(ax)
 
@@ -94,6 +126,23 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     -------
     Axes or ndarray of Axes
         One Axes where there is one channel or one was given, otherwise one a channel.
+
+    See Also
+    --------
+    modfun.Record.spectrum : Makes it.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> ax = mf.plot.spectrum(rec.spectrum())
+    >>> [one.get_ylabel() for one in ax]
+    ['y', 'u']
     """
     return spec.plot(ax, hz=hz)
 
@@ -114,6 +163,25 @@ def sinusoids(found: Sinusoids, ax: Any = None, *, hz: bool = False) -> Any:
     Returns
     -------
     Axes
+
+    See Also
+    --------
+    modfun.sinusoids : Finds the tones.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> t = np.arange(200) * 0.1
+    >>> y = np.sin(1.3 * t) + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    >>> found = mf.sinusoids(mf.Record(y=y, dt=0.1), count=1)
+    >>> ax = mf.plot.sinusoids(found)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'frequency (rad/s)', 'amplitude (dB)')
     """
     return found.plot(ax=ax, hz=hz)
 
@@ -133,6 +201,26 @@ def track(found: Track, ax: Any = None) -> Any:
     -------
     Axes or ndarray of Axes
         One Axes where there is one parameter, otherwise one a parameter.
+
+    See Also
+    --------
+    modfun.Stream.follow : Makes the track.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.02, duration=20.0)
+    >>> rec = mf.simulate(mf.tf([5], [1, 3, 8]), input=chirp, nsr=0.05, seed=0)
+    >>> estimator = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=10)
+    >>> stream = mf.Stream(estimator, dt=rec.dt, window=10.0)
+    >>> track = stream.follow(rec, every=50)
+    >>> ax = mf.plot.track(track)
+    >>> [one.get_ylabel() for one in ax]
+    ['a1', 'a2', 'b0']
     """
     return found.plot(ax)
 
@@ -152,5 +240,21 @@ def reduction(red: Reduction, ax: Any = None, *, hz: bool = False) -> Any:
     -------
     Axes
         With several channels the largest gain over directions is drawn.
+
+    See Also
+    --------
+    modfun.reduce : Makes the reduction.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> reduction = mf.reduce(mf.tf([1, 7, 24, 24], [1, 10, 35, 50, 24]), 2)
+    >>> ax = mf.plot.reduction(reduction)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'frequency (rad/s)', 'gain')
     """
     return red.plot(ax=ax, hz=hz)

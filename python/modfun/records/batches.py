@@ -55,6 +55,24 @@ class Batch:
     ------
     DataError, SpecError
         As in `Record`.
+
+    See Also
+    --------
+    modfun.Record : One experiment.
+    modfun.fit_many : Fits every replicate of a batch.
+
+    References
+    ----------
+    NumPy broadcasting rules hold for the inputs that replicates share: the guide docs/monte_carlo.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> t = np.arange(101) * 0.1
+    >>> batch = mf.Batch(y=np.sin(t) * np.ones((5, 1, 1)), u=np.cos(t), dt=0.1)
+    >>> len(batch)
+    5
     """
 
     __slots__ = ("dt", "inputs", "intersample", "outputs", "u", "y")

@@ -91,6 +91,11 @@ def read(
     SpecError
         If a column does not exist (the message lists the nearest), or the time is not clear.
 
+    See Also
+    --------
+    modfun.columns : What is in a file.
+    modfun.Record : Records of arrays.
+
     Notes
     -----
     In text files, empty lines and lines that begin with # or % are skipped, the first line names the
@@ -99,6 +104,10 @@ def read(
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
+
+    References
+    ----------
+    The guide docs/howto/read_file.md.
 
     Examples
     --------
@@ -179,6 +188,21 @@ def columns(
     Table
         ``column``, ``unit``, ``min``, ``max``, ``missing`` (values), ``note``: which one is the time and
         how even it is, which are constant or text.
+
+    See Also
+    --------
+    modfun.read : Records of what was found.
+
+    References
+    ----------
+    The guide docs/howto/read_file.md.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> table = mf.columns({"t": [0.0, 0.1, 0.2], "q": [0.0, 1.0, 0.5]})
+    >>> table["column"].tolist()
+    ['t', 'q']
     """
     table = open_columns(source, part)
     times = time_candidates(table)

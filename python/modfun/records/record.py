@@ -98,6 +98,16 @@ class Record(Samples):
     SpecError
         If names, units or options do not fit.
 
+    See Also
+    --------
+    modfun.read : Records from files and frames.
+    modfun.Batch : Many records of one experiment.
+    modfun.simulate : Simulated records.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, eq. (8).
+
     Examples
     --------
     >>> import numpy as np

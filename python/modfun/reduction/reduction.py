@@ -56,6 +56,23 @@ class Reduction:
     status : {"ok", "maxiter", "nonfinite"}
     notes : tuple of str
         What was kept, left out or not possible, in sentences.
+
+    See Also
+    --------
+    modfun.reduce : Makes it.
+    modfun.plot.reduction : Draws it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.5; K. Glover, All optimal Hankel-norm
+    approximations, Int. J. Control 39, 1984 (the bound).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> reduction = mf.reduce(mf.tf([1, 7, 24, 24], [1, 10, 35, 50, 24]), 2)
+    >>> f"{reduction.hinf_error:.4f} of at most {reduction.bound:.4f}"
+    '0.0248 of at most 0.0260'
     """
 
     model: LTI
@@ -159,11 +176,28 @@ def reduce(
     DataError
         A sparse system that is not stable, numbers that are not finite, too few lines.
 
+    See Also
+    --------
+    modfun.Reduction : What it returns.
+    modfun.FrequencyResponse : Gains instead of a system.
+
     Notes
     -----
     Poles that are not stable, integrators among them, are kept with their residues and count as poles of
     the model. Delays of inputs are kept when an order is asked for, or where the structure has the same;
     where it has none, poles stand in for them.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.5; B. C. Moore, Principal component
+    analysis in linear systems, IEEE Trans. Autom. Control 26, 1981.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> reduction = mf.reduce(mf.tf([1, 7, 24, 24], [1, 10, 35, 50, 24]), 2)
+    >>> f"{reduction.hinf_error:.4f} of at most {reduction.bound:.4f}"
+    '0.0248 of at most 0.0260'
     """
     _checked(structure, method)
     full = read_system(system)

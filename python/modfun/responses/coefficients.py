@@ -59,6 +59,24 @@ def coefficients(rec: Record, harmonics: int, rule: str = "gregory") -> Coeffici
     Returns
     -------
     Coefficients
+
+    See Also
+    --------
+    modfun.regressors : The modulated regressors made of them.
+    modfun.frf : Gains without a model.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, eqs. (8) and (21).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> c = mf.coefficients(rec, harmonics=5)
+    >>> c.y.shape
+    (1, 6)
     """
     _check_rule("coefficients", rule)
     top = whole("coefficients", "harmonics", harmonics, 0, MOST)
@@ -188,6 +206,15 @@ def regressors(
         Not a TransferFunction, several outputs, or harmonics that are no whole number.
     DataError
         A delay with uneven samples, or one as long as the record.
+
+    See Also
+    --------
+    modfun.coefficients : The Fourier coefficients alone.
+    modfun.fit : Solves for the parameters.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, eqs. (9) to (12).
 
     Examples
     --------

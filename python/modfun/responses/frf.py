@@ -110,11 +110,30 @@ def frf(
     SpecError
         An unknown word, or more unknowns than lines.
 
+    See Also
+    --------
+    modfun.FrequencyResponse : What it returns.
+    modfun.fit : Fits a structure to it.
+
     Notes
     -----
     Gains closer than the sum of their half-widths share lines, and errors. The covariance holds for the
     noise; where a neighbourhood is too wide for the system, what the polynomials cannot follow counts as
     noise, on average.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.9; J. Schoukens, R. Pintelon, System
+    Identification: A Frequency Domain Approach, IEEE Press, 2012 (local models).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> response = mf.frf(rec)
+    >>> response.response.shape == (1, 1, response.omega.size)
+    True
     """
     _word("method", method, METHODS)
     _word("weighting", weighting, WEIGHTINGS)

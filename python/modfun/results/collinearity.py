@@ -45,6 +45,25 @@ class Collinearity:
     findings : tuple of str
         The combinations at fault, in words.
     fit : Fit
+
+    See Also
+    --------
+    modfun.collinearity : Computes it.
+    modfun.Fit.cov_params : The covariance it is made of.
+
+    References
+    ----------
+    D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics, Wiley, 1980.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> found = mf.collinearity(rec, fit)
+    >>> f"{found.condition:.1f}"
+    '5.4'
     """
 
     table: Table

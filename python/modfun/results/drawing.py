@@ -50,6 +50,24 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     Returns
     -------
     Axes or ndarray of Axes, shape (2 · outputs,)
+
+    See Also
+    --------
+    modfun.Fit.predict : The simulation that is drawn.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.response(fit, rec)
+    >>> [one.get_ylabel() for one in ax]
+    ['y', 'error']
     """
     chosen = chosen_outputs(fit.outputs, output, "plot.response")
     measured = fit.record_of(rec, "plot.response")
@@ -104,6 +122,25 @@ def bode(
     Returns
     -------
     ndarray of Axes
+
+    See Also
+    --------
+    modfun.Fit.plot_bode : Of one fit.
+    modfun.frf : Measured gains.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.bode(fit)
+    >>> [one.get_ylabel() for one in ax]
+    ['magnitude (dB)', 'phase (degrees)']
     """
     if not systems:
         raise SpecError("plot.bode: give at least one fit, system or frequency response")
@@ -174,6 +211,24 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     Returns
     -------
     Axes
+
+    See Also
+    --------
+    modfun.Fit.damp : The poles as frequencies and damping ratios.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.poles(fit)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'real part (rad/s)', 'imaginary part (rad/s)')
     """
     if not fits:
         raise SpecError("plot.poles: give at least one fit")
@@ -247,6 +302,24 @@ def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: 
     -------
     Axes or ndarray of Axes
         One Axes where there is one channel or one was given, otherwise one a channel.
+
+    See Also
+    --------
+    modfun.fit : Chooses the band.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, eq. (20).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.harmonics(fit)
+    >>> [one.get_ylabel() for one in ax]
+    ['y', 'u']
     """
     seen = fit.record_of(rec, "plot.harmonics")
     spec = seen.spectrum()
@@ -302,6 +375,24 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     Returns
     -------
     ndarray of Axes, shape (2 · rows,)
+
+    See Also
+    --------
+    modfun.plot.residual_tests : Tests of them.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.residuals(fit)
+    >>> [one.get_ylabel() for one in ax]
+    ['whitened residual', 'autocorrelation']
     """
 
     def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str) -> None:
@@ -330,6 +421,24 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     Returns
     -------
     ndarray of Axes, shape (2 · rows,)
+
+    See Also
+    --------
+    modfun.plot.residuals : The residuals themselves.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.residual_tests(fit)
+    >>> [one.get_ylabel() for one in ax]
+    ['cumulated power', 'residuals']
     """
     chosen = chosen_rows(fit.row_names, fit.outputs, output, "plot.residual_tests")
     if hasattr(ax, "plot"):
@@ -428,6 +537,24 @@ def correlation(fit: Fit, ax: Any = None) -> Any:
     Returns
     -------
     Axes
+
+    See Also
+    --------
+    modfun.Fit.cov_params : What is drawn.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> ax = mf.plot.correlation(fit)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', '', '')
     """
     between = fit.correlation()
     names = fit.param_names

@@ -84,6 +84,28 @@ class Fit(Estimates):
         Of the squared residuals of each record, where a `Stream` forgets; else empty.
     condition_bound : float
         No less than `cond`, and had for nothing; inf where not known.
+
+    See Also
+    --------
+    modfun.fit : Makes it.
+    modfun.load : Reads a saved one.
+    modfun.bootstrap : Checks its standard errors.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4; J. G. MacKinnon, H. White, Some
+    heteroskedasticity-consistent covariance matrix estimators, J. Econometrics 29, 1985 (HC3).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> print(fit.params.round(2))
+    [3.07 8.11 5.04]
+    >>> fit.conf_int().shape
+    (3, 2)
     """
 
     # Estimates and their uncertainty ------------------------------------------------------------

@@ -71,6 +71,16 @@ def multisine(
     SpecError
         Fewer lines than inputs; other arguments that do not fit each other.
 
+    See Also
+    --------
+    modfun.signals.chirp : A sweep.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9. M. R. Schroeder,
+    Synthesis of low-peak-factor signals, IEEE Trans. Inf. Theory 16, 1970.
+
     Examples
     --------
     >>> import modfun as mf

@@ -55,6 +55,15 @@ class Signals:
     intersample : tuple of str
         One word an input.
 
+    See Also
+    --------
+    modfun.signals.multisine : Sums of sines.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9.
+
     Examples
     --------
     >>> import modfun as mf

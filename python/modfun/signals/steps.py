@@ -61,6 +61,15 @@ def doublet(
     -------
     Signals
 
+    See Also
+    --------
+    modfun.signals.multistep : Steps of several lengths.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9.
+
     Examples
     --------
     >>> import modfun as mf
@@ -126,6 +135,15 @@ def multistep(
     ------
     SpecError
         Arguments that do not fit each other; pulses shorter than the ramp to them.
+
+    See Also
+    --------
+    modfun.signals.doublet : Two steps.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9.
 
     Examples
     --------
@@ -194,6 +212,15 @@ def prbs(
     ------
     SpecError
         Arguments that do not fit each other.
+
+    See Also
+    --------
+    modfun.signals.multisine : Sums of sines.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9.
 
     Examples
     --------

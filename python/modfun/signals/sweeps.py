@@ -64,6 +64,15 @@ def chirp(
     SpecError
         Arguments that do not fit each other.
 
+    See Also
+    --------
+    modfun.signals.multisine : Sums of sines.
+    modfun.crlb : What an input is worth.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 9.
+
     Examples
     --------
     >>> import modfun as mf

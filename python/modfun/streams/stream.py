@@ -88,9 +88,18 @@ class Stream:
     DataError
         Lines that are too few for the parameters.
 
+    See Also
+    --------
+    modfun.Track : Estimates over time.
+    modfun.fit : One record at once.
+
     Notes
     -----
     Several threads may push and ask. A Stream cannot be copied or pickled.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.3, eqs. (8) and (21).
 
     Examples
     --------

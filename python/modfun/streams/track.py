@@ -39,6 +39,26 @@ class Track:
     window : float
         Length of the window behind each moment, s. Moments less than that apart share samples: their errors
         are correlated.
+
+    See Also
+    --------
+    modfun.Stream.follow : Makes it.
+    modfun.plot.track : Draws it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.9.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.02, duration=20.0)
+    >>> rec = mf.simulate(mf.tf([5], [1, 3, 8]), input=chirp, nsr=0.05, seed=0)
+    >>> estimator = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=10)
+    >>> stream = mf.Stream(estimator, dt=rec.dt, window=10.0)
+    >>> track = stream.follow(rec, every=50)
+    >>> track.params.shape
+    (10, 3)
     """
 
     t: F64

@@ -34,6 +34,26 @@ def study(res: Figures, ax: Any = None) -> Any:
     Returns
     -------
     ndarray of Axes, shape (2 · cells,)
+
+    See Also
+    --------
+    modfun.MonteCarlo.run : Makes the results.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, Fig. 2.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> estimator = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=6)
+    >>> study = mf.MonteCarlo(
+    ...     system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256,
+    ...     nsr=[0.1, 0.2], estimators={"ml": estimator},
+    ... )
+    >>> ax = mf.plot.study(study.run(replicates=100, progress=False))
+    >>> [one.get_ylabel() for one in ax]
+    ['bias (% of the true values)', 'standard deviation (% of the true values)']
     """
     over, other, cells = study_rows(res)
     figures = res.relative()

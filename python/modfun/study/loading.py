@@ -37,6 +37,28 @@ def load(path: str | Path) -> Any:
         No such file, or no directory of a study.
     DataError
         Something else, a damaged file, or a study with parts missing.
+
+    See Also
+    --------
+    modfun.Fit.save : Writes a fit.
+    modfun.MonteCarlo.run : Writes a study with `directory=`.
+
+    References
+    ----------
+    RFC 8259 (JSON).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> path = Path(tempfile.mkdtemp()) / "fit.json"
+    >>> fit.save(path)
+    >>> mf.load(path).status
+    'ok'
     """
     place = named("load", path)
     if os.path.isdir(place):

@@ -112,12 +112,24 @@ class MonteCarlo:
     SpecError, DataError
         At once, for anything that could not be run.
 
+    See Also
+    --------
+    modfun.Results : What `run` returns.
+    modfun.simulate : One record.
+    modfun.Estimator : A structure with its options.
+
     Notes
     -----
     What a function of yours raises, and what it returns that is not finite, is counted as a failure of that
     replicate, its text kept in `Results.messages`. What is wrong in kind (no Record, another shape, a name
     that is missing) ends the run with a SpecError. A function for other processes or for a directory must be
     importable, and a change of its source makes another study of it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.3; T. P. Morris, I. R. White, M. J.
+    Crowther, Using simulation studies to evaluate statistical methods, Stat. Med. 38, 2019 (Monte Carlo
+    standard errors).
 
     Examples
     --------

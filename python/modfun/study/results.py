@@ -69,6 +69,29 @@ class Results(Figures):
         What functions raised, and why records or metrics are missing: cell, estimator, replicate, text; of
         the first hundred. `status` counts all.
     replicates : int
+
+    See Also
+    --------
+    modfun.MonteCarlo : Makes it.
+    modfun.load : Reads that of a directory.
+    modfun.plot.study : Draws it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, Fig. 2; T. P. Morris, I. R. White, M. J. Crowther,
+    Stat. Med. 38, 2019.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> estimator = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=6)
+    >>> study = mf.MonteCarlo(
+    ...     system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.2,
+    ...     estimators={"ml": estimator}, seed=1,
+    ... )
+    >>> results = study.run(replicates=1000, progress=False)
+    >>> results.bias.shape, results.param_names
+    ((1, 3), ('a1', 'a2', 'b0'))
     """
 
     def to_pandas(self) -> Any:

@@ -64,6 +64,27 @@ class FrequencyResponse:
         Shapes that do not fit, frequencies that are not finite.
     SpecError
         Both or neither of `response` and Bode points, or of `cov` and `bse`.
+
+    See Also
+    --------
+    modfun.frf : Measures it from records.
+    modfun.reduce : Fits models of lower order to it.
+    modfun.plot.bode : Draws it.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.9; J. Schoukens, R. Pintelon, System
+    Identification: A Frequency Domain Approach, IEEE Press, 2012.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> omega = np.array([0.5, 1.0, 2.0])
+    >>> response = mf.FrequencyResponse(omega, 1 / (1j * omega + 1))
+    >>> fit = mf.fit(response, mf.TransferFunction(poles=1, zeros=0))
+    >>> print(fit.params.round(6))
+    [1. 1.]
     """
 
     omega: F64

@@ -53,6 +53,23 @@ class LTI:
         Delay of each input, s.
     inputs : tuple of str or None
         Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
+
+    See Also
+    --------
+    modfun.tf : Makes one of polynomials.
+    modfun.ss : Makes one of matrices.
+    modfun.reduce : A model of lower order.
+
+    References
+    ----------
+    T. Kailath, Linear Systems, Prentice-Hall, 1980.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> print(system.poles().round(3))
+    [-1.5-2.398j -1.5+2.398j]
     """
 
     numerators: Polynomials | None

@@ -42,6 +42,15 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
         A numerator of higher degree than its denominator, a zero or missing denominator, a delay below
         0, a discrete-time system.
 
+    See Also
+    --------
+    modfun.ss : Of matrices.
+    modfun.LTI : What it returns.
+
+    References
+    ----------
+    T. Kailath, Linear Systems, Prentice-Hall, 1980.
+
     Examples
     --------
     >>> tf([5], [1, 3, 8])
@@ -117,6 +126,22 @@ def ss(
     ------
     SpecError
         Matrices whose sizes do not fit, or are not finite.
+
+    See Also
+    --------
+    modfun.tf : Of polynomials.
+    modfun.LTI : What it returns.
+
+    References
+    ----------
+    T. Kailath, Linear Systems, Prentice-Hall, 1980.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.ss([[0, 1], [-8, -3]], [[0], [5]], [[1, 0]])
+    >>> print(system.poles().round(3))
+    [-1.5-2.398j -1.5+2.398j]
     """
     if B is None and C is None and D is None and not isinstance(A, np.ndarray | list | tuple | float | int):
         return system_of(A, delay).to_ss()

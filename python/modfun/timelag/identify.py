@@ -61,6 +61,16 @@ def equation(
     SpecError
         Matrices that do not fit each other, and what `mf.Equation` refuses.
 
+    See Also
+    --------
+    modfun.timelag.from_fit : The system that a fit found.
+    modfun.Equation : Any equations.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; Y. A. Fiagbedzi, A. E. Pearson,
+    Feedback stabilization of linear autonomous time lag systems, IEEE Trans. Autom. Control 31, 1986.
+
     Examples
     --------
     >>> import modfun as mf
@@ -121,6 +131,29 @@ def from_fit(fit: Any) -> DelaySystem:
     ------
     SpecError
         The model is not linear, varies with time, or holds derivatives of inputs.
+
+    See Also
+    --------
+    modfun.timelag.equation : What was fitted.
+    modfun.timelag.errors : What is uncertain.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; Y. A. Fiagbedzi, A. E. Pearson,
+    Feedback stabilization of linear autonomous time lag systems, IEEE Trans. Autom. Control 31, 1986.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> model = mf.timelag.equation(A={0: "a", 0.5: "c"}, B={0: "b"})
+    >>> plant = mf.timelag.DelaySystem(A={0: -1.0, 0.5: -0.5}, B={0: 1.0})
+    >>> u = "sin(t**2/5)"
+    >>> rec = mf.simulate(plant, input=u, duration=10.0, intervals=400, nsr=0.02, seed=0, outputs="x1")
+    >>> fit = mf.fit(rec, model)
+    >>> found = mf.timelag.from_fit(fit)
+    >>> found.order
+    1
     """
     model = fit if isinstance(fit, LTI | NonlinearModel) else getattr(fit, "model", None)
     if isinstance(model, LTI):
@@ -176,6 +209,29 @@ def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
     ------
     SpecError
         No standard errors, or as `from_fit`.
+
+    See Also
+    --------
+    modfun.timelag.DelaySystem.mu : What they may do.
+    modfun.Fit.cov_params : What they are made of.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; Y. A. Fiagbedzi, A. E. Pearson,
+    Feedback stabilization of linear autonomous time lag systems, IEEE Trans. Autom. Control 31, 1986.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> model = mf.timelag.equation(A={0: "a", 0.5: "c"}, B={0: "b"})
+    >>> plant = mf.timelag.DelaySystem(A={0: -1.0, 0.5: -0.5}, B={0: 1.0})
+    >>> u = "sin(t**2/5)"
+    >>> rec = mf.simulate(plant, input=u, duration=10.0, intervals=400, nsr=0.02, seed=0, outputs="x1")
+    >>> fit = mf.fit(rec, model)
+    >>> found = mf.timelag.errors(fit)
+    >>> len(found)
+    3
     """
     from scipy.stats import chi2
 

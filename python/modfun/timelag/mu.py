@@ -55,6 +55,23 @@ class Uncertainty:
     ------
     SpecError
         Another kind, or matrices that are none.
+
+    See Also
+    --------
+    modfun.timelag.errors : Those of a fit.
+    modfun.timelag.DelaySystem.mu : What they may do.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; Y. A. Fiagbedzi, A. E. Pearson,
+    Feedback stabilization of linear autonomous time lag systems, IEEE Trans. Autom. Control 31, 1986.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> change = mf.timelag.Uncertainty(A={0: 0.1})
+    >>> change.kind
+    'real'
     """
 
     A: Mapping[float, Any] = field(default_factory=dict)

@@ -44,6 +44,16 @@ class DelaySystem(Plant):
     SpecError
         Lags below 0, matrices that do not fit each other or are not finite.
 
+    See Also
+    --------
+    modfun.timelag.from_fit : One of a fit.
+    modfun.timelag.equation : What to fit to data.
+
+    References
+    ----------
+    A. E. Pearson, NASA NAG-1-1065 final report, 1993, section 4.10; Y. A. Fiagbedzi, A. E. Pearson,
+    Feedback stabilization of linear autonomous time lag systems, IEEE Trans. Autom. Control 31, 1986.
+
     Examples
     --------
     >>> import modfun as mf

@@ -113,6 +113,26 @@ class Sinusoids(_Tones):
     weights : (time,) array
         Zero where samples are masked; else 1, or 1/sigma of the record.
     dt : float
+
+    See Also
+    --------
+    modfun.sinusoids : Makes it.
+    modfun.SinusoidsMany : Of many records.
+    modfun.plot.sinusoids : Draws it.
+
+    References
+    ----------
+    P. Stoica, R. Moses, Spectral Analysis of Signals, Prentice-Hall, 2005.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> t = np.arange(200) * 0.1
+    >>> y = np.sin(1.3 * t) + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    >>> found = mf.sinusoids(mf.Record(y=y, dt=0.1), count=1)
+    >>> print(found.omega.round(3))
+    [1.3]
     """
 
     cov: F64
@@ -210,6 +230,25 @@ class SinusoidsMany(_Tones):
     sigma, cost : (replicate,) array
     status : (replicate,) array of str
     nit : (replicate,) array of int
+
+    See Also
+    --------
+    modfun.sinusoids : Makes it of a `Batch`.
+    modfun.Sinusoids : Of one record.
+
+    References
+    ----------
+    P. Stoica, R. Moses, Spectral Analysis of Signals, Prentice-Hall, 2005.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modfun as mf
+    >>> t = np.arange(200) * 0.1
+    >>> y = np.sin(1.3 * t) + 0.01 * np.random.default_rng(0).normal(size=(4, 1, t.size))
+    >>> many = mf.sinusoids(mf.Batch(y=y, dt=0.1), count=1)
+    >>> many.params.shape
+    (4, 3)
     """
 
     count: NDArray[np.int64]

@@ -122,6 +122,16 @@ def sinusoids(
     SpecError
         Options out of range.
 
+    See Also
+    --------
+    modfun.Sinusoids : What it returns.
+    modfun.frf : Responses to inputs.
+
+    References
+    ----------
+    P. Stoica, R. Moses, Spectral Analysis of Signals, Prentice-Hall, 2005; S. M. Kay, S. L. Marple, Proc.
+    IEEE 69, 1981.
+
     Examples
     --------
     >>> import numpy as np
