@@ -12,12 +12,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.words import TRENDS
 from ..systems.polynomials import companion
 from ..systems.propagate import Inputs
 
-__all__ = ["Sensitivities"]
+__all__ = ["Sensitivities", "trend_rows"]
 
 F64 = NDArray[np.float64]
+
+
+def trend_rows(trend: str | None, samples: int) -> F64:
+    """Derivatives to the offset and the slope of an output, time counted from −1 to 1: (unknown, time)."""
+    return np.asarray(np.linspace(-1.0, 1.0, samples) ** np.arange(TRENDS.index(trend))[:, None])
 
 
 class Sensitivities:
