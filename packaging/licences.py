@@ -14,8 +14,9 @@ import json
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "THIRD_PARTY_LICENSES"
@@ -60,9 +61,12 @@ def chosen(expression: str) -> str:
     raise SystemExit(f"licence {expression!r} is none of {', '.join(TAKEN)}: look at it, then add or replace")
 
 
-def texts(folder: Path, licence: str) -> str:
-    """The licence files of a crate that hold the text taken, and its notices if there are any."""
-    phrase = TAKEN[licence]
+def texts(package: dict[str, Any], licence: str) -> str:
+    """The licence files of a crate that hold the text taken, and its notices if there are any.
+
+    Where a crate says MIT and brings no text, the licence's own stands with the holders it names.
+    """
+    phrase, folder = TAKEN[licence], Path(package["manifest_path"]).parent
     found = [
         text.strip()
         for path in sorted(folder.iterdir())
@@ -70,6 +74,10 @@ def texts(folder: Path, licence: str) -> str:
         if phrase in (text := path.read_text("utf-8")) or path.name.upper().startswith("NOTICE")
     ]
     if not any(phrase in text for text in found):
+        if licence == "MIT":
+            people = ", ".join(name.removesuffix(" <>") for name in package["authors"])
+            holders = f"{people or 'the authors'} ({package['repository']})"
+            return "\n\n".join([mit(holders), *found])
         raise SystemExit(f"{folder.name}: no file with the text of {licence}")
     return "\n\n".join(found)
 
@@ -104,20 +112,31 @@ def crates() -> list[Crate]:
     found = []
     for pair in linked():
         licence = chosen(at[pair]["license"])
-        found.append(Crate(*pair, licence, texts(Path(at[pair]["manifest_path"]).parent, licence)))
+        found.append(Crate(*pair, licence, texts(at[pair], licence)))
     return found
+
+
+@cache
+def notices() -> Path:
+    """The toolchain's folder of licences and notices."""
+    folder = Path(run("rustc", "--print", "sysroot").strip(), "share", "doc", "rust")
+    if not folder.is_dir():
+        raise SystemExit(f"{folder} is not there: install the toolchain's documentation (rust-docs)")
+    return folder
+
+
+def mit(holders: str) -> str:
+    """The text of the MIT licence."""
+    text = notices().joinpath("licenses", "MIT.txt").read_text("utf-8")
+    return text.replace("<year> <copyright holders>", holders).strip()
 
 
 def standard_library() -> list[Crate]:
     """What every Rust library contains, as the toolchain's own page of notices tells it."""
-    sysroot = run("rustc", "--print", "sysroot").strip()
-    folder = Path(sysroot, "share", "doc", "rust")
-    if not folder.is_dir():
-        raise SystemExit(f"{folder} is not there: install the toolchain's documentation (rust-docs)")
-    mit = folder.joinpath("licenses", "MIT.txt").read_text("utf-8")
-    own = mit.replace("<year> <copyright holders>", "The Rust Project Developers")
+    folder, own = notices(), mit("The Rust Project Developers")
     tables = folder.joinpath("licenses", "Unicode-3.0.txt").read_text("utf-8")
-    found = [Crate(STANDARD, "with its tables of characters", "MIT, Unicode-3.0", f"{own}\n{tables}".strip())]
+    text = f"{own}\n\n{tables}".strip()
+    found = [Crate(STANDARD, "with its tables of characters", "MIT, Unicode-3.0", text)]
     page = folder.joinpath("COPYRIGHT-library.html").read_text("utf-8")
     for part in page.split("<h3>📦 ")[1:]:
         name, version = part[: part.index("<")].rsplit("-", 1)

@@ -2,20 +2,15 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use modfun::integrate::{Outcome, Problem, Tableau, integrate};
+use modfun::integrate::{Outcome, Past, Problem, integrate};
 use modfun::tape::{Input, Tape};
 use modfun_fuzz::{Bytes, same, told, views};
-
-/// Bogacki and Shampine's method, whose error serves for both orders.
-const A: [f64; 9] = [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.75, 0.0];
-const WEIGHTS: [f64; 3] = [2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0];
-const INSTANTS: [f64; 3] = [0.0, 0.5, 0.75];
-const ERROR: [f64; 4] = [-5.0 / 72.0, 1.0 / 12.0, 1.0 / 9.0, -1.0 / 8.0];
 
 fuzz_target!(|bytes: &[u8]| {
     let b = &mut Bytes::new(bytes);
     let (states, drives, parameters) = (b.below(4), b.below(3), b.below(3));
-    let inputs = 1 + states + drives + parameters;
+    let pasts = b.below(3);
+    let inputs = 1 + states + drives + pasts + parameters;
     let written = b.formulas(inputs);
     let places = b.results(states, written.len());
     let Some(tape) = told(Tape::new(&written, inputs, places)) else { return };
@@ -49,6 +44,7 @@ fuzz_target!(|bytes: &[u8]| {
         grid: &grid,
         drives: &b.many(coefficients, Bytes::number),
         terms: if b.rarely() { b.count(8) } else { terms },
+        pasts: &b.many(pasts, |b| Past { state: b.below(states.max(1)), delay: b.near(0.1) }),
         starts: &b.many(count * states, Bytes::number),
         theta: &b.many(count * parameters, Bytes::number),
         count: if b.rarely() { b.count(8) } else { count },
@@ -56,14 +52,9 @@ fuzz_target!(|bytes: &[u8]| {
         absolute: &b.many(states, |b| b.near(1e-6)),
         most: b.below(400),
     };
-    let mut weights = ERROR;
-    if b.rarely() {
-        weights[b.below(4)] = b.number();
-    }
-    let tableau = Tableau { a: &A, b: &WEIGHTS, c: &INSTANTS, fifth: &weights, third: &ERROR };
-    let Some(outcome) = told(integrate(&problem, &tableau)) else { return };
+    let Some(outcome) = told(integrate(&problem)) else { return };
     if let Outcome::Done(x) = &outcome {
         assert_eq!(x.len(), problem.starts.len() * grid.len().max(1));
     }
-    same(&Some(outcome), &told(integrate(&problem, &tableau)));
+    same(&Some(outcome), &told(integrate(&problem)));
 });

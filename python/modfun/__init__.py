@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .experiments.simulation import simulate
     from .fitting.fit import Estimator, fit, fit_many
     from .inference.bootstrap import bootstrap
-    from .inference.collinearity import Collinearity, collinearity
+    from .inference.collinearity import collinearity
     from .inference.common_poles import CommonPoles, common_poles
     from .inference.comparison import Comparison, CrossValidation, compare, cross_validate
     from .inference.order import OrderSelection, select_order
@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from .reduction.reduction import Reduction, reduce
     from .responses.coefficients import coefficients, regressors
     from .responses.frf import frf
+    from .results.collinearity import Collinearity
     from .results.fit import Fit
-    from .results.storage import load
     from .streams.stream import Stream
     from .streams.track import Track
+    from .study.loading import load
     from .study.monte_carlo import MonteCarlo
     from .study.results import Results
     from .systems.frequency_response import FrequencyResponse
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 # Public names load when they are asked for (PEP 562): the module each stands in.
 _PLACES = {
     "Batch": ".records.batches",
-    "Collinearity": ".inference.collinearity",
+    "Collinearity": ".results.collinearity",
     "CommonPoles": ".inference.common_poles",
     "Comparison": ".inference.comparison",
     "CrossValidation": ".inference.comparison",
@@ -83,7 +84,7 @@ _PLACES = {
     "fit": ".fitting.fit",
     "fit_many": ".fitting.fit",
     "frf": ".responses.frf",
-    "load": ".results.storage",
+    "load": ".study.loading",
     "plot": ".plot",
     "rank_test": ".inference.rank",
     "read": ".records.reading",

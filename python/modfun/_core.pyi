@@ -28,6 +28,7 @@ __all__ = [
     "quadrature_weights",
     "quantiles",
     "simulate",
+    "simulate_uneven",
     "sinusoids",
     "thread_count",
 ]
@@ -78,17 +79,20 @@ def simulate(
     kind: str,
     nodes: _F64 | None,
 ) -> _F64: ...
+def simulate_uneven(
+    a: _F64, b: _F64, c: _F64, d: _F64, x0: _F64, u: _F64, held: list[bool], t: _F64
+) -> _F64: ...
 def integrate(
     formulas: tuple[list[tuple[str, float, int, int]], list[int]],
     grid: _F64,
     drives: _F64,
+    pasts: list[tuple[int, float]],
     starts: _F64,
     theta: _F64,
     relative: float,
     absolute: _F64,
     most: int,
-    tableau: tuple[_F64, _F64, _F64, _F64, _F64],
-) -> tuple[_F64 | None, float | None]: ...
+) -> tuple[_F64 | None, float | None, float | None]: ...
 
 # Random streams --------------------------------------------------------------------------------
 

@@ -1,9 +1,13 @@
 //! Exact responses of linear systems to sampled inputs, from sample to sample.
 
+mod uneven;
+
 use crate::Error;
 use crate::model::StateSpace;
 use crate::model::discretise::phi;
 use crate::quadrature::gauss_legendre;
+
+pub use uneven::simulate_uneven;
 
 /// Gauss–Legendre nodes inside each sample of a smooth input.
 pub const NODES: usize = 6;

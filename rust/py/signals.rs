@@ -13,6 +13,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use crate::arrays::{matrix, slice, vector};
+use crate::enter::enter;
 use crate::errors::to_python;
 
 type Pair<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
@@ -23,7 +24,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(quadrature_weights, module)?)?;
     module.add_function(wrap_pyfunction!(noise_level, module)?)?;
     module.add_function(wrap_pyfunction!(gauss_legendre, module)?)?;
-    module.add_function(wrap_pyfunction!(simulate, module)?)
+    module.add_function(wrap_pyfunction!(simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate_uneven, module)?)
 }
 
 /// Fourier coefficients (channel, harmonics + 1) of samples (channel, time).
@@ -152,43 +154,8 @@ fn simulate<'py>(
     kind: &str,
     nodes: Option<PyReadonlyArray3<'py, f64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let shape = |array: &PyReadonlyArray2<'py, f64>| (array.shape()[0], array.shape()[1]);
-    let ((states, inputs), (outputs, length)) = (shape(&b), (c.shape()[0], u.shape()[1]));
-    for (name, got, wanted) in [
-        ("A", shape(&a), (states, states)),
-        ("C", shape(&c), (outputs, states)),
-        ("D", shape(&d), (outputs, inputs)),
-    ] {
-        if got != wanted {
-            return Err(to_python(Error::Spec(format!(
-                "simulating: {name} is {} × {}, but B and C make it {} × {}; give matrices that fit each other",
-                got.0, got.1, wanted.0, wanted.1
-            ))));
-        }
-    }
-    if u.shape()[0] != inputs || length == 0 {
-        return Err(to_python(Error::Data(format!(
-            "simulating: the model has {inputs} inputs, u is {} × {length}; give u as (input, time)",
-            u.shape()[0]
-        ))));
-    }
-    let system = StateSpace {
-        a: slice(&a, "A")?,
-        b: slice(&b, "B")?,
-        c: slice(&c, "C")?,
-        d: slice(&d, "D")?,
-        states,
-        inputs,
-        outputs,
-    };
-    let x0 = slice(&x0, "x0")?;
-    if let Some(k) = x0.iter().position(|x| !x.is_finite()) {
-        return Err(to_python(Error::Data(format!(
-            "simulating: x0[{k}] is {}; give finite states",
-            x0[k]
-        ))));
-    }
-    let u = finite(&u, "u", length)?;
+    let length = u.shape()[1];
+    let (system, x0, u) = given(&a, &b, &c, &d, &x0, &u)?;
     let between =
         nodes.as_ref().map(|nodes| finite(nodes, "nodes", (length - 1) * NODES)).transpose()?;
     let input = match (kind, between) {
@@ -209,7 +176,78 @@ fn simulate<'py>(
     let y = py
         .detach(|| modfun::simulate::simulate(&system, x0, input, dt, length - 1))
         .map_err(to_python)?;
-    matrix(py, y, outputs)
+    matrix(py, y, system.outputs)
+}
+
+/// Outputs (ny, N + 1) of a state-space system at uneven instants, its inputs held or straight between them.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+fn simulate_uneven<'py>(
+    py: Python<'py>,
+    a: PyReadonlyArray2<'py, f64>,
+    b: PyReadonlyArray2<'py, f64>,
+    c: PyReadonlyArray2<'py, f64>,
+    d: PyReadonlyArray2<'py, f64>,
+    x0: PyReadonlyArray1<'py, f64>,
+    u: PyReadonlyArray2<'py, f64>,
+    held: Vec<bool>,
+    t: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (system, x0, u) = given(&a, &b, &c, &d, &x0, &u)?;
+    let t = slice(&t, "t")?;
+    let y = enter(py, None, |_| modfun::simulate::simulate_uneven(&system, x0, u, &held, t))?;
+    matrix(py, y, system.outputs)
+}
+
+/// A system, its initial state and its inputs.
+type Given<'a> = (StateSpace<'a>, &'a [f64], &'a [f64]);
+
+/// What simulations are given, refused where it does not fit.
+fn given<'a>(
+    a: &'a PyReadonlyArray2<'_, f64>,
+    b: &'a PyReadonlyArray2<'_, f64>,
+    c: &'a PyReadonlyArray2<'_, f64>,
+    d: &'a PyReadonlyArray2<'_, f64>,
+    x0: &'a PyReadonlyArray1<'_, f64>,
+    u: &'a PyReadonlyArray2<'_, f64>,
+) -> PyResult<Given<'a>> {
+    let shape = |array: &PyReadonlyArray2<'_, f64>| (array.shape()[0], array.shape()[1]);
+    let ((states, inputs), (outputs, length)) = (shape(b), (c.shape()[0], u.shape()[1]));
+    for (name, got, wanted) in [
+        ("A", shape(a), (states, states)),
+        ("C", shape(c), (outputs, states)),
+        ("D", shape(d), (outputs, inputs)),
+    ] {
+        if got != wanted {
+            return Err(to_python(Error::Spec(format!(
+                "simulating: {name} is {} × {}, but B and C make it {} × {}; give matrices that fit each other",
+                got.0, got.1, wanted.0, wanted.1
+            ))));
+        }
+    }
+    if u.shape()[0] != inputs || length == 0 {
+        return Err(to_python(Error::Data(format!(
+            "simulating: the model has {inputs} inputs, u is {} × {length}; give u as (input, time)",
+            u.shape()[0]
+        ))));
+    }
+    let system = StateSpace {
+        a: slice(a, "A")?,
+        b: slice(b, "B")?,
+        c: slice(c, "C")?,
+        d: slice(d, "D")?,
+        states,
+        inputs,
+        outputs,
+    };
+    let x0 = slice(x0, "x0")?;
+    if let Some(k) = x0.iter().position(|x| !x.is_finite()) {
+        return Err(to_python(Error::Data(format!(
+            "simulating: x0[{k}] is {}; give finite states",
+            x0[k]
+        ))));
+    }
+    Ok((system, x0, finite(u, "u", length)?))
 }
 
 /// The elements, refused where one is not finite; `length` of them make a channel.

@@ -3,7 +3,7 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.inference.bootstrap_noise import _columns, wild
+from modfun.inference.bootstrap_noise import jacobian_lines, wild
 
 pytestmark = pytest.mark.filterwarnings("ignore:fit. Classical and HC3")
 
@@ -37,7 +37,7 @@ def line_covariance(fit, rec):
     """Classical covariance of the parameters from the columns on the lines, all else projected out."""
     (low, high), lead = fit.lines[0], rec.intervals - fit.intervals[0]
     clean = rec._like(y=fit.predict(rec).y)
-    shared, own, _ = _columns(fit, clean, high, lead, fit.omega0[0])
+    shared, own, _ = jacobian_lines(fit, clean, high, lead, fit.omega0[0])
     whiten = np.linalg.inv(np.linalg.cholesky(fit.noise_cov))
     scale = np.sqrt(2 * fit.intervals[0] / np.where(np.arange(high + 1) == 0, 2, 1))
     apart = [np.where(np.arange(2)[:, None] == i, column, 0) for column in own for i in range(2)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from modfun._core import noise_level
 from modfun.results.diagnosis import diagnose, high_band_df, level_p
-from modfun.results.scores import correlation_of_lines
+from modfun.results.line_tests import correlation_of_lines
 from scipy.special import chdtrc, fdtrc
 
 # One record in sixty is warned of its standard errors.

@@ -112,7 +112,7 @@ def test_a_linear_model_is_that_of_the_lines():
 
 @pytest.mark.statistics
 def test_correction_removes_the_bias_of_the_duffing_equation():
-    """Zero bias at NSR .3 by Hotelling on 20 records, false alarm .001; uncorrected it is 17 times the limit."""
+    """Zero bias at NSR .3 by Hotelling on 20 records, false alarm .001; uncorrected 17 times the limit."""
     values = {}
     for correct in (True, False):
         rows = []

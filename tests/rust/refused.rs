@@ -4,7 +4,7 @@
 
 use modfun::estimate::joint::{Delay, JointFitter, JointOptions, JointStructure, NoiseModel, Path};
 use modfun::estimate::{Band, FitOptions, Fitter, Options, RecordView, Time, Wanted};
-use modfun::integrate::{Problem, Tableau, integrate};
+use modfun::integrate::{Past, Problem, integrate};
 use modfun::model::StateSpace;
 use modfun::model::discretise::phi;
 use modfun::quadrature::Rule;
@@ -156,21 +156,27 @@ fn counts_of_lines_and_tones() {
 #[test]
 fn starts_of_an_integration_that_are_not_there() {
     let tape = Tape::new(&[("input".into(), 0.0, 1, 0)], 2, vec![0]).unwrap();
-    let tableau = Tableau { a: &[0.0], b: &[1.0], c: &[0.0], fifth: &[0.0; 2], third: &[0.0; 2] };
+    let problem = Problem {
+        tape: &tape,
+        grid: &[0.0, 1.0],
+        drives: &[],
+        terms: usize::MAX,
+        pasts: &[],
+        starts: &[1.0],
+        theta: &[],
+        count: 1,
+        relative: 1e-6,
+        absolute: &[1e-6],
+        most: 9,
+    };
     for count in [0, 2, usize::MAX] {
-        let problem = Problem {
-            tape: &tape,
-            grid: &[0.0, 1.0],
-            drives: &[],
-            terms: usize::MAX,
-            starts: &[1.0],
-            theta: &[],
-            count,
-            relative: 1e-6,
-            absolute: &[1e-6],
-            most: 9,
-        };
-        assert!(said(integrate(&problem, &tableau)).contains("do not go"), "{count}");
+        assert!(said(integrate(&Problem { count, ..problem })).contains("do not go"), "{count}");
+    }
+    let late = Tape::new(&[("input".into(), 0.0, 2, 0)], 3, vec![0]).unwrap();
+    for (state, delay) in [(1, 0.5), (0, -0.5), (0, f64::NAN)] {
+        let pasts = [Past { state, delay }];
+        let text = said(integrate(&Problem { tape: &late, pasts: &pasts, ..problem }));
+        assert!(text.contains("a delay is at least 0"), "{text}");
     }
 }
 

@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModfunError, SpecError
+from .arrays import C128, F64
 
 __all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
 _WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}
@@ -136,7 +135,7 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
         bound = written.bind(*args, **given).arguments
     except TypeError:
         return  # another number of arguments, or names that do not exist: Python has said it
-    meant = inspect.signature(function, locals=_Names(function.__globals__), eval_str=True).parameters
+    meant = inspect.signature(function, locals=_Meanings(function.__globals__), eval_str=True).parameters
     for key, parameter in meant.items():
         if key not in bound or parameter.annotation is parameter.empty:
             continue
@@ -157,7 +156,7 @@ def _written(annotation: Any) -> str:
     return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
 
 
-class _Names(dict[str, Any]):
+class _Meanings(dict[str, Any]):
     """What the names in an annotation mean; anything where only type checkers know."""
 
     def __missing__(self, name: str) -> Any:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import SpecError
 from .arguments import Thing, public, shown
+from .arrays import F64
 from .optional import optional
-from .samples import F64
 from .tables import nearest
 
 

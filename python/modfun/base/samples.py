@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, SpecError
 from .arguments import real, reals, whole
+from .arrays import F64
 from .tables import nearest
 from .words import INTERSAMPLE
 
-F64 = NDArray[np.float64]
 Array = TypeVar("Array", bound=NDArray[Any])
 Names = str | Sequence[str] | None
 

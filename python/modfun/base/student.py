@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import SpecError
+from .arrays import F64
 
 __all__ = ["probability", "root", "student_factor", "student_interval"]
-
-F64 = NDArray[np.float64]
 
 
 def root(variances: Any) -> F64:

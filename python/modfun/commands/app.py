@@ -345,7 +345,7 @@ def compare(
 ) -> None:
     """Score fits on a record: its columns are read by the names of the fits' channels."""
     from ..inference.comparison import compare
-    from ..results.storage import load
+    from ..study.loading import load
 
     *paths, data = files
     if not paths or data.suffix == ".json":

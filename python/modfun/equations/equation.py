@@ -15,13 +15,11 @@ from ..base.callables import address, at
 from ..base.tables import nearest
 from ..errors import SpecError
 from ..language.parser import Text, equation
-from ..models.free import Free
+from ..models.free import Free, from_plain, to_plain
 from .written import (
     RESERVED,
     Written,
     channel_names,
-    free_from_dict,
-    free_to_dict,
     outputs_left,
     parameters_given,
 )
@@ -210,7 +208,7 @@ class Equation(Written):
             "inputs": list(self.inputs),
             "hidden": list(self.hidden),
             "varying": {name: [_basis_to_dict(name, one) for one in basis] for name, basis in self.varying},
-            "params": free_to_dict(self.params),
+            "params": {name: to_plain(given) for name, given in self.params},
         }
 
     @classmethod
@@ -230,7 +228,7 @@ class Equation(Written):
             inputs=values["inputs"],
             hidden=values["hidden"],
             varying=varying,
-            params=free_from_dict(values["params"]),
+            params={name: from_plain(given) for name, given in values["params"].items()},
         )
 
     def _compiled(self) -> Compiled:

@@ -17,7 +17,7 @@ from ..signals import Signals
 from ..signals.sources import Source, is_samples, sources
 from ..systems.propagate import intersample_kinds
 from .drives import pieces, refined
-from .integration import Function, History, Signal, integrate, integrate_pieces, signal
+from .integration import Function, Signal, integrate, signal
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -121,7 +121,7 @@ class NonlinearModel:
         intervals : int, optional
             Number of sampling intervals, needed with `dt` where no input is an array.
         rtol : float, default 1e-9
-            Relative error of a step of the integration (order 8, adaptive; a stiff system goes to LSODA).
+            Relative error of a step of the integration (order 8, adaptive; a stiff system by order 5).
 
         Returns
         -------
@@ -212,7 +212,6 @@ class NonlinearModel:
         """
         form, theta = self.form, list(self.params.values())
         kinds = intersample_kinds(intersample, len(inputs))
-        values: list[Any] = theta if params is None else list(params)
         late = [float(d) for d in form.delays(theta)]
         if any(not (np.isfinite(d) and d >= 0) for d in late):
             raise SpecError(f"simulating: delays are {late} s; a delay is at least 0")
@@ -222,59 +221,23 @@ class NonlinearModel:
         ]
         known = [_known(given, grid) for given in self._known]
         pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
-        n, count = starts.shape
-
-        def external(t: float, inside: float, x: F64, history: History | None) -> tuple[list[Any], list[Any]]:
-            v: list[Any] = [one(t, inside) for one in drives]
-            for state, delay in pasts:
-                past = x if history is None or delay == 0 else history(t - delay)
-                row = past.reshape(n, count)[state]
-                v.append(row if count > 1 else float(row[0]))
-            return v, [one(t, inside) for one in known]
-
-        def rate(t: float, x: F64, inside: float, history: History | None) -> F64:
-            v, k = external(t, inside, x, history)
-            try:
-                found = form.rates(t, x.tolist() if count == 1 else x.reshape(n, count), v, k, values)
-                if count == 1:
-                    return np.array(found, dtype=np.float64)
-                out = np.empty((n, count))
-                for row, value in zip(out, found, strict=True):
-                    row[:] = value
-                return out.ravel()
-            except (ArithmeticError, ValueError, TypeError):  # overflow, a root of a negative number
-                return np.full(x.size, np.nan)
-
-        columns = np.tile(np.array(theta)[:, None], count) if params is None else params
-        shaped = None
-        if form.tape is not None and n:
-            fine = refined(grid, drives)
-            shaped = pieces([*drives, *known], fine)
-        grid, x = grid[:length], None
-        if form.tape is not None and shaped is not None:
-            at = np.searchsorted(fine, grid)
-            fine, shaped = fine[: at[-1] + 1], np.ascontiguousarray(shaped[:, : at[-1]])
-            x = integrate_pieces(form.tape, starts, fine, shaped, columns, rtol)
-            x = None if x is None else x[:, :, at]
-        if x is None:
-            x = integrate(
-                rate,
-                starts.ravel(),
-                grid,
-                breaks=[b for one in drives for b in one.breaks],
-                delays=[d for _, d in pasts if d > 0],
-                driven=bool(drives or known),
-                stiff=shaped is not None,
-                rtol=rtol,
-            ).reshape(n, count, grid.size)
+        if not len(starts):
+            grid, x = grid[:length], np.empty((0, starts.shape[1], grid[:length].size))
+            return self._measured(grid, x, drives, known, params), x
+        columns = np.tile(np.array(theta)[:, None], starts.shape[1]) if params is None else params
+        fine = refined(grid, [*drives, *known], [d for _, d in pasts if d > 0])
+        shaped = pieces([*drives, *known], fine)
+        grid = grid[:length]
+        at = np.searchsorted(fine, grid)
+        fine, shaped = fine[: at[-1] + 1], np.ascontiguousarray(shaped[:, : at[-1]])
+        x = integrate(form.tape, starts, fine, shaped, pasts, columns, rtol)[:, :, at]
         return self._measured(grid, x, drives, known, params), x
 
     def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], params: F64 | None) -> F64:
-        times = grid.tolist()
         v: list[Any] = [0.0] * (len(drives) + len(self.form.pasts))
         if self.form.feeds:
-            v[: len(drives)] = [np.array([one(t, t) for t in times]) for one in drives]
-        k = [np.array([one(t, t) for t in times]) if self.form.feeds else 0.0 for one in known]
+            v[: len(drives)] = [one(grid) for one in drives]
+        k = [one(grid) if self.form.feeds else 0.0 for one in known]
         values = list(self.params.values()) if params is None else list(params[:, :, None])
         found = self.form.outputs(grid, x, v, k, values)
         y = np.empty((len(self.outputs), *x.shape[1:]))

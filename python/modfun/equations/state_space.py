@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..errors import SpecError
-from ..models.free import Free
+from ..models.free import Free, from_plain, to_plain
 from ..systems.lti import LTI
 from ..systems.making import ss
 from .matrices import Matrix, column_of, line, matrix_of, names_in, row_of, rows_of, state_of
-from .written import Written, channel_names, free_from_dict, free_to_dict, outputs_left, parameters_given
+from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -193,7 +193,7 @@ class StateSpace(Written):
         """The model as plain Python values, for `from_dict`."""
         values: dict[str, Any] = {name: [list(row) for row in getattr(self, name)] for name in "ABCD"}
         values.update({name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")})
-        return {**values, "params": free_to_dict(self.params)}
+        return {**values, "params": {name: to_plain(given) for name, given in self.params}}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> StateSpace:
@@ -203,7 +203,8 @@ class StateSpace(Written):
         ----------
         values : mapping
         """
-        return cls(**{**values, "params": free_from_dict(values["params"])})
+        params = {name: from_plain(given) for name, given in values["params"].items()}
+        return cls(**{**values, "params": params})
 
     def _compiled(self) -> Compiled:
         return _compiled(self)

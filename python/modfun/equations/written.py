@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -19,16 +19,14 @@ from ..language.parser import CONSTANTS, FUNCTIONS
 from ..models.free import Free
 
 if TYPE_CHECKING:
-    from .identifiability import Identifiability
     from .symbolic.compiled import Compiled
 
 __all__ = [
     "RESERVED",
     "Explanation",
+    "Identifiability",
     "Written",
     "channel_names",
-    "free_from_dict",
-    "free_to_dict",
     "outputs_left",
     "parameters_given",
 ]
@@ -60,6 +58,47 @@ class Explanation:
 
     def _repr_html_(self) -> str:
         return html.listing(self.sentences, title="; ".join(self.title))
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Which parameters can be found from rich, noise-free records; True if all can.
+
+    Local: parameters near the true ones are told apart, others far away need not be. Prints as sentences.
+
+    Attributes
+    ----------
+    found : tuple of str
+        Parameters with one value near the true one.
+    lost : tuple of str
+        Parameters that cannot be found one by one.
+    rank : int
+        Number of independent combinations of parameters that can be found.
+    sentences : tuple of str
+        What is lost, why, and what would help.
+    """
+
+    found: tuple[str, ...]
+    lost: tuple[str, ...]
+    rank: int
+    sentences: tuple[str, ...]
+
+    def __bool__(self) -> bool:
+        return not self.lost
+
+    @property
+    def title(self) -> str:
+        """How many parameters can be found, in words."""
+        count = len(self.found) + len(self.lost)
+        if not self.lost:
+            return f"All {count} parameters can be found."
+        return f"{self.rank} of {count} parameters, or combinations of them, can be found."
+
+    def __str__(self) -> str:
+        return "\n".join([self.title, *(f"* {text}" for text in self.sentences)])
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.sentences, title=self.title)
 
 
 class Written:
@@ -157,7 +196,7 @@ class Written:
 
         held = {name for name, given in self.params if not isinstance(given, Free)}
         absent = [p for p in self.all_parameters if p not in compiled.parameters and p not in held]
-        return identify(compiled, tuple(absent))
+        return Identifiability(*identify(compiled, tuple(absent)))
 
     @property
     def _kind(self) -> str:
@@ -275,21 +314,3 @@ def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple
             )
         found.append((name, float(value)))
     return tuple(found)
-
-
-def free_to_dict(params: tuple[tuple[str, float | Free], ...]) -> dict[str, Any]:
-    """params= as plain values."""
-    return {
-        name: {"start": given.start, "min": given.min, "max": given.max} if isinstance(given, Free) else given
-        for name, given in params
-    }
-
-
-def free_from_dict(values: Mapping[str, Any]) -> dict[str, float | Free]:
-    """params= from what `free_to_dict` gave."""
-    return {
-        name: Free(given["start"], min=float(given["min"]), max=float(given["max"]))
-        if isinstance(given, dict)
-        else float(given)
-        for name, given in values.items()
-    }

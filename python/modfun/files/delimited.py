@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.tables import listed
 from ..errors import DataError
 from .writing import write_text
 
 __all__ = ["Delimited", "number", "read_delimited", "write_delimited"]
 
-F64 = NDArray[np.float64]
 
 TRUTH = {"true": 1.0, "false": 0.0}
 CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:\.\d*)?)")  # days (IRIG), hours, minutes
@@ -176,7 +175,7 @@ def write_delimited(
     Raises
     ------
     ModfunError
-        As `whole.write_text`; `what` begins the message.
+        As `writing.write_text`; `what` begins the message.
     """
     import csv  # not needed to read
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
-from math import nan
-from typing import TYPE_CHECKING, Any, Never, Unpack
+from typing import Any, Never, Unpack
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, whole
+from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
 from ..models.options import MOST_THREADS, Choices, Options
@@ -19,17 +18,16 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
-from .many import FitMany, fit_batch, fit_each
-from .prepared import Prepared, prepare, refuse_standing
-
-if TYPE_CHECKING:
-    from ..equations.written import Written
+from .many import fit_batch, fit_each
+from .of_equations import fit_equation
+from .of_gains import fit_response
+from .prepared import prepare, refuse_standing
 
 __all__ = [
     "Estimator",
-    "answered",
     "fit",
     "fit_many",
     "fit_quietly",
@@ -253,8 +251,6 @@ def fit_many(
 def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     """A fit of what users give, with its warnings."""
     if isinstance(data, FrequencyResponse):
-        from .of_gains import fit_response
-
         result: Fit = fit_response(data, structure, options)
     else:
         result = fit_quietly(records_of(data), structure, options)
@@ -266,59 +262,11 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
     if not isinstance(structure, TransferFunction):
-        from .of_equations import fit_equation
-
         return fit_equation(records, structure, options)
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
-    return answered(found, made, records, structure, options)
-
-
-def answered(
-    found: dict[str, Any],
-    made: Prepared,
-    records: tuple[Record, ...],
-    structure: TransferFunction,
-    options: Options,
-) -> Fit:
-    """The core's answer as a Fit."""
-    first = records[0]
-    noise = found.get("noise")
-    if noise is None:
-        noise = np.array([[found["sigma"] ** 2]])
-    return Fit(
-        structure=structure,
-        layout=made.layout,
-        options=options,
-        units=first.units,
-        intersample=first.intersample,
-        params=found["theta"],
-        cov_nonrobust=found["cov_nonrobust"],
-        cov_hc3=found["cov_hc3"],
-        cost=found["cost"],
-        noise_cov=noise,
-        df_resid=found["df_resid"],
-        status=found["status"],
-        nit=found["nit"],
-        lines=tuple(found["lines"]),
-        omega0=tuple(found["omega0"]),
-        intervals=made.intervals,
-        steps=tuple([rec.dt for rec in records]),
-        gram=found["gram"],
-        condition_bound=found["condition_bound"],
-        band_rule=found["band_rule"],
-        pieces=tuple(np.array(piece) for piece in found["residuals"])
-        if made.joint
-        else tuple(piece[None] for piece in found["residuals"]),
-        at_bound=tuple(
-            name for name, on in zip(made.layout.param_names, found.get("at_bound", ()), strict=False) if on
-        ),
-        noise_scale=found["scale"]
-        if isinstance(options.noise, Noise) or options.noise == "errors-in-variables"
-        else nan,
-        records=records,
-    )
+    return Fit.of_core(found, structure, made.layout, options, records, made.intervals)
 
 
 # What users give ----------------------------------------------------------------------------------
@@ -326,7 +274,7 @@ def answered(
 
 def structure_of(model: Any, what: str) -> Any:
     """What is to be fitted, as a user gave it."""
-    if isinstance(model, TransferFunction) or hasattr(model, "compiled"):
+    if isinstance(model, TransferFunction | Written):
         return model
     if isinstance(model, LTI):
         raise SpecError(

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import noise_level
+from ..base.arrays import F64
 from ..errors import DataError
 from ..records.record import Record
 
 __all__ = ["bridged", "variances"]
 
-F64 = NDArray[np.float64]
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 

@@ -1,298 +1,28 @@
-"""Fits of equations: from records to the core's formulas, and the result as a `Fit`."""
+"""Fits of equations: from records to the core's formulas, and its answer as an `EquationFit`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from math import ceil, nan
-from typing import TYPE_CHECKING, Any, Never
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .._core import TermsFitter
-from ..base.arguments import reals
-from ..base.student import root
+from ..base.arrays import F64
+from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..records.batches import Batch
 from ..records.record import Record
-from ..results.fit import Fit
-from ..results.prediction import InitialState
+from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
 
-if TYPE_CHECKING:
-    from ..equations.symbolic.compiled import Compiled
-    from ..equations.symbolic.formulas import Formulas
+__all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
-__all__ = ["EquationFit", "EquationLayout", "batch_of", "fit_equation", "layout_of", "prepare_equation"]
-
-F64 = NDArray[np.float64]
-Names = tuple[str, ...]
-KEPT = 32
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
-
-
-@dataclass(frozen=True, eq=False)
-class EquationLayout:
-    """Equations for the channels of a record: names, orders, what the core is told.
-
-    Attributes
-    ----------
-    outputs, inputs, param_names : tuple of str
-    orders : tuple of int
-        Highest derivative of each equation.
-    compiled : Compiled
-    formulas : Formulas
-    """
-
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-    param_names: tuple[str, ...]
-    orders: tuple[int, ...]
-    compiled: Compiled
-    formulas: Formulas
-
-    @property
-    def plain(self) -> bool:
-        """Not what the fastest path fits."""
-        return False
-
-    @property
-    def known_delays(self) -> list[tuple[str, float]]:
-        """Delays stand in the equations."""
-        return []
-
-    @property
-    def held(self) -> dict[str, float]:
-        """Parameters that are not estimated."""
-        return dict(self.compiled.fixed)
-
-    @property
-    def common(self) -> bool:
-        """One set of poles, if any."""
-        return True
-
-    @property
-    def longest_delay(self) -> float:
-        """The most that a signal may be late, s."""
-        bounds = self.formulas.words["bounds"]
-        late = [delay if k is None else bounds[k][1] for _, delay, k in self.formulas.words["signals"]]
-        return max(late, default=0.0)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class EquationFit(Fit):
-    """A fitted `Equation` or `StateSpace`: a `Fit` whose model need not be linear.
-
-    Attributes
-    ----------
-    levels : (noisy channel,) array
-        Standard deviation of the noise that weighed the lines: given, or seen in the unused high band.
-    df_hc3 : (p,) array
-        Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
-    """
-
-    layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
-    levels: F64 = field(default_factory=lambda: np.empty(0))
-    df_hc3: F64 = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def trend(self) -> str | None:
-        """Constant and drift of each equation: None, "constant" or "linear"."""
-        return self.structure.trend if self.options.trend == "auto" else self.options.trend
-
-    @property
-    def model(self) -> Any:
-        """The equations with their estimates; of a linear `StateSpace` an `LTI`."""
-        self._need_numbers("model")
-        return self.structure.model(self.estimates())
-
-    def varying(self, name: str, t: ArrayLike) -> tuple[F64, F64]:
-        """A coefficient that varies with time, and its standard error.
-
-        Parameters
-        ----------
-        name : str
-            As in `varying=` of the equation.
-        t : (time,) array_like
-            Instants in s.
-
-        Returns
-        -------
-        value, bse : (time,) arrays
-        """
-        from ..equations.symbolic.known import basis
-
-        instants = np.atleast_1d(reals("varying", "t", t))
-        names, values, held = basis(self.layout.compiled, name, instants)
-        place = [self.param_names.index(own) for own in names]
-        cov = self.cov_params()[np.ix_(place, place)]
-        return self.params[place] @ values + held, root(np.einsum("it,ij,jt->t", values, cov, values))
-
-    @property
-    def degrees(self) -> Any:
-        """Degrees of freedom of the intervals: of HC3 one a parameter."""
-        return self.df_hc3 if self.cov_type == "HC3" else self.df_resid
-
-    @property
-    def message(self) -> str:
-        """The status in words, with the cure."""
-        if self.status == "rank":
-            return (
-                "The samples cannot tell the parameters apart: hold one, or take a record that moves more or "
-                "longer. fit.structure.identifiable() says what no record could tell apart."
-            )
-        if self.status == "maxiter" and self.nit < self.options.maxiter:
-            return (
-                f"Stopped after {self.nit} iterations where no step lowers the cost any more, and not at a "
-                "minimum: give starts and bounds with mf.Free, or a narrower band."
-            )
-        if self.status == "maxiter":
-            return (
-                f"Not settled after {self.nit} iterations: raise maxiter, hold a parameter or take a "
-                "narrower band."
-            )
-        if self.status == "nonfinite":
-            return (
-                "The numbers left the range of floating point: look for samples at which a signal has no "
-                "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
-            )
-        return super().message
-
-    @property
-    def has_poles(self) -> bool:
-        """Whether the model is linear, as that of a `StateSpace` is."""
-        return bool(self.structure.linear)
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        """What the rows of the residuals belong to: the equations."""
-        return tuple(f"equation {k}" for k in range(1, len(self.layout.orders) + 1))
-
-    @property
-    def high_band_levels(self) -> F64:
-        """Noise level of each output as seen in the unused high band; nan where it was given."""
-        given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
-        outputs = len(self.outputs)
-        return np.full(outputs, np.nan) if given else self.levels[:outputs]
-
-    @property
-    def chi2(self) -> float:
-        """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
-        weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
-        known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
-        return self.df_resid * self.noise_scale if weighted and known else float("nan")
-
-    def _at(self, k: int, size: float) -> Any:
-        params = self.params.copy()
-        params[k] += size
-        return self.structure.model(dict(zip(self.param_names, params.tolist(), strict=True)))
-
-    def _gradient(self, of: Any) -> Any:
-        """Values of a function of the linear model, and central differences over the parameters."""
-        value, slopes = of(self.model), []
-        for k, (own, error) in enumerate(zip(self.params, self.bse, strict=True)):
-            step = float(np.cbrt(np.finfo(float).eps)) * (max(abs(own), float(np.nan_to_num(error))) or 1.0)
-            slopes.append((of(self._at(k, step)) - of(self._at(k, -step))) / (2 * step))
-        return value, np.array(slopes)
-
-    def _poles(self, output: int) -> Any:
-        self._need_linear("poles")
-        found = np.asarray(self.model.poles())
-
-        def near(model: Any) -> Any:
-            """Poles of a model close by, in the order of the estimate's."""
-            left = list(model.poles())
-            return np.array([left.pop(int(np.argmin(np.abs(np.array(left) - pole)))) for pole in found])
-
-        value, slopes = self._gradient(near)
-        return value, slopes.T
-
-    def _need_linear(self, what: str) -> None:
-        if not self.has_poles:
-            raise SpecError(
-                f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction "
-                "or a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"
-            )
-
-    def _response(self, omega: F64) -> Any:
-        self._need_linear("frequency response")
-        return self._gradient(lambda model: np.asarray(model.frequency_response(omega).response))
-
-    def polynomials(self, output: int = 0) -> Never:
-        """Not for equations: their coefficients have names of their own."""
-        raise SpecError(
-            "polynomials: the parameters of equations are no coefficients of a transfer function; "
-            "use fit.params, or fit.model"
-        )
-
-    def path_model(self, output: int | str = 0) -> Never:
-        """Not for equations; see `model`."""
-        raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
-
-    def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
-        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
-        from ..results.initial_state import simulate_fit
-
-        if initial_state is not None:
-            return simulate_fit(self, rec, initial_state)
-        kept = self.__dict__.get("_simulated")  # errors, scores and plots ask for the same again
-        if kept is None or kept[0] is not rec:
-            kept = rec, simulate_fit(self, rec, None)
-            self.__dict__["_simulated"] = kept
-        found: tuple[F64, InitialState] = kept[1]
-        return found
-
-    def _observed(self, rec: Record, eigenvalues: Any) -> Never:
-        raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')
-
-
-@lru_cache(KEPT)
-def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
-    compiled = structure.compiled(outputs, inputs)
-    from ..equations.symbolic.formulas import formulas
-
-    noisy = list(outputs)
-    if options.noise == "errors-in-variables" or (
-        isinstance(options.noise, Noise) and options.noise.u is not None
-    ):
-        noisy += inputs
-    found = formulas(
-        compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
-    )
-    return EquationLayout(
-        tuple(outputs), tuple(inputs), tuple(compiled.parameters), tuple(compiled.orders), compiled, found
-    )
-
-
-def layout_of(
-    structure: Any, options: Options, outputs: Names, inputs: Names, intersample: Names
-) -> EquationLayout:
-    """The equations for the channels of a record or batch."""
-    for name, plain, why in (
-        (
-            "noise",
-            options.noise != "coloured",
-            "is for transfer functions; the standard errors are HC3, which hold whatever the colour",
-        ),
-        (
-            "output_weights",
-            options.output_weights is None,
-            "is for transfer functions; give noise=mf.Noise(y=...)",
-        ),
-        ("extended", options.extended, "is for transfer functions; equations use all indices"),
-    ):
-        if not plain:
-            raise SpecError(f"fit: {name}={getattr(options, name)!r} {why}")
-    own = options.replace(
-        band=None, harmonics=None, method="ml", trend=None, tol=1e-9, maxiter=50, cov_type="HC3"
-    )
-    if isinstance(own.noise, Noise):
-        own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
-    return _layout(structure, own, outputs, inputs, intersample)
 
 
 def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:
@@ -363,43 +93,27 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
     """One fit of equations, without its warnings."""
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
-    whole = [(rec, *bridged(rec)) for rec in records]
+    filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
-    uneven = [variances(rec, off, order) for rec, _, off in whole]
+    uneven = [variances(rec, off, order) for rec, _, off in filled]
     capped = [None if v is None else _relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
-    rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in whole]
+    rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in filled]
     _refuse_not_finite(layout, rows)
     found = made.core.fit(rows)
-    levels, outputs = found["levels"], len(layout.outputs)
-    known = levels[:outputs]
-    return EquationFit(
-        structure=structure,
-        layout=layout,
-        options=options,
-        units=first.units,
-        intersample=first.intersample,
-        params=found["theta"],
-        cov_nonrobust=found["cov_nonrobust"],
-        cov_hc3=found["cov_hc3"],
-        cost=found["cost"] * (known[0] ** 2 if levels.size == 1 else 1.0),
-        noise_cov=np.diag(known**2 * found["scale"]),
-        df_resid=found["df_resid"],
-        status=found["status"],
-        nit=found["nit"],
-        lines=tuple(found["lines"]),
-        omega0=tuple(found["omega0"]),
-        intervals=made.intervals,
-        steps=tuple(rec.dt for rec in records),
-        gram=found["gram"],
-        condition_bound=found["condition_bound"],
-        band_rule=found["band_rule"],
-        pieces=tuple(np.array(piece) for piece in found["residuals"]),
-        at_bound=tuple(n for n, on in zip(layout.param_names, found["at_bound"], strict=True) if on),
+    levels = found["levels"]
+    known = levels[: len(layout.outputs)]
+    cost = found["cost"] * (known[0] ** 2 if levels.size == 1 else 1.0)
+    return EquationFit.of_core(
+        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"])},
+        structure,
+        layout,
+        options,
+        records,
+        made.intervals,
         # Levels read between gaps are too rough to judge residuals by.
         noise_scale=found["scale"] if seen is None else nan,
-        records=records,
         levels=levels,
         df_hc3=found["df_hc3"],
     )

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import Fitter, JointFitter, Stream
+from ..base.arrays import F64
 from ..errors import DataError
 from ..models.layout import Layout
-from ..models.noise import weighting
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
 from .gaps import bridged, variances
+from .weights import weighting
 
 __all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
 
@@ -28,9 +28,6 @@ LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes fo
 
 LOOKED_AT = 64  # records of a batch that tell the noise levels
 _NOTHING = np.zeros(0)
-
-Names = tuple[str, ...]
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,20 +42,12 @@ class Prepared:
         Sampling intervals used, a record.
     outputs : tuple of ndarray (output, time)
         Of each record, masked samples interpolated; empty for a batch.
-    joint : bool
-        Whether it takes the joint estimator: several outputs, fitted or given noise, held or bounded
-        parameters, unknown delays, samples of uneven noise.
     """
 
     core: Any
     layout: Layout
     intervals: tuple[int, ...]
-    joint: bool
     outputs: tuple[F64, ...] = ()
-
-    def for_windows(self, count: int) -> Prepared:
-        """The same for so many windows of a stream."""
-        return replace(self, intervals=self.intervals[:1] * count)
 
 
 def prepare(structure: TransferFunction, options: Options, data: Batch | Sequence[Record]) -> Prepared:
@@ -90,7 +79,7 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
 def prepare_stream(
     structure: TransferFunction,
     options: Options,
-    channels: tuple[Names, Names, Names],
+    channels: tuple[tuple[str, ...], ...],
     intervals: int,
     dt: float,
     weights: Sequence[float],
@@ -104,14 +93,13 @@ def prepare_stream(
     layout = structure.layout(outputs, inputs)
     late = layout.longest_delay
     samples = intervals + 1 + (0 if late == 0 else ceil(late / dt - 1e-9))
-    joint = not (layout.plain and options.plain_noise)
     words = plain_words(layout, intersample, options)
-    if joint:
+    if not (layout.plain and options.plain_noise):
         words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
     remembered = samples + (len(weights) - 1) * intervals
     factors = [weight**0.5 for weight in weights]
     core = Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
-    return Prepared(core, layout, (intervals,), joint)
+    return Prepared(core, layout, (intervals,))
 
 
 def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:
@@ -143,7 +131,7 @@ def _stands(values: F64) -> bool:
 
 
 def _made(
-    layout: Layout, options: Options, intersample: Names, sampling: tuple[tuple[int, Any], ...]
+    layout: Layout, options: Options, intersample: tuple[str, ...], sampling: tuple[tuple[int, Any], ...]
 ) -> Prepared:
     """As `prepare`; `sampling` holds the number of samples and the step (uneven: the times) a record."""
     intervals = _intervals(layout, sampling)
@@ -152,13 +140,13 @@ def _made(
         [step for _, step in sampling],
         **plain_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=False)
+    return Prepared(core, layout, intervals)
 
 
 _kept = lru_cache(KEPT)(_made)
 
 
-def plain_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+def plain_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
     """Keywords of the core for a layout that is plain."""
     return {
         "order": layout.orders[0],
@@ -169,7 +157,7 @@ def plain_words(layout: Layout, intersample: Names, options: Options) -> dict[st
     }
 
 
-def joint_words(layout: Layout, intersample: Names, options: Options) -> dict[str, Any]:
+def joint_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
     """Keywords of the core for any layout, noise aside."""
     words = {**layout.core(), "intersample": intersample, **options.core()}
     del words["noise"]
@@ -180,7 +168,7 @@ def _joint(
     layout: Layout,
     options: Options,
     data: Batch | Sequence[Record],
-    intersample: Names,
+    intersample: tuple[str, ...],
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     intervals = _intervals(layout, sampling)
@@ -192,8 +180,8 @@ def _joint(
         records, used = list(data), intervals
     order = max(layout.orders)
     # A batch has no masks.
-    whole = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
-    uneven = [variances(rec, off, order) for rec, _, off in whole] or [None]
+    filled = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
+    uneven = [variances(rec, off, order) for rec, _, off in filled] or [None]
     core = JointFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -201,7 +189,7 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, joint=True, outputs=tuple(y for _, y, _ in whole))
+    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _ in filled))
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

@@ -6,25 +6,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import public, whole
+from ..base.arrays import F64
 from ..base.progress import Progress
 from ..base.student import probability
 from ..base.tables import Table, nearest
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
-from ..fitting.many import FitMany, collect
 from ..models.options import Options
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
+from .bootstrap_noise import white, wild
 
 __all__ = ["Bootstrap", "bootstrap"]
 
-F64 = NDArray[np.float64]
 KINDS = ("parametric", "wild")
-INTERVALS = ("studentized", "percentile", "basic")
+METHODS = ("studentized", "percentile", "basic")
 BLOCK = 2**20  # samples held at a time
 
 
@@ -141,8 +141,8 @@ class Bootstrap(FitMany):
         """The word given, or the one for the kind."""
         if method is None:
             return "studentized" if self.kind == "parametric" else "percentile"
-        if method not in INTERVALS:
-            raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, INTERVALS)}")
+        if method not in METHODS:
+            raise SpecError(f"conf_int: method={method!r} is not available; {nearest(method, METHODS)}")
         return method
 
     def _ends(self, level: float, method: str | None) -> tuple[F64, F64]:
@@ -246,8 +246,6 @@ def bootstrap(
     >>> mf.bootstrap(fit, replicates=200, kind="wild").conf_int(0.9).shape
     (3, 2)
     """
-    from .bootstrap_noise import white, wild
-
     records = _records(fit)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
@@ -265,15 +263,11 @@ def bootstrap(
             ys = [[y + e for y, e in zip(clean, noise(r), strict=True)] for r in block]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
+    figures = ["params", "bse", "status", "cost", "nit", *(() if parts[0].df_hc3 is None else ("df_hc3",))]
     return Bootstrap(
-        params=np.concatenate([part.params for part in parts]),
-        bse=np.concatenate([part.bse for part in parts]),
-        status=np.concatenate([part.status for part in parts]),
-        cost=np.concatenate([part.cost for part in parts]),
-        nit=np.concatenate([part.nit for part in parts]),
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in figures},
         param_names=fit.param_names,
         df_resid=fit.df_resid,
-        df_hc3=None if parts[0].df_hc3 is None else np.concatenate([part.df_hc3 for part in parts]),
         band=fit.band,
         structure=fit.structure,
         options=held,
@@ -324,7 +318,7 @@ def _refit(
         )
         for own in ys
     ]
-    return collect(fits, fit.structure, held)
+    return FitMany.of_fits(fits, fit.structure, held)
 
 
 # What users give ----------------------------------------------------------------------------------

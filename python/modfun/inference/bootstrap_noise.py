@@ -5,30 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import normals
+from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
-from ..models.noise import Noise as GivenNoise
+from ..models.noise import Noise
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 from ..results.fit import Fit
+from ..results.initial_state import slopes
 from ..results.prediction import InitialState
-from ..results.scores import trend_columns
+from ..results.regression import trend_columns
 
-__all__ = ["Noise", "white", "wild"]
+__all__ = ["Draw", "jacobian_lines", "white", "wild"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Simulated = tuple[F64, InitialState]
 # Noise of a replicate, by its number: an array (output, time) a record.
-Noise = Callable[[int], list[F64]]
+Draw = Callable[[int], list[F64]]
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
-def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Noise:
+def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Draw:
     """Independent normal samples of the noise covariance that the fit found, times the records' sigma.
 
     Of log-normal noise they are those of the logarithms.
@@ -36,7 +35,7 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
     clean = [y for y, _ in found]
     noise = fit.options.noise
     _refuse_noisy_inputs(fit)
-    if noise in ("equation", "coloured") or (isinstance(noise, GivenNoise) and _coloured(noise.y)):
+    if noise in ("equation", "coloured") or (isinstance(noise, Noise) and _coloured(noise.y)):
         said = repr(noise) if isinstance(noise, str) else "noise given as spectra"
         raise SpecError(
             f"bootstrap: kind='parametric' draws white noise on the outputs and the fit has noise={said}; "
@@ -62,7 +61,7 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
     return draw
 
 
-def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Noise:
+def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Draw:
     """The residuals with each line of their spectrum turned by a random angle, the same for all outputs."""
     _refuse_noisy_inputs(fit)
     for rec in records:
@@ -100,7 +99,7 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
 
 def _refuse_noisy_inputs(fit: Fit) -> None:
     noise = fit.options.noise
-    if noise == "errors-in-variables" or (isinstance(noise, GivenNoise) and noise.u is not None):
+    if noise == "errors-in-variables" or (isinstance(noise, Noise) and noise.u is not None):
         raise SpecError(
             "bootstrap: the fit has noisy inputs, and a replicate would need them without their noise, which "
             "nobody knows; use fit.bse, or an mf.MonteCarlo of fit.model with inputs of your choice"
@@ -134,7 +133,7 @@ def _unshrink(
     blocks, sizes, errors, weights = [], [], [], []
     for k, (rec, y) in enumerate(zip(records, clean, strict=True)):
         low, high = fit.lines[k]
-        shared, own, a = _columns(fit, rec._like(y=y), high, leads[k], fit.omega0[k])
+        shared, own, a = jacobian_lines(fit, rec._like(y=y), high, leads[k], fit.omega0[k])
         terms = own.shape[0] * outputs
         block = np.zeros((outputs, high + 1, p + terms * len(records)), complex)
         block[:, :, :p] = shared.transpose(1, 2, 0)
@@ -150,15 +149,17 @@ def _unshrink(
         blocks.append(block[:, low:].reshape(-1, block.shape[2]))
         errors.append(np.einsum("rom,om->rm", weight, lines[k][:, : high + 1])[:, low:].ravel())
         weights.append(weight[:, :, low:])
-    whole = np.vstack(blocks) / np.sqrt(sum(sizes))
-    for line, part, weight, (low, high) in zip(lines, _grown(whole, errors), weights, fit.lines, strict=True):
+    stacked = np.vstack(blocks) / np.sqrt(sum(sizes))
+    for line, part, weight, (low, high) in zip(
+        lines, _grown(stacked, errors), weights, fit.lines, strict=True
+    ):
         back = np.linalg.inv(weight.transpose(2, 0, 1))  # (line, output, row)
         line[:, low : high + 1] = np.einsum("mor,rm->om", back, part.reshape(outputs, -1))
 
 
-def _grown(whole: C128, errors: list[C128]) -> list[C128]:
-    """Errors e/(1 − h), h the leverage of the columns of `whole` on Re and Im of each row."""
-    q, singular, _ = np.linalg.svd(np.vstack([whole.real, whole.imag]), full_matrices=False)
+def _grown(columns: C128, errors: list[C128]) -> list[C128]:
+    """Errors e/(1 − h), h the leverage of the columns on Re and Im of each row."""
+    q, singular, _ = np.linalg.svd(np.vstack([columns.real, columns.imag]), full_matrices=False)
     q = q[:, singular > 1e-10 * singular[0]]  # an offset lives on the line 0, which may be left out
     both = np.concatenate(errors)
     e = np.concatenate([both.real, both.imag])
@@ -179,8 +180,6 @@ def _unshrink_equations(
     fit: Fit, records: tuple[Record, ...], initial: list[InitialState], leads: list[int], lines: list[C128]
 ) -> None:
     """As `_unshrink`, for equations: the columns are the spectra of the responses' slopes."""
-    from ..results.initial_state import slopes
-
     p, level = fit.params.size, np.sqrt(np.diag(fit.noise_cov))[:, None]
     columns = [
         _lines(slopes(fit, rec, own), lead) for rec, own, lead in zip(records, initial, leads, strict=True)
@@ -195,16 +194,16 @@ def _unshrink_equations(
         at += shaped.shape[2] - p
         blocks.append(block.reshape(-1, width))
         errors.append((line[:, low : high + 1] * half).ravel())
-    whole: C128 = np.vstack(blocks)
-    size = np.linalg.norm(whole, axis=0)
+    stacked: C128 = np.vstack(blocks)
+    size = np.linalg.norm(stacked, axis=0)
     for line, part, (low, high) in zip(
-        lines, _grown(np.asarray(whole / np.where(size > 0, size, 1.0)), errors), fit.lines, strict=True
+        lines, _grown(np.asarray(stacked / np.where(size > 0, size, 1.0)), errors), fit.lines, strict=True
     ):
         half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level
         line[:, low : high + 1] = part.reshape(len(level), -1) / half
 
 
-def _columns(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -> tuple[C128, C128, C128]:
+def jacobian_lines(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -> tuple[C128, C128, C128]:
     """Columns on the lines 0 to `high`: of the parameters (p, output, line), each output's own, and A.
 
     An output's response is Y = (BU + T)/A, so they are −sⁿ⁻ʲY/A, s^k U/A and, of a delay, −sBU/A; its own

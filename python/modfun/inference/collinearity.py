@@ -1,81 +1,22 @@
-"""Which parameters a record can tell apart: conditions, variance inflation, and the combination at fault."""
+"""Which parameters a record can tell apart: `collinearity` of records, and of structures or fits to them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..base import html
 from ..base.arguments import public
-from ..base.student import root
-from ..base.tables import Table
-from ..errors import FitError, SpecError
+from ..equations.equation import Equation
+from ..equations.state_space import StateSpace
+from ..errors import SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of, structure_of
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
+from ..results.collinearity import Collinearity, collinearity_of
 from ..results.fit import Fit
 
-if TYPE_CHECKING:
-    from ..equations.equation import Equation
-    from ..equations.state_space import StateSpace
-
-__all__ = ["Collinearity", "collinearity", "diagnosed"]
-
-F64 = NDArray[np.float64]
-STRONG = 30.0  # condition index (Belsley, Kuh and Welsch)
-SHARE = 0.5  # of a variance that one direction accounts for
-
-
-@public
-@dataclass(frozen=True, eq=False, repr=False)
-class Collinearity:
-    """Collinearity of the regressors of a fit, whitened, of unit length, transient eliminated.
-
-    Attributes
-    ----------
-    table : Table
-        A row a parameter: value, se classical, variance_inflation (of its squared standard error,
-        beside regressors at right angles) and collinearity, in per cent: 100 (1 - 1/inflation), the share
-        of the regressor that the others explain.
-    condition : float
-        Largest condition index: the condition number of the regressors.
-    indices : (p,) array
-        Condition indices, the largest first: the largest singular value over each.
-    proportions : (p, p) array
-        Row k: the share of each parameter's variance that the direction of index k accounts for; columns
-        add up to one.
-    directions : (p, p) array
-        Row k: the change of the parameters that direction k is, in their standard errors.
-    findings : tuple of str
-        The combinations at fault, in words.
-    fit : Fit
-    """
-
-    table: Table
-    condition: float
-    indices: F64
-    proportions: F64
-    directions: F64
-    findings: tuple[str, ...]
-    fit: Fit
-
-    def decomposition(self) -> Table:
-        """Condition indices with the variance proportions of all parameters, the worst first."""
-        columns: dict[str, Any] = {"condition_index": self.indices}
-        return Table(columns | dict(zip(self.fit.param_names, self.proportions.T, strict=True)))
-
-    def __repr__(self) -> str:
-        parts = [repr(self.table), "", f"Condition number {self.condition:.3g}.", *self.findings]
-        return "\n".join(parts)
-
-    def _repr_html_(self) -> str:
-        lines = [f"Condition number {self.condition:.3g}.", *self.findings]
-        return self.table._repr_html_() + html.listing(lines)
+__all__ = ["collinearity"]
 
 
 @public
@@ -108,37 +49,7 @@ def collinearity(
         The fit has no finite regressors.
     """
     structure, chosen = _model(model, options)
-    return diagnosed(fit_quietly(records_of(data, "collinearity"), structure, chosen))
-
-
-def diagnosed(fit: Fit) -> Collinearity:
-    """The same of a fit that is there."""
-    gram = fit.gram
-    if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(fit.params))):
-        raise FitError(
-            f"collinearity: the fit has no finite regressors (status {fit.status!r}). {fit.message}"
-        )
-    values, vectors = np.linalg.eigh(gram)
-    values = np.maximum(values, np.finfo(float).eps * values[-1])
-    indices = np.sqrt(values[-1] / values)
-    parts = vectors**2 / values  # (parameter, direction): shares of the inflation
-    inflation = parts.sum(axis=1)
-    errors = root(np.diag(fit.cov_nonrobust))
-    # A direction of unit-length regressors changes parameter j by v_j over its length: errors hold both.
-    directions = (vectors / np.sqrt(inflation)[:, None]).T
-    directions /= np.abs(directions).max(axis=1, keepdims=True)
-    proportions = (parts / inflation[:, None]).T
-    table = Table(
-        {
-            "parameter": list(fit.param_names),
-            "value": fit.params,
-            "se classical": errors,
-            "variance_inflation": inflation,
-            "collinearity": 100 * (1 - 1 / inflation),
-        }
-    )
-    findings = _findings(fit, errors, indices, proportions, directions)
-    return Collinearity(table, float(indices[0]), indices, proportions, directions, findings, fit)
+    return collinearity_of(fit_quietly(records_of(data, "collinearity"), structure, chosen))
 
 
 def _model(model: Any, options: Any) -> tuple[Any, Options]:
@@ -151,26 +62,3 @@ def _model(model: Any, options: Any) -> tuple[Any, Options]:
         structure = model.structure if isinstance(model, Fit) else model.model
         return structure, model.options
     return structure_of(model, "collinearity"), Options.checked("collinearity", **options)
-
-
-def _findings(fit: Fit, errors: F64, indices: F64, proportions: F64, directions: F64) -> tuple[str, ...]:
-    found = []
-    for index, shares, way in zip(indices, proportions, directions, strict=True):
-        joined = np.flatnonzero(shares > SHARE)
-        if index < STRONG or joined.size < 2:
-            continue
-        names = [fit.param_names[j] for j in joined]
-        moves = way * np.sign(way[joined[0]]) * errors
-        changes = [f"{name} by {moves[j]:+.3g}" for name, j in zip(names, joined, strict=True)]
-        found.append(
-            f"{_and(names)} can hardly be told apart (condition index {index:.3g}): changing "
-            f"{_and(changes)} together leaves the record nearly as well explained. "
-            "Excite the input independently of the output, or fix one of them."
-        )
-    if not found:
-        found.append(f"No combination of parameters stands out (no condition index above {STRONG:g}).")
-    return tuple(found)
-
-
-def _and(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

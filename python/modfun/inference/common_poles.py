@@ -7,21 +7,17 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import html
 from ..base.arguments import public
+from ..base.arrays import C128, F64
 from ..base.student import probability, root
 from ..base.tables import Table
 from ..errors import SpecError
-from ..results.derived import poles as poles_of
-from ..results.derived import root_gradients
 from ..results.fit import Fit
+from ..results.gradients import root_gradients
 
 __all__ = ["CommonPoles", "common_poles"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public
@@ -108,10 +104,10 @@ def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
             "denominator"
         )
     level = probability("common_poles", level)
-    fit._need_numbers("common_poles")
+    fit.need_numbers("common_poles")
     cov = fit.cov_params()
     outputs = range(len(fit.outputs))
-    poles = [root for i in outputs for root in _upper(i, poles_of(fit, i))]
+    poles = [root for i in outputs for root in _upper(i, fit.pole_gradients(i))]
     zeros = [root for i in outputs for root in _zeros(fit, i)]
     shared = [_merged(roots, cov, level) for roots in (poles, zeros)]
     tables = [_table(fit, groups, cov, name) for groups, name in zip(shared, ("pole", "zero"), strict=True)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import noise_level
 from ..base.arguments import public, whole
+from ..base.arrays import C128, F64
 from ..base.samples import band_edges
 from ..base.tables import Table
 from ..errors import DataError, SpecError
@@ -19,9 +19,6 @@ from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 
 __all__ = ["rank_test"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public

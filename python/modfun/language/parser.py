@@ -251,8 +251,8 @@ class _Reader:
         while sign := self.take("*", "/", "%"):
             part = self.signed(depth + 1)
             if sign == "%":
-                whole = parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
-                parts = [Node("mod", at, self.last, parts=(whole, part))]
+                left = parts[0] if len(parts) == 1 else Node("product", at, self.last, parts=tuple(parts))
+                parts = [Node("mod", at, self.last, parts=(left, part))]
                 depth = self.deeper(depth)
             else:
                 parts.append(part if sign == "*" else Node("inverse", part.at, part.end, parts=(part,)))

@@ -9,7 +9,7 @@ from typing import Any
 from ..base.arguments import public, real
 from ..errors import SpecError
 
-__all__ = ["Free"]
+__all__ = ["Free", "from_plain", "to_plain"]
 
 
 @public
@@ -61,3 +61,17 @@ def _number(name: str, value: Any) -> float:
     if number != number:
         raise SpecError(f"Free: {name}={value!r} is not a number")
     return number
+
+
+def to_plain(value: Any) -> Any:
+    """A value, or tuples of values, as JSON takes it: `Free` as a mapping, tuples as lists."""
+    if isinstance(value, Free):
+        return {"start": value.start, "min": value.min, "max": value.max}
+    return [to_plain(one) for one in value] if isinstance(value, tuple) else value
+
+
+def from_plain(value: Any) -> Any:
+    """What `to_plain` was given, tuples as lists; limits may be texts, "inf"."""
+    if isinstance(value, dict):
+        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
+    return [from_plain(one) for one in value] if isinstance(value, list) else value

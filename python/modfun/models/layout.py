@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from .free import Free
 
 __all__ = ["Layout", "Path", "routes"]
 
-F64 = NDArray[np.float64]
 Delay = float | Free
 
 
@@ -51,7 +50,11 @@ class Layout:
         Value of each coefficient that is not estimated.
     bounds : tuple of (float, float)
         Of each coefficient.
+    rational : bool
+        Whether parameters are coefficients of polynomials: yes, unlike those of an `EquationLayout`.
     """
+
+    rational: ClassVar[bool] = True
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]

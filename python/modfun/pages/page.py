@@ -58,7 +58,7 @@ def save(page: Page, path: str | os.PathLike[str], what: str) -> Path:
     Raises
     ------
     SpecError, ModfunError
-        As `check_place` and `whole.write_text`.
+        As `check_place` and `writing.write_text`.
     """
     place = check_place(path, what)
     write_text(what, place, render(page))

@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Any
@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from .._core import __version__
-from ..records.record import Record
-from ..systems.frequency_response import FrequencyResponse
+from ..base.samples import Origin
 from .parts import Block, Facts, plain_table
 
 __all__ = ["bare", "call", "hashes", "hashes_of_gains", "now", "versions"]
@@ -39,24 +38,22 @@ def versions() -> tuple[tuple[str, str], ...]:
     )
 
 
-def hashes(records: Sequence[Record]) -> list[Block]:
-    """SHA-256 of each record's arrays, and of the file that it was read from."""
+def hashes(records: Iterable[tuple[Origin | None, Mapping[str, Any]]]) -> list[Block]:
+    """SHA-256 of each record's arrays by name, and of the file that it was read from."""
     rows = []
-    for k, rec in enumerate(records):
-        if rec.source is not None:
-            rows.append((k, f"file {rec.source.name}", rec.source.sha256))
-        for name in ("t", "y", "u", "mask", "sigma"):
-            values = getattr(rec, name)
+    for k, (source, arrays) in enumerate(records):
+        if source is not None:
+            rows.append((k, f"file {source.name}", source.sha256))
+        for name, values in arrays.items():
             if values is not None and values.size:
                 shape = " × ".join(map(str, values.shape))
                 rows.append((k, f"{name} ({shape}, {values.dtype})", _digest(values)))
     return [plain_table(("record", "what", "SHA-256"), rows, f"SHA-256 of the samples {AS_HELD}")]
 
 
-def hashes_of_gains(data: FrequencyResponse) -> list[Block]:
-    """SHA-256 of frequencies, gains and their covariance."""
-    arrays = ((name, getattr(data, name)) for name in ("omega", "response", "cov"))
-    rows = [(name, _digest(values)) for name, values in arrays if values is not None]
+def hashes_of_gains(arrays: Mapping[str, Any]) -> list[Block]:
+    """SHA-256 of frequencies, gains and their covariance, by name."""
+    rows = [(name, _digest(values)) for name, values in arrays.items() if values is not None]
     return [plain_table(("what", "SHA-256"), rows, f"SHA-256 of the gains {AS_HELD}")]
 
 

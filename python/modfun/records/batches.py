@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.samples import (
-    F64,
     FEWEST,
     Names,
     floats,

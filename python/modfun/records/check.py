@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.tables import Findings
 from .mask import runs
 from .samples import Samples
@@ -14,7 +15,6 @@ from .spectra import noise_table, spectrum_of
 
 __all__ = ["OFFSET", "check_record"]
 
-F64 = NDArray[np.float64]
 # Mean over rms about it. A constant has no harmonics, but quadrature leaves a little of it in each: at a
 # thousand times the variation the estimates of a wide band move, at 10⁵ times those of any.
 OFFSET = 1000.0

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.samples import even_step
 from ..base.tables import listed
 from ..errors import DataError, SpecError
@@ -28,7 +29,6 @@ __all__ = [
     "unit_of",
 ]
 
-F64 = NDArray[np.float64]
 
 SECONDS = {
     "s": 1.0,

@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import real
-from ..base.samples import F64, FEWEST
+from ..base.arrays import F64
+from ..base.samples import FEWEST
 from ..errors import DataError, ModfunWarning, SpecError
 
 __all__ = ["SLACK", "pieces_every", "pieces_on"]

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import F64
 from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError
 
 __all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "sample_weights", "scarce", "sigma_of"]
 
-F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

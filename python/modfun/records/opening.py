@@ -12,8 +12,8 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..base.optional import optional
-from ..base.samples import F64
 from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..files.delimited import read_delimited

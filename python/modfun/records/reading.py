@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.samples import EVEN, Origin
 from ..base.tables import Table, listed, nearest
 from ..errors import DataError, SpecError
@@ -22,7 +23,6 @@ from .record import Record
 
 __all__ = ["columns", "read"]
 
-F64 = NDArray[np.float64]
 Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 
@@ -125,14 +125,14 @@ def read(
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
     named = {new: name for role in (out, into, kept) for new, name in role.items()}
-    whole = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
-    wanted = list(dict.fromkeys([*whole, *out.values(), *trust.values()]))
+    complete = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
+    wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)
     values = table.load(wanted)
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
     for name in wanted:
-        if name in whole or name not in may_miss:
+        if name in complete or name not in may_miss:
             _refuse_missing(table, name, values[name], name in out.values())
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import html
+from ..base.arrays import F64
 from ..base.samples import (
-    F64,
     FEWEST,
     Names,
     Origin,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import coefficients as core_coefficients
 from .._core import quadrature_weights
 from ..base.arguments import public, reals, whole
+from ..base.arrays import C128, F64
 from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..models.options import MOST, WORDS
@@ -20,9 +21,6 @@ from ..records.record import Record
 from ..records.samples import refuse_own_noise
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 # Fourier coefficients ----------------------------------------------------------------------------

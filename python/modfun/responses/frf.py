@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import coefficients, local_responses
 from ..base.arguments import public, reals, whole
+from ..base.arrays import C128, F64
 from ..base.progress import Progress
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
@@ -20,8 +21,6 @@ from .coefficients import spectrum
 
 __all__ = ["frf"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 METHODS = ("lrm", "lpm", "modulating")
 WEIGHTINGS = ("ls", "awls", "ml")
@@ -234,15 +233,15 @@ class _Neighbourhood:
         self, chosen: NDArray[np.int64], omega: F64, threads: int | None, shown: Any
     ) -> dict[str, Any]:
         """Estimates at each frequency with its own half-width."""
-        whole: dict[str, Any] = {}
+        found: dict[str, Any] = {}
         for width in np.unique(chosen):
             own = np.flatnonzero(chosen == width)
             part = self.run(int(width), omega[own], threads, shown)
             freedom = part.pop("freedom")
             part["freedom"] = np.full((own.size, 1), freedom)
             for name, rows in part.items():
-                whole.setdefault(name, np.empty((omega.size, rows.shape[1]), rows.dtype))[own] = rows
-        return whole
+                found.setdefault(name, np.empty((omega.size, rows.shape[1]), rows.dtype))[own] = rows
+        return found
 
 
 def _response(

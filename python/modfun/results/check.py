@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,7 @@ from ..base.tables import Findings
 from ..models.noise import Noise
 from ..records.check import OFFSET
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
-
-if TYPE_CHECKING:
-    from .fit import Fit
+from .estimates import Estimates
 
 __all__ = ["UNLIKELY", "check", "numbers", "too_large", "too_small", "warnings_of"]
 
@@ -33,7 +31,7 @@ BLOCK = 2**16  # samples
 LITTLE = 0.5
 
 
-def warnings_of(fit: Fit) -> list[str]:
+def warnings_of(fit: Estimates) -> list[str]:
     """What deserves a warning when the fit is made."""
     far = _offset(fit)
     if not fit.success:
@@ -48,7 +46,7 @@ def warnings_of(fit: Fit) -> list[str]:
     return [f"fit: {text}" for text in found]
 
 
-def _offset(fit: Fit) -> str | None:
+def _offset(fit: Estimates) -> str | None:
     for record in fit.records or ():
         for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
             total = values.sum()
@@ -72,7 +70,7 @@ def _rms(values: NDArray[np.float64], mean: float) -> float:
     return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
 
 
-def _repeated(fit: Fit) -> str | None:
+def _repeated(fit: Estimates) -> str | None:
     """That samples are counted twice: records that overlap, or outputs that are the same."""
     records = fit.records or ()
     for name, other in combinations(fit.outputs, 2):
@@ -91,7 +89,7 @@ def _repeated(fit: Fit) -> str | None:
     )
 
 
-def _few_samples(fit: Fit) -> str | None:
+def _few_samples(fit: Estimates) -> str | None:
     samples = fewest_samples(fit)
     if samples >= FEW_SAMPLES:
         return None
@@ -101,11 +99,12 @@ def _few_samples(fit: Fit) -> str | None:
     )
 
 
-def _unstable(fit: Fit) -> str | None:
-    every = range(1 if fit.layout.common else len(fit.outputs))
+def _unstable(fit: Estimates) -> str | None:
     if not fit.has_poles:
         return None
-    if hasattr(fit.layout, "places") and all([surely_stable(fit.polynomials(i)[0].tolist()) for i in every]):
+    if fit.layout.rational and all(
+        [surely_stable(fit.polynomials(i)[0].tolist()) for _, i in fit.denominators()]
+    ):
         return None
     growing = growth(fit)
     if growing <= 0:
@@ -117,9 +116,9 @@ def _unstable(fit: Fit) -> str | None:
     )
 
 
-def _minima(fit: Fit) -> str | None:
+def _minima(fit: Estimates) -> str | None:
     rule = fit.band_rule
-    if rule is None or not hasattr(fit.layout, "places"):
+    if rule is None or not fit.layout.rational:
         return None
     wide, narrow = rule["cost_wide"], rule["cost_narrow"]
     # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
@@ -133,7 +132,7 @@ def _minima(fit: Fit) -> str | None:
     )
 
 
-def _condition(fit: Fit) -> str | None:
+def _condition(fit: Estimates) -> str | None:
     if fit.condition_bound <= CONDITION or fit.cond <= CONDITION:
         return None
     return (
@@ -142,7 +141,7 @@ def _condition(fit: Fit) -> str | None:
     )
 
 
-def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
+def _disagreement(fit: Estimates, d: Diagnosis | None = None) -> str | None:
     """That the two kinds of standard errors differ, and which of them the residual tests favour.
 
     In white noise nine in ten records of a light mode pass these tests, and classical intervals held the
@@ -155,7 +154,7 @@ def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
     tests = (d.colour.p_value, d.correlation.p_value)
     said = f"Classical and HC3 standard errors differ by a factor of up to {ratio:.2g}"
     if min(tests) < UNLIKELY or too_large(d):
-        learnt = hasattr(fit.layout, "places") and fit.options.noise == "output" and fit.records is not None
+        learnt = fit.layout.rational and fit.options.noise == "output" and fit.records is not None
         other = ', noise="coloured"' if learnt else ""
         return (
             f"{said}, and the residual tests object: the noise is not white over the band or the model too "
@@ -174,7 +173,7 @@ def _disagreement(fit: Fit, d: Diagnosis | None = None) -> str | None:
     )
 
 
-def _biased(fit: Fit) -> str | None:
+def _biased(fit: Estimates) -> str | None:
     """That one-shot estimates are biased by noise, unless the high band shows next to none."""
     method = fit.options.method
     if method not in ("ls", "wls") or fit.options.noise == "equation" or fit.records is None:
@@ -203,10 +202,10 @@ def too_small(d: Diagnosis) -> bool:
     return d.chi2_p > 1 - UNLIKELY and d.level_ratio < 1 / LEVEL
 
 
-def check(fit: Fit) -> Findings:
+def check(fit: Estimates) -> Findings:
     """What is wrong or doubtful about a fit; see `Fit.check`."""
     title = f"Check of {fit!r}"
-    if fit.status in ("rank", "nonfinite") or not np.all(np.isfinite(fit.params)):
+    if not fit.usable:
         return Findings(title, [fit.message])
     d = diagnose(fit)
     found: list[str | None] = [None if fit.success else fit.message, _biased(fit), _unstable(fit)]
@@ -258,13 +257,13 @@ def check(fit: Fit) -> Findings:
     return Findings(title, [text for text in found if text])
 
 
-def _of(fit: Fit, output: str) -> str:
+def _of(fit: Estimates, output: str) -> str:
     return f" of {output}" if len(fit.row_names) > 1 else ""
 
 
-def _weights(fit: Fit) -> str:
+def _weights(fit: Estimates) -> str:
     """What to do where equations weigh outputs by levels that are not those of their misfit."""
-    if len(fit.outputs) < 2 or hasattr(fit.layout, "places") or isinstance(fit.options.noise, Noise):
+    if len(fit.outputs) < 2 or fit.layout.rational or isinstance(fit.options.noise, Noise):
         return ""
     which = "0" if len(fit.intervals) > 1 else ""
     masked = fit.records is not None and any(rec.mask is not None for rec in fit.records)
@@ -279,7 +278,7 @@ def numbers(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in np.atleast_1d(values))
 
 
-def _reference(fit: Fit) -> str:
+def _reference(fit: Estimates) -> str:
     """The level that residuals are compared with."""
     if isinstance(fit.options.noise, Noise):
         return "the noise that was given"

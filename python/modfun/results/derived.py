@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..language.evaluate import function_of
-from ..systems.polynomials import root_slopes
+from .estimates import Estimates
+from .gradients import differences, root_gradients
 
-if TYPE_CHECKING:
-    from .fit import Fit
+__all__ = ["cancelling", "damp", "derived"]
 
-__all__ = [
-    "cancelling",
-    "damp",
-    "denominators",
-    "derived",
-    "frequency_response",
-    "poles",
-    "root_gradients",
-]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
+Root = tuple[complex, C128]  # and its derivatives (parameter)
 
 
-def derived(fit: Fit, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
+def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
     """Table of functions of the parameters; see `Fit.derived`."""
     if not expressions:
         raise SpecError('derived: give name=expression, as fit.derived(wn="sqrt(a2)")')
@@ -67,52 +56,28 @@ def _called(name: str, function: Callable[..., Any], values: Mapping[str, float]
         raise SpecError(f"derived: {name} raised {type(error).__name__}: {error}") from error
 
 
-def _gradient(name: str, function: Callable[[Mapping[str, float]], float], fit: Fit) -> tuple[float, F64]:
-    """Value and central differences, with steps that suit the size of each parameter and its error."""
-    names, params = fit.param_names, fit.params
+def _gradient(
+    name: str, function: Callable[[Mapping[str, float]], float], fit: Estimates
+) -> tuple[float, F64]:
+    """Value at the estimate, and its derivatives."""
 
     def at(theta: F64) -> float:
-        return function(dict(zip(names, theta.tolist(), strict=True)))
+        return function(dict(zip(fit.param_names, theta.tolist(), strict=True)))
 
-    value = at(params)
+    value = at(fit.params)
     if not np.isfinite(value):
         raise SpecError(
             f"derived: {name} is {value} at the estimate {fit.estimates()}; it must have a finite value there"
         )
-    gradient = np.empty(params.size)
-    for i in range(params.size):
-        step = np.zeros(params.size)
-        scale = max(abs(params[i]), float(np.nan_to_num(fit.bse[i]))) or 1.0
-        step[i] = np.cbrt(np.finfo(float).eps) * scale
-        gradient[i] = (at(params + step) - at(params - step)) / (2 * step[i])
-    return value, gradient
+    return value, differences(at, fit.params, fit.bse)
 
 
-def poles(fit: Fit, output: int = 0) -> tuple[C128, C128]:
-    """Poles of an output and their derivatives (pole, parameter)."""
-    den, _ = fit.polynomials(output)
-    first = fit.layout.places[0][output]
-    places = fit.layout.positions[first : first + den.size - 1]
-    return root_gradients(den, [None, *places], fit.params.size)
-
-
-def root_gradients(p: F64, places: Sequence[int | None], size: int) -> tuple[C128, C128]:
-    """Roots and their derivatives (root, parameter); `places`: which of so many parameters each coefficient
-    is, None where it is none."""
-    found, slopes = root_slopes(p)
-    gradient = np.zeros((found.size, size), complex)
-    for k, at in enumerate(places):
-        if at is not None:
-            gradient[:, at] = slopes[:, k]
-    return found, gradient
-
-
-def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
+def cancelling(fit: Estimates, theta: F64, cov: F64) -> float:
     """Standard errors between the pole and the zero that are nearest to cancelling, in every path.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Estimates
         Whose structure it is.
     theta : (p,) array
     cov : (p, p) array
@@ -136,11 +101,8 @@ def cancelling(fit: Fit, theta: F64, cov: F64) -> float:
     return min(apart, default=np.inf)
 
 
-Root = tuple[complex, C128]
-
-
-def _roots(p: F64, places: Sequence[int | None], size: int) -> list[Root]:
-    return list(zip(*root_gradients(p, places, size), strict=True))
+def _roots(polynomial: F64, places: Sequence[int | None], size: int) -> list[Root]:
+    return list(zip(*root_gradients(polynomial, places, size), strict=True))
 
 
 def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
@@ -155,16 +117,9 @@ def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
     return min(distances)
 
 
-def denominators(fit: Fit) -> list[tuple[str, int]]:
-    """Name and number of an output for each denominator of its own; the name is empty if there is one."""
-    if fit.layout.common:
-        return [("", 0)]
-    return [(name, i) for i, name in enumerate(fit.outputs)]
-
-
-def damp(fit: Fit) -> Table:
+def damp(fit: Estimates) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
-    every = denominators(fit)
+    every = fit.denominators()
     if len(every) == 1:
         return Table(_damped(fit, 0))
     columns: dict[str, list[Any]] = {"output": []}
@@ -176,8 +131,8 @@ def damp(fit: Fit) -> Table:
     return Table(columns)
 
 
-def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
-    found, gradients = fit._poles(output)
+def _damped(fit: Estimates, output: int) -> dict[str, list[Any]]:
+    found, gradients = fit.pole_gradients(output)
     cov = fit.cov_params()
     columns: dict[str, list[Any]] = {
         name: []
@@ -213,36 +168,3 @@ def _damped(fit: Fit, output: int) -> dict[str, list[Any]]:
         for column, value in zip(columns.values(), row, strict=True):
             column.append(value)
     return columns
-
-
-def frequency_response(fit: Fit, omega: F64) -> tuple[C128, C128]:
-    """Response (output, input, f) and gradient (p, output, input, f); see `Fit.frequency_response`."""
-    layout = fit.layout
-    outputs, inputs = len(layout.outputs), len(layout.inputs)
-    s = 1j * omega
-    response = np.zeros((outputs, inputs, s.size), complex)
-    gradient = np.zeros((fit.params.size, outputs, inputs, s.size), complex)
-    delays = {path: len(layout.free) + at for at, path in enumerate(layout.free_delays)}
-    with np.errstate(all="ignore"):
-        for i in range(outputs):
-            den, nums = fit.polynomials(i)
-            n, first = layout.orders[i], layout.places[0][i]
-            over = 1 / np.polyval(den, s)
-            for k, (num, delay) in enumerate(zip(nums, layout.delays(fit.params, i), strict=True)):
-                degree = layout.numerators[i][k]
-                if degree is None:
-                    continue
-                late = np.exp(-s * delay)
-                response[i, k] = np.polyval(num, s) * over * late
-                for j in range(1, n + 1):
-                    at = layout.positions[first + j - 1]
-                    if at is not None:
-                        gradient[at, i, k] = -response[i, k] * s ** (n - j) * over
-                for j in range(degree + 1):
-                    at = layout.positions[layout.places[1][i][k] + j]
-                    if at is not None:
-                        gradient[at, i, k] = s ** (degree - j) * over * late
-                path = layout.routes[i][k]
-                if path in delays:
-                    gradient[delays[path], i, k] = -s * response[i, k]
-    return response, gradient

@@ -1,22 +1,21 @@
-"""Numbers that tell whether a fit can be believed; `explain` puts them into words."""
+"""Numbers that tell whether a fit can be believed; `check` puts them into words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import comb, inf, nan, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import coefficients
+from ..base.arrays import F64
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
-from .scores import Whiteness, colour_of_lines, correlation_of_lines
-
-if TYPE_CHECKING:
-    from .fit import Fit
+from .estimates import Estimates
+from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
 
 __all__ = [
     "Diagnosis",
@@ -32,7 +31,6 @@ __all__ = [
     "surely_stable",
 ]
 
-F64 = NDArray[np.float64]
 PIECE = 1 << 15  # intervals of which long records' levels are made
 
 
@@ -88,7 +86,7 @@ class Diagnosis:
     samples: float
 
 
-def diagnose(fit: Fit) -> Diagnosis:
+def diagnose(fit: Estimates) -> Diagnosis:
     """All tests of a fit with finite parameters."""
     with np.errstate(divide="ignore", invalid="ignore"):
         # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
@@ -112,7 +110,7 @@ def diagnose(fit: Fit) -> Diagnosis:
     )
 
 
-def level_p(fit: Fit) -> float:
+def level_p(fit: Estimates) -> float:
     """Probability of a chi-square as large as the fit's if the model is right; nan where there is none.
 
     Chi-square's own law where the level was given. A level seen in the high band scatters itself, and
@@ -135,7 +133,7 @@ def level_p(fit: Fit) -> float:
     return float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
 
 
-def high_band_df(fit: Fit) -> float:
+def high_band_df(fit: Estimates) -> float:
     """Degrees of freedom of the high band's noise level of one output, 2 mean^2/variance of its square.
 
     Of a record: the mean over L lines that were differenced q times, whose squares are correlated as
@@ -165,14 +163,13 @@ def _corrected(tests: Sequence[Whiteness], at: int) -> Whiteness:
     return replace(own, p_value=min(1.0, own.p_value * len(tests)) if own.p_value == own.p_value else nan)
 
 
-def growth(fit: Fit) -> float:
+def growth(fit: Estimates) -> float:
     """Largest real part of the poles, rad/s; nan without poles."""
     if not fit.has_poles:
         return nan
-    if not hasattr(fit.layout, "places"):
+    if not fit.layout.rational:
         return float(np.max(fit.model.poles().real))
-    every = range(1 if fit.layout.common else len(fit.outputs))
-    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for i in every)
+    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for _, i in fit.denominators())
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:
@@ -187,7 +184,7 @@ def surely_stable(denominator: Sequence[float]) -> bool:
     return True
 
 
-def disagreement(fit: Fit) -> float:
+def disagreement(fit: Estimates) -> float:
     """Largest ratio of the two kinds of standard errors, either way up."""
     worst = 1.0
     for robust, classical in zip(
@@ -201,7 +198,7 @@ def disagreement(fit: Fit) -> float:
     return sqrt(worst) if worst < inf else nan
 
 
-def fewest_samples(fit: Fit) -> float:
+def fewest_samples(fit: Estimates) -> float:
     """Fewest samples a period of the highest harmonic used, over the records."""
     return min(n / max(hi, 1) for n, (_, hi) in zip(fit.intervals, fit.lines, strict=True))
 
@@ -239,7 +236,7 @@ def overlapping(outputs: Sequence[F64]) -> tuple[int, int, int] | None:
     return None
 
 
-def lags(fit: Fit) -> tuple[Lag, ...]:
+def lags(fit: Estimates) -> tuple[Lag, ...]:
     """Score test of a further delay of each input, or of a gain where an input has no path.
 
     To first order a further delay d adds -d s B(s)U to the residual lines; they are regressed on that
@@ -285,7 +282,7 @@ def lags(fit: Fit) -> tuple[Lag, ...]:
     return tuple(found)
 
 
-def _columns(fit: Fit, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64, F64]:
+def _columns(fit: Estimates, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64, F64]:
     """Whitened real rows of a record: fitted columns, its own (transient, trend), tested, residuals."""
     assert fit.records is not None
     rec, (lo, hi), e = fit.records[i], fit.lines[i], fit.pieces[i][0]

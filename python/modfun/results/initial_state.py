@@ -1,30 +1,32 @@
-"""Initial state of a record under equations with numbers: nonlinear least squares on its outputs."""
+"""Initial state of a record under equations with numbers: least squares on its outputs.
+
+Of linear equations all responses are exact and their sum is linear; of others the search is nonlinear.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..base.arrays import F64
 from ..base.least_squares import levenberg_marquardt
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..systems.lti import LTI
 from ..systems.making import ss
-from .linear_state import linear_state
+from ..systems.propagate import respond
+from .estimates import Estimates
 from .prediction import InitialState, given_state
 
-if TYPE_CHECKING:
-    from .fit import Fit
+__all__ = ["find_state", "simulate_equations", "slopes"]
 
-__all__ = ["find_state", "simulate_fit", "slopes"]
-
-F64 = NDArray[np.float64]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
 # First guesses of what is not measured, in units of the outputs' size.
 MULTIPLES = (0.0, 1.0, -1.0, 0.1, -0.1, 10.0, -10.0)
@@ -35,14 +37,14 @@ ROUNDS = 30
 NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
 
-def simulate_fit(
-    fit: Fit, rec: Record, initial_state: str | ArrayLike | InitialState | None
+def simulate_equations(
+    fit: Estimates, rec: Record, initial_state: str | ArrayLike | InitialState | None
 ) -> tuple[F64, InitialState]:
-    """Outputs of fitted equations for a record; as `prediction.simulate_fit`.
+    """Outputs of fitted equations for a record; as `prediction.simulate_paths`.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Estimates
         Of an Equation or a StateSpace.
     rec : Record
     initial_state : None, "zero" or array
@@ -72,15 +74,93 @@ def simulate_fit(
     return simulated, InitialState(found.state[place], found.cov[np.ix_(place, place)], found.trend)
 
 
-def _linear(fit: Fit, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
-    """As `simulate_fit`, for a StateSpace: its channels by name, as the record has them."""
+def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
+    """As `simulate_equations`, for a StateSpace: its channels by name, as the record has them."""
     a, b, c, d = fit.model.matrices  # type: ignore[misc]  # of a state space there are
     rows = [structure.outputs.index(name) for name in rec.outputs]
     pick = np.array([[float(own == name) for name in rec.inputs] for own in structure.inputs])
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
     system = ss(a, b @ pick, c[rows], d[rows] @ pick)
-    return linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
+    return _linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
+
+
+def _linear_state(
+    system: LTI, rec: Record, terms: int, algebraic: Sequence[int], state: F64 | None
+) -> tuple[F64, InitialState]:
+    """The initial state, and a trend of each equation, with which a linear system follows a record best.
+
+    Parameters
+    ----------
+    system : LTI
+        A state space without delays.
+    rec : Record
+        Evenly sampled.
+    terms : int
+        Unknowns of each equation: 0, 1 (a constant) or 2 (and a drift).
+    algebraic : sequence of int
+        Outputs that have an equation of their own, y = Cx + Du, beside those of the states.
+    state : (states,) array, optional
+        The initial state, where it is known.
+
+    Returns
+    -------
+    simulated : (output, time) array
+    initial : InitialState
+        `trend`, of the states' equations and then of the outputs', stands on the side of the derivative.
+
+    Raises
+    ------
+    DataError
+        A response that overflows.
+    """
+    assert system.matrices is not None
+    assert rec.dt is not None
+    a, b, c, d = system.matrices
+    n, outputs = a.shape[0], c.shape[0]
+    none = np.zeros((n, 0))
+    words = (rec.dt, rec.intervals)
+
+    def free(x0: F64) -> F64:
+        return respond((a, none, c, np.zeros((outputs, 0))), x0, [], *words, (), ())
+
+    def pushed(equation: int, u: F64) -> F64:
+        column = np.eye(n)[:, [equation]]
+        return respond((a, column, c, np.zeros((outputs, 1))), np.zeros(n), [u], *words, ("foh",), (0.0,))
+
+    forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, (0.0,) * len(rec.u))
+    columns = [free(x0) for x0 in np.eye(n)] if state is None else []
+    if state is not None:
+        forced = forced + free(state)
+    shapes = [rec.t**power for power in range(terms)]
+    columns += [-pushed(equation, u) for equation in range(n) for u in shapes]
+    columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
+    if not columns:
+        return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0))
+    own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    left, regressors = rec.y - forced, np.array(columns)
+    if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
+        raise DataError(
+            f"simulating the fit: the response overflows within {rec.duration:g} s, the model is unstable; "
+            "look at the fit's parameters, or predict a shorter piece with rec.window(start, stop)"
+        )
+    weight = own / np.maximum(np.std(rec.y, axis=1), 1e-300)[:, None]
+    for _ in range(1 + (outputs > 1)):
+        rows = (regressors * weight).reshape(len(columns), -1).T
+        size = np.linalg.norm(rows, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        z = np.linalg.lstsq(rows / size, (left * weight).ravel(), rcond=None)[0] / size
+        simulated = np.tensordot(z, regressors, 1)
+        e = own * (left - simulated)
+        used = weight
+        level = np.sqrt(np.sum(e**2, axis=1) / np.count_nonzero(own, axis=1))
+        weight = own / np.maximum(level, 1e-9 * np.abs(rec.y).max())[:, None]
+    freedom = max(int(np.count_nonzero(own)) - z.size, 1)
+    scale = float(np.sum((used * (left - simulated)) ** 2)) / freedom
+    cov = scale * np.linalg.pinv((rows / size).T @ (rows / size)) / np.outer(size, size)
+    if state is not None:
+        return forced + simulated, InitialState(state, np.zeros((n, n)), z)
+    return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:])
 
 
 def find_state(
@@ -127,14 +207,13 @@ def find_state(
         z, _ = search.refine(z, count, ROUNDS, tol)
     here = search.at(z, count)  # DataError: it leaves all bounds, and says when
     freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
-    whole = np.zeros((n + z.size - search.found, n + z.size - search.found))
-    cov = np.linalg.pinv(here.jacobian.T @ here.jacobian) * (here.cost / freedom)
-    whole[n - search.found :, n - search.found :] = cov
+    cov = np.zeros((n + z.size - search.found, n + z.size - search.found))
+    cov[n - search.found :, n - search.found :] = np.linalg.pinv(here.jacobian.T @ here.jacobian)
     x, drift = search.split(z)
-    return here.y, InitialState(x, whole[:n, :n], drift)
+    return here.y, InitialState(x, cov[:n, :n] * (here.cost / freedom), drift)
 
 
-def slopes(fit: Fit, rec: Record, initial: InitialState) -> F64:
+def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:
     """Derivatives of simulated outputs to parameters, initial state and trend, (unknown, output, time)."""
     structure: Any = fit.structure
     compiled = structure.compiled(fit.outputs, fit.inputs)

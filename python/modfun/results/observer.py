@@ -15,15 +15,14 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import complexes
+from ..base.arrays import C128, F64
 from ..errors import FitError, SpecError
 
 __all__ = ["Observed", "default_eigenvalues", "observe"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 DECAY = 1.0  # least decay of the error over the record, in time constants; more costs accuracy
 APART = 0.02  # repeated eigenvalues are set apart by so much of themselves: one output cannot place them
 FASTEST = 15.0  # time constants in a step that can be followed backwards
@@ -85,9 +84,9 @@ def observe(
     unit = np.sqrt(np.mean(y**2, axis=1))
     unit[unit == 0] = 1.0
     a, balance = matrix_balance(a, permute=False)
-    whole, seen = _with_trend(a, c @ balance / unit[:, None], trend, duration)
-    size = whole.shape[0]
-    modes = np.linalg.eigvals(whole).astype(np.complex128)
+    wide, seen = _with_trend(a, c @ balance / unit[:, None], trend, duration)
+    size = wide.shape[0]
+    modes = np.linalg.eigvals(wide).astype(np.complex128)
     if np.max(np.abs(modes)) * dt > FASTEST:
         raise FitError(
             f"the observer cannot follow a mode of {np.max(np.abs(modes)):.3g} rad/s backwards over steps of "
@@ -96,7 +95,7 @@ def observe(
     own = default_eigenvalues(modes, duration)
     if eigenvalues is not None:
         own = _apart(np.concatenate([_given(eigenvalues, n), _slowest(modes, duration, size - n)]))
-    back, forth = expm(-whole * dt), expm(whole * dt)
+    back, forth = expm(-wide * dt), expm(wide * dt)
     gain = _gain(back, seen, np.exp(own * dt))
     keep = np.eye(size) - gain @ seen
     step = keep @ back
@@ -163,13 +162,13 @@ def _with_trend(a: F64, c: F64, trend: int, duration: float) -> tuple[F64, F64]:
     n, outputs = a.shape[0], c.shape[0]
     drift = np.eye(trend, k=1) / duration
     size = n + outputs * trend
-    whole, seen = np.zeros((size, size)), np.zeros((outputs, size))
-    whole[:n, :n], seen[:, :n] = a, c
+    wide, seen = np.zeros((size, size)), np.zeros((outputs, size))
+    wide[:n, :n], seen[:, :n] = a, c
     for i in range(outputs if trend else 0):
         at = n + i * trend
-        whole[at : at + trend, at : at + trend] = drift
+        wide[at : at + trend, at : at + trend] = drift
         seen[i, at] = 1.0
-    return whole, seen
+    return wide, seen
 
 
 def _gain(back: F64, seen: F64, wanted: C128) -> F64:

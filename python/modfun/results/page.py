@@ -2,62 +2,52 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from .. import plot
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..equations.written import Written
 from ..errors import SpecError
-from ..fitting.of_gains import ResponseFit
 from ..pages import formulas, provenance
 from ..pages.figures import drawn
-from ..pages.page import check_place, save
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Page, Words, plain_table, section
-from . import page_gains as of_gains
-from . import page_records as of_records
+from ..systems.frequency_response import FrequencyResponse
+from . import drawing
 from . import page_words as words
-from .fit import Fit
+from .collinearity import collinearity_of
+from .derived import damp
+from .estimates import Estimates
+from .page_records import Content
+from .summary import parameters
 
-__all__ = ["page_of", "write_fit"]
+__all__ = ["page_of"]
 
 STRONG = 0.9  # correlation
+TOLD = ("Model", "Data", "Records", "Method", "Band", "Noise")  # of the facts
 
 
-def write_fit(
-    fit: Fit, path: str | os.PathLike[str], *, title: str | None = None, command: str | None = None
-) -> Path:
-    """Write the report of a fit; see `Fit.report`."""
-    check_place(path, "report")
-    return save(page_of(fit, title, command), path, "report")
-
-
-def page_of(fit: Fit, title: str | None, command: str | None) -> Page:
+def page_of(fit: Estimates, content: Content, title: str | None, command: str | None) -> Page:
     """The page; parts that cannot be made say why.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Estimates
+    content : Content
     title : str or None
         Default: what was fitted to what.
     command : str or None
         The command line that made it.
     """
-    said, tone, findings = words.verdict(fit)
-    data = of_gains if isinstance(fit, ResponseFit) else of_records
-    made = [*data.before(fit)]
-    if words.usable(fit):
+    said, tone, findings = words.verdict(fit, content.findings)
+    made = [*content.before]
+    if fit.usable:
         made += [
-            section(
-                "model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), lambda: data.level(fit)
-            ),
-            section("bode", "Frequency response", lambda: _bode(fit)),
-            *data.after(fit),
+            section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), content.level),
+            section("bode", "Frequency response", lambda: _bode(fit, content.measured)),
+            *content.after(),
             section("poles", "Poles", lambda: _poles(fit)),
             section(
                 "parameters",
@@ -66,35 +56,24 @@ def page_of(fit: Fit, title: str | None, command: str | None) -> Page:
                 lambda: _correlation(fit),
             ),
         ]
-    made.append(section("provenance", "Provenance", lambda: _provenance(fit, command)))
+    made.append(section("provenance", "Provenance", lambda: _provenance(fit, content, command)))
+    told = [(name, text) for name, text in content.facts if name in TOLD]
     return Page(
-        title or _title(fit),
-        (*_facts(fit), ("Report made", provenance.now())),
-        said,
-        tone,
-        findings,
-        tuple(made),
+        title or _title(fit), (*told, ("Report made", provenance.now())), said, tone, findings, tuple(made)
     )
 
 
-def _title(fit: Fit) -> str:
-    what = type(fit.structure).__name__ if isinstance(fit.structure, Written) else "Transfer function"
-    names = ", ".join(fit.outputs)
-    kind = {"StateSpace": "State space", "Equation": "Equation"}.get(what, what)
-    return f"{kind} of {names}" + (f" from {', '.join(fit.inputs)}" if fit.inputs else ", free motion")
-
-
-def _facts(fit: Fit) -> tuple[tuple[str, str], ...]:
-    told = dict(fit.facts())
-    return tuple(
-        (name, told[name]) for name in ("Model", "Data", "Records", "Method", "Band", "Noise") if name in told
+def _title(fit: Estimates) -> str:
+    kind = {StateSpace: "State space", Equation: "Equation"}.get(type(fit.structure), "Transfer function")
+    return f"{kind} of {', '.join(fit.outputs)}" + (
+        f" from {', '.join(fit.inputs)}" if fit.inputs else ", free motion"
     )
 
 
 # Model -------------------------------------------------------------------------------------------
 
 
-def _formulas(fit: Fit) -> Iterable[Block]:
+def _formulas(fit: Estimates) -> Iterable[Block]:
     if not isinstance(fit.structure, Written):
         return formulas.transfer_functions(fit)
     values = {**fit.layout.held, **fit.estimates()}
@@ -104,8 +83,8 @@ def _formulas(fit: Fit) -> Iterable[Block]:
     return formulas.equations(fit.structure.texts, values)
 
 
-def _estimates(fit: Fit) -> Iterable[Block]:
-    yield Grid.of(fit.table(), "Estimates, standard errors and 95 % intervals")
+def _estimates(fit: Estimates) -> Iterable[Block]:
+    yield Grid.of(parameters(fit), "Estimates, standard errors and 95 % intervals")
     if fit.layout.held:
         held = ", ".join(f"{name} = {value:.6g}" for name, value in fit.layout.held.items())
         yield Words(f"Held, not estimated: {held}.")
@@ -115,11 +94,10 @@ def _estimates(fit: Fit) -> Iterable[Block]:
 # What follows from it ----------------------------------------------------------------------------
 
 
-def _bode(fit: Fit) -> Block:
+def _bode(fit: Estimates, measured: Sequence[FrequencyResponse]) -> Block:
     if not fit.inputs:
         raise SpecError("a free motion has no input, and so no frequency response")
-    drawn_with = (fit.data, fit) if isinstance(fit, ResponseFit) else (fit,)
-    svg = drawn(lambda axes: plot.bode(*drawn_with, ax=axes), 2, height=2.5, sharex=True)
+    svg = drawn(lambda axes: drawing.bode(*measured, fit, ax=axes), 2, height=2.5, sharex=True)
     return Figure(
         svg,
         f"Bode plot of {_paths(fit)}: magnitude above, phase below, each with its confidence band.",
@@ -127,31 +105,29 @@ def _bode(fit: Fit) -> Block:
     )
 
 
-def _paths(fit: Fit) -> str:
+def _paths(fit: Estimates) -> str:
     return f"{', '.join(fit.inputs)} to {', '.join(fit.outputs)}"
 
 
-def _poles(fit: Fit) -> Iterable[Block]:
+def _poles(fit: Estimates) -> Iterable[Block]:
     if not fit.has_poles:
         raise SpecError(
             "an Equation, linear or not, is not asked for poles; fit a TransferFunction or a StateSpace"
         )
-    svg = drawn(lambda axes: plot.poles(fit, ax=axes[0]), 1, height=4.0, width=6.5)
+    svg = drawn(lambda axes: drawing.poles(fit, ax=axes[0]), 1, height=4.0, width=6.5)
     yield Figure(
         svg, "Poles in the complex plane.", "Poles with 95 % confidence ellipses (real poles: intervals)."
     )
-    yield Grid.of(fit.damp(), "Poles, natural frequencies and damping with standard errors (delta method)")
+    yield Grid.of(damp(fit), "Poles, natural frequencies and damping with standard errors (delta method)")
 
 
-def _collinear(fit: Fit) -> Iterable[Block]:
-    from ..inference.collinearity import diagnosed
-
-    found = diagnosed(fit)
+def _collinear(fit: Estimates) -> Iterable[Block]:
+    found = collinearity_of(fit)
     yield Notes((f"Condition number {found.condition:.3g}.", *found.findings))
     yield Grid.of(found.table, "Variance inflation: how much of each regressor the others explain")
 
 
-def _correlation(fit: Fit) -> Iterable[Block]:
+def _correlation(fit: Estimates) -> Iterable[Block]:
     between = fit.correlation()
     names, count = fit.param_names, len(fit.param_names)
     if count < 2:
@@ -163,7 +139,9 @@ def _correlation(fit: Fit) -> Iterable[Block]:
         + ("one can hardly move without the other." if abs(strongest) > STRONG else "each is seen by itself.")
     )
     yield Figure(
-        drawn(lambda axes: plot.correlation(fit, axes[0]), 1, height=1.5 + 0.3 * min(count, 12), width=6.5),
+        drawn(
+            lambda axes: drawing.correlation(fit, axes[0]), 1, height=1.5 + 0.3 * min(count, 12), width=6.5
+        ),
         "Correlation matrix of the estimates, in colours; the table below has its numbers.",
         "Correlations of the estimates.",
     )
@@ -174,7 +152,7 @@ def _correlation(fit: Fit) -> Iterable[Block]:
 # Provenance --------------------------------------------------------------------------------------
 
 
-def _provenance(fit: Fit, command: str | None) -> Iterable[Block]:
+def _provenance(fit: Estimates, content: Content, command: str | None) -> Iterable[Block]:
     yield Facts(provenance.versions())
     given = fit.options.given()
     options = ", ".join(f"{name}={value!r}" for name, value in given.items()) or "all as by default"
@@ -185,7 +163,4 @@ def _provenance(fit: Fit, command: str | None) -> Iterable[Block]:
         "A fit draws no random numbers: the same samples and options give the same numbers, to the last bit, "
         "for any number of threads and any instruction set."
     )
-    if isinstance(fit, ResponseFit):
-        yield from provenance.hashes_of_gains(fit.data)
-    elif fit.records is not None:
-        yield from provenance.hashes(fit.records)
+    yield from content.hashes()

@@ -8,21 +8,25 @@ from typing import Any
 
 import numpy as np
 
+from ..base.tables import Findings
 from ..errors import ModfunError
 from ..models.noise import Noise
 from .check import UNLIKELY
-from .fit import Fit
+from .diagnosis import diagnose
+from .estimates import Estimates
+from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
+from .scores import score
 
-__all__ = ["assumption", "python_call", "tests", "usable", "verdict"]
+__all__ = ["assumption", "python_call", "tests", "verdict"]
 
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 
 
-def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
+def verdict(fit: Estimates, found: Findings) -> tuple[str, str, tuple[str, ...]]:
     """A sentence, its tone, and the findings behind it."""
-    if not usable(fit):
+    if not fit.usable:
         return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
-    findings = tuple(fit.check())
+    findings = tuple(found)
     shares = _shares(fit)
     told = _explained(fit, shares)
     if not fit.success:
@@ -43,20 +47,15 @@ def verdict(fit: Fit) -> tuple[str, str, tuple[str, ...]]:
     return f"The checks found nothing wrong. {told}", "good", ()
 
 
-def usable(fit: Fit) -> bool:
-    """Whether there is an estimate to show."""
-    return fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
-
-
-def _shares(fit: Fit) -> Any:
+def _shares(fit: Estimates) -> Any:
     """R² of each output and record; None where the model cannot be simulated."""
     try:
-        return np.asarray(fit.score()["r2"], dtype=float)
+        return np.asarray(score(fit)["r2"], dtype=float)
     except (ModfunError, FloatingPointError, OverflowError, np.linalg.LinAlgError):
         return None
 
 
-def _explained(fit: Fit, share: Any) -> str:
+def _explained(fit: Estimates, share: Any) -> str:
     """How much of the outputs the model explains, and which parameters it hardly knows."""
     said = []
     if share is not None and np.all(share > 0):
@@ -80,7 +79,7 @@ def _explained(fit: Fit, share: Any) -> str:
     return " ".join(said)
 
 
-def assumption(fit: Fit) -> str:
+def assumption(fit: Estimates) -> str:
     """What the standard errors and intervals rest on."""
     if fit.cov_type == "gains":
         return (
@@ -109,11 +108,8 @@ def assumption(fit: Fit) -> str:
     )
 
 
-def tests(fit: Fit) -> list[tuple[str, str, str, str]]:
+def tests(fit: Estimates) -> list[tuple[str, str, str, str]]:
     """Tests of the residual lines: what is asked, of what, the figure, and the answer."""
-    from .diagnosis import diagnose
-    from .scores import colour_of_lines, correlation_of_lines
-
     rows = []
     for i, name in enumerate(fit.row_names):
         pieces = [piece[i] for piece in fit.pieces]
@@ -139,7 +135,7 @@ def tests(fit: Fit) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _answer(name: str, test: Any) -> tuple[str, str]:
+def _answer(name: str, test: Whiteness) -> tuple[str, str]:
     if math.isnan(test.p_value):
         return "too few lines", "not tested"
     return f"{name} {test.statistic:.3g}, p = {test.p_value:.2g}", _said(test.p_value)
@@ -149,7 +145,7 @@ def _said(p_value: float) -> str:
     return "objects" if p_value < UNLIKELY else "no objection"
 
 
-def python_call(fit: Fit) -> list[str]:
+def python_call(fit: Estimates) -> list[str]:
     """The call that makes the fit again."""
     options = "".join(f", {name}={value!r}" for name, value in fit.options.given().items())
     count = len(fit.records or ())

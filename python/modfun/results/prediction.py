@@ -1,29 +1,35 @@
-"""Simulating a fitted model against a record: forced response, initial state, trend."""
+"""Simulating transfer functions against a record: forced response, initial state, trend."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._core import simulate_uneven
 from ..base.arguments import shown
+from ..base.arrays import F64
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
+from ..models.layout import Layout
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
+from ..systems.lti import LTI
+from ..systems.making import tf
 from ..systems.polynomials import companion
-from .scores import free_response, regress, trend_columns
+from .observer import observe
+from .regression import free_response, regress, trend_columns
 
-if TYPE_CHECKING:
-    from ..systems.lti import LTI
-    from .fit import Fit
-
-__all__ = ["InitialState", "given_state", "observe_fit", "simulate_fit"]
-
-F64 = NDArray[np.float64]
+__all__ = [
+    "InitialState",
+    "given_state",
+    "observe_paths",
+    "path_model",
+    "simulate_paths",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +67,28 @@ class InitialState:
         return f"InitialState({', '.join(parts)}{trend})"
 
 
-def simulate_fit(
-    fit: Fit, rec: Record, initial_state: str | ArrayLike | InitialState | None
+def path_model(layout: Layout, params: F64, output: int) -> LTI:
+    """The transfer functions to one output, with the delays of their own."""
+    den, nums = layout.polynomials(params, output)
+    return tf([nums], den, delay=layout.delays(params, output))
+
+
+def simulate_paths(
+    layout: Layout,
+    params: F64,
+    trend: str | None,
+    rec: Record,
+    initial_state: str | ArrayLike | InitialState | None,
 ) -> tuple[F64, InitialState]:
-    """Output of a fitted model for a record, with the initial state and trend that suit it best.
+    """Outputs of transfer functions for a record, with the initial state and trend that suit it best.
 
     Parameters
     ----------
-    fit : Fit
+    layout : Layout
+    params : (p,) array
+    trend : {None, "constant", "linear"}
     rec : Record
-        With the channels of the fit.
+        With the channels of the layout.
     initial_state : None, "zero" or array
         None: estimated by least squares on the free response, together with the trend.
 
@@ -79,20 +97,19 @@ def simulate_fit(
     simulated : (output, time) array
     initial : InitialState
     """
-    orders = fit.layout.orders
+    orders = layout.orders
     given = None if initial_state is None else given_state(initial_state, sum(orders))
-    trend = trend_columns(rec.t, fit.trend)
-    weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    drift, weights = trend_columns(rec.t, trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
     states, offsets, first = [], [], 0
     for i, n in enumerate(orders):
-        den, _ = fit.polynomials(i)
-        forced = _forced(fit, rec, i)
+        den, _ = layout.polynomials(params, i)
+        forced = _forced(layout, params, rec, i)
         free = free_response(den, rec.t)
         left = rec.y[i] - forced
         if given is None:
-            found = regress(left, np.vstack([free, trend]), weights[i])
+            found = regress(left, np.vstack([free, drift]), weights[i])
             states.append(found.coefficients[:n])
             cov[first : first + n, first : first + n] = found.covariance[:n, :n]
             offsets.append(found.coefficients[n:])
@@ -100,7 +117,7 @@ def simulate_fit(
         else:
             states.append(given[first : first + n])
             start = states[-1] @ free
-            found = regress(left - start, trend, weights[i])
+            found = regress(left - start, drift, weights[i])
             offsets.append(found.coefficients)
             fitted = start + found.fitted
         simulated[i] = forced + fitted
@@ -113,24 +130,24 @@ def simulate_fit(
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
 
 
-def observe_fit(fit: Fit, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
-    """Initial state of a fitted model by an observer run backwards in time, the trend beside it."""
-    from .observer import observe
-
+def observe_paths(
+    layout: Layout, params: F64, trend: str | None, rec: Record, eigenvalues: ArrayLike | None
+) -> InitialState:
+    """Initial state of transfer functions by an observer run backwards in time, the trend beside it."""
     if rec.dt is None:
         raise DataError(
             "initial_state: an observer needs even sampling, and this record's steps are uneven; "
             'use method="lstsq"'
         )
     refuse_own_noise(rec, "initial_state", 'use method="lstsq", which weighs them')
-    orders = fit.layout.orders
-    terms = len(trend_columns(rec.t, fit.trend))
+    orders = layout.orders
+    terms = len(trend_columns(rec.t, trend))
     cov = np.zeros((sum(orders), sum(orders)))
     states, trends, first = [], [], 0
     # The outputs' free responses have no state in common: an observer each.
     for i, n in enumerate(orders):
-        den, _ = fit.polynomials(i)
-        left = (rec.y[i] - _forced(fit, rec, i))[None]
+        den, _ = layout.polynomials(params, i)
+        left = (rec.y[i] - _forced(layout, params, rec, i))[None]
         found = observe(companion(den), np.eye(n)[:1], left, rec.dt, trend=terms, eigenvalues=eigenvalues)
         cov[first : first + n, first : first + n] = found.cov
         states.append(found.state)
@@ -164,11 +181,11 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
     return state
 
 
-def _forced(fit: Fit, rec: Record, output: int) -> F64:
+def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
     """Response of an output from rest to the record's inputs."""
     if not rec.inputs:
         return np.zeros(rec.t.size)
-    model = fit.path_model(output)
+    model = path_model(layout, params, output)
     if rec.dt is not None:
         return np.asarray(
             model.simulate(u=list(rec.u), dt=rec.dt, intersample=rec.intersample), dtype=float
@@ -182,25 +199,7 @@ def _forced(fit: Fit, rec: Record, output: int) -> F64:
 
 
 def _forced_uneven(model: LTI, rec: Record) -> F64:
-    """Uneven steps, one exact transition each; smooth inputs are taken as straight between samples."""
-    from scipy.linalg import expm
-
+    """Exact at uneven instants; smooth inputs are taken as straight between samples."""
     a, b, c, d, _ = model.scaled()
-    n, inputs = b.shape
-    step = np.diff(rec.t)
-    block = np.zeros((n + 2 * inputs, n + 2 * inputs))
-    block[:n, :n], block[:n, n : n + inputs] = a, b
-    # The slope enters as a state that is constant over the step: du/h, so its row is not scaled by h.
-    blocks = block * step[:, None, None]
-    blocks[:, n : n + inputs, n + inputs :] = np.eye(inputs)
-    transition = expm(blocks)
-    rise = np.where(np.array(rec.intersample)[:, None] == "zoh", 0.0, np.diff(rec.u))
-    drive = np.einsum("kij,jk->ki", transition[:, :n, n : n + inputs], rec.u[:, :-1])
-    drive += np.einsum("kij,jk->ki", transition[:, :n, n + inputs :], rise)
-    x = np.zeros(n)
-    y = np.empty(rec.t.size)
-    y[0] = 0.0
-    for k, move in enumerate(transition[:, :n, :n]):
-        x = move @ x + drive[k]
-        y[k + 1] = (c @ x)[0]
-    return np.asarray(y + (d @ rec.u)[0], dtype=float)
+    held = [kind == "zoh" for kind in rec.intersample]
+    return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)

@@ -1,52 +1,23 @@
-"""A fit in words: its message, its line, its summary. What is doubtful about it: `doubts`."""
+"""A fit in words: its line, its summary. What is doubtful about it: `check`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..base import html
-from ..base.tables import Table, nearest
+from ..base.tables import Findings, Table, nearest
 from ..errors import SpecError
 from ..models.noise import Noise
 from .check import numbers, too_large, too_small
 from .diagnosis import diagnose
+from .estimates import Estimates
 
-if TYPE_CHECKING:
-    from .fit import Fit
-
-__all__ = ["Summary", "facts", "message", "one_line", "parameters"]
+__all__ = ["Summary", "facts", "one_line", "parameters"]
 
 
-def message(fit: Fit) -> str:
-    """The status in words, with the cure; see `Fit.message`."""
-    if fit.status == "ok":
-        return (
-            "One-shot estimate."
-            if fit.options.method in ("ls", "wls")
-            else f"Converged in {fit.nit} iterations."
-        )
-    if fit.status == "maxiter":
-        return (
-            f"Not settled after {fit.nit} iterations"
-            f"{', of which maxiter limits those with one weighting' if fit.nit > fit.options.maxiter else ''}"
-            ": raise maxiter, take fewer poles or zeros, or a narrower band "
-            f"than {fit.band[1]:.4g} rad/s."
-        )
-    if fit.status == "rank":
-        return (
-            "The samples cannot tell the parameters apart: take fewer poles or zeros, or a record in which "
-            "the input moves more or longer."
-        )
-    return (
-        "The numbers left the range of floating point: look for samples that are absurdly large, a "
-        "structure of too high an order, or a record without any signal."
-    )
-
-
-def one_line(fit: Fit) -> str:
+def one_line(fit: Estimates) -> str:
     """A fit on one line."""
     numbers = ", ".join(
         f"{name}={value:.5g}" + (" (on its bound)" if name in fit.at_bound else f"±{error:.2g}")
@@ -55,7 +26,7 @@ def one_line(fit: Fit) -> str:
     return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}: {numbers})"
 
 
-def _path(fit: Fit) -> str:
+def _path(fit: Estimates) -> str:
     names = ", ".join(fit.outputs)
     return f"{', '.join(fit.inputs)} -> {names}" if fit.inputs else f"free motion of {names}"
 
@@ -63,12 +34,10 @@ def _path(fit: Fit) -> str:
 class Summary:
     """The fit on one page: prints as text, shows as HTML in a notebook."""
 
-    def __init__(self, fit: Fit) -> None:
-        self.facts = fit.facts()
-        self.parameters = parameters(fit)
-        usable = fit.status in ("ok", "maxiter") and bool(np.all(np.isfinite(fit.params)))
-        self.poles = fit.damp() if usable and fit.has_poles else None
-        self.findings = fit.check()
+    def __init__(
+        self, facts: Sequence[tuple[str, str]], parameters: Table, poles: Table | None, findings: Findings
+    ) -> None:
+        self.facts, self.parameters, self.poles, self.findings = facts, parameters, poles, findings
 
     def __str__(self) -> str:
         width = max(len(name) for name, _ in self.facts)
@@ -95,7 +64,7 @@ class Summary:
         return "".join(parts)
 
 
-def facts(fit: Fit) -> list[tuple[str, str]]:
+def facts(fit: Estimates) -> list[tuple[str, str]]:
     """What stands above the parameters in the summary of a fit of records."""
     late = "".join(f", {name} delayed {delay:.6g} s" for name, delay in fit.layout.known_delays)
     held = [f"{name} = {value:.6g}" for name, value in fit.layout.held.items()]
@@ -120,14 +89,14 @@ def facts(fit: Fit) -> list[tuple[str, str]]:
     ]
 
 
-def _degrees(fit: Fit) -> str:
+def _degrees(fit: Estimates) -> str:
     """One number, or the range of those of the parameters, few where few lines carry one."""
     free = np.append(fit.degrees, fit.df_resid) if not fit.params.size else np.atleast_1d(fit.degrees)
     few, many = float(np.min(free)), float(np.max(free))
     return f"{few:.4g}" if few == many or not np.isfinite(many) else f"{few:.3g} to {many:.3g}"
 
 
-def _band(fit: Fit) -> str:
+def _band(fit: Estimates) -> str:
     low, high = fit.band
     lines = ", ".join(f"{lo} to {hi}" for lo, hi in dict.fromkeys(fit.lines))
     text = f"{low:.4g} to {high:.4g} rad/s (lines {lines})"
@@ -144,7 +113,7 @@ def _band(fit: Fit) -> str:
     return f"{text}: M = 3 times the number of unknowns"
 
 
-def _noise(fit: Fit) -> str:
+def _noise(fit: Estimates) -> str:
     if fit.options.noise == "equation":
         return f"white equation error; level {numbers(fit.sigma)}"
     if fit.options.method in ("ls", "wls"):
@@ -171,7 +140,7 @@ def _noise(fit: Fit) -> str:
     return f"{text}; in the unused high band {numbers(fit.high_band_sigma)}"
 
 
-def _no_level(fit: Fit) -> str:
+def _no_level(fit: Estimates) -> str:
     """Why no level of noise is known that the residuals could be judged by."""
     if not np.all(np.isfinite(fit.params)):
         return "there is no estimate"
@@ -185,12 +154,12 @@ def _no_level(fit: Fit) -> str:
         return "records with a mask or a sigma show no level in an unused band"
     if any(rec.dt is None for rec in fit.records):
         return "uneven samples show no level in an unused band"
-    if not hasattr(fit.layout, "places"):
+    if not fit.layout.rational:
         return "these equations need no level of noise; give one, noise=mf.Noise(y=...)"
     return "the lines used leave no band that shows the noise"
 
 
-def _chi2(fit: Fit) -> str:
+def _chi2(fit: Estimates) -> str:
     if np.isnan(fit.chi2) or not np.all(np.isfinite(fit.params)):
         return f"not available ({_no_level(fit)})"
     d = diagnose(fit)
@@ -204,7 +173,7 @@ def _chi2(fit: Fit) -> str:
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}): {verdict}"
 
 
-def parameters(fit: Fit, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
+def parameters(fit: Estimates, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
     """Table of the parameters; see `Fit.table`."""
     interval = fit.conf_int(level)
     bound = [name in fit.at_bound for name in fit.param_names]

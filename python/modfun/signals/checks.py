@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import real, reals
+from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES, numbered
 from ..errors import SpecError
 
 __all__ = [
-    "Names",
     "amplitudes_of",
     "band_of",
     "intervals_of",
@@ -22,9 +22,6 @@ __all__ = [
     "one_input",
     "samples_of",
 ]
-
-F64 = NDArray[np.float64]
-Names = str | int | Sequence[str]
 
 
 def number(what: str, value: Any, *, least: float = 0.0, strict: bool = True) -> float:
@@ -38,7 +35,7 @@ def number(what: str, value: Any, *, least: float = 0.0, strict: bool = True) ->
     return found
 
 
-def names_of(what: str, given: Names) -> tuple[str, ...]:
+def names_of(what: str, given: str | int | Sequence[str]) -> tuple[str, ...]:
     """Names of inputs: one, several, or as many as a number says."""
     if isinstance(given, int | np.integer) and not isinstance(given, bool):
         if not 1 <= given <= 100:
@@ -55,7 +52,7 @@ def names_of(what: str, given: Names) -> tuple[str, ...]:
     return names
 
 
-def one_input(what: str, given: Names) -> tuple[str, ...]:
+def one_input(what: str, given: str | int | Sequence[str]) -> tuple[str, ...]:
     """The name of the input of a signal that is for one."""
     names = names_of(what, given)
     if len(names) > 1:
@@ -83,14 +80,14 @@ def samples_of(what: str, seconds: Any, dt: float, *, least: float = 0.0, strict
 def intervals_of(what: str, duration: Any, dt: Any, before: Any, after: Any) -> tuple[float, int, int, int]:
     """Sampling interval, and the number of intervals of rest before, of excitation, of rest after."""
     step = number(f"{what}: dt", dt)
-    whole = samples_of(f"{what}: duration", duration, step, strict=True)
+    count = samples_of(f"{what}: duration", duration, step, strict=True)
     lead, tail = (samples_of(f"{what}: {k}", v, step) for k, v in (("before", before), ("after", after)))
-    if whole - lead - tail < 2:
+    if count - lead - tail < 2:
         raise SpecError(
-            f"{what}: before={before:g} s and after={after:g} s leave {(whole - lead - tail) * step:g} s of "
+            f"{what}: before={before:g} s and after={after:g} s leave {(count - lead - tail) * step:g} s of "
             f"duration={duration:g} s, which includes them; raise duration"
         )
-    return step, lead, whole - lead - tail, tail
+    return step, lead, count - lead - tail, tail
 
 
 def amplitudes_of(what: str, given: ArrayLike, count: int) -> F64:

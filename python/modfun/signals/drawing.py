@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..base.axes import frequency_axis, label_axes, returned, take_axes
-from ..base.samples import F64
 
 __all__ = ["channel", "inputs", "spectrum"]
 

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64, I64
 from ..errors import SpecError
-from .checks import Names, amplitudes_of, band_of, intervals_of, names_of
+from .checks import amplitudes_of, band_of, intervals_of, names_of
 from .signals import Signals
 
 __all__ = ["multisine"]
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 NORMS = (4, 8, 16, 32, 64, 128)  # powers of two: p-norms that close in on the largest |u|
 STEPS = 80  # of the search, a norm
 FINE = 16  # points a period of the highest line at which peaks are made low
@@ -26,7 +25,7 @@ FINER = 8  # times as many where the peak is measured
 
 @public
 def multisine(
-    inputs: Names = "u",
+    inputs: str | int | Sequence[str] = "u",
     *,
     band: float | Sequence[float],
     duration: float,

@@ -8,22 +8,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._core import coefficients
 from ..base.arguments import public, reals
+from ..base.arrays import F64
 from ..base.samples import frozen
 from ..base.tables import Table
 from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..files.delimited import write_delimited
 from . import drawing
-from .checks import Names, amplitudes_of, names_of, number
+from .checks import amplitudes_of, names_of, number
 from .spectrum import Spectrum
 
 __all__ = ["Signals"]
 
-F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]
 
 
@@ -77,7 +77,7 @@ class Signals:
         self,
         u: ArrayLike,
         dt: float,
-        inputs: Names | None = None,
+        inputs: str | int | Sequence[str] | None = None,
         intersample: str | Sequence[str] = "zoh",
         functions: Sequence[Function | None] | None = None,
     ) -> None:

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import reals
+from ..base.arrays import F64
 from ..base.samples import LARGEST
 from ..errors import DataError, SpecError
 from ..language.evaluate import function_of
@@ -14,7 +15,6 @@ from .signals import Signals
 
 __all__ = ["Source", "evaluate", "function", "is_samples", "sources"]
 
-F64 = NDArray[np.float64]
 Source = str | Callable[[F64], ArrayLike] | ArrayLike
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ..base.samples import F64
+from ..base.arrays import F64
 from ..base.tables import nearest
 from ..errors import SpecError
 from . import drawing

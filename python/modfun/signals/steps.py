@@ -7,16 +7,16 @@ from math import ceil, floor, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, number, one_input, samples_of
 from .signals import Signals
 
 __all__ = ["doublet", "multistep", "prbs"]
 
-F64 = NDArray[np.float64]
 DOUBLET = 2.331122370414423  # tan(x/2) = x: a doublet of width x/ω has most energy at ω
 MULTISTEP = pi / 2  # a pulse of two units is half a period of the mode
 HALF_POWER = 2.7831  # (sin(x/2)/(x/2))² = 1/2: what is held for x/ω has half its power at ω

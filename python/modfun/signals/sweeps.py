@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import public, reals
+from ..base.arrays import F64
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, number, one_input
 from .signals import Signals
 
 __all__ = ["chirp"]
 
-F64 = NDArray[np.float64]
 SWEEPS = ("logarithmic", "linear")
 FADE = 0.05  # of the sweep, at each end
 

@@ -16,7 +16,7 @@ from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
 from ..base.words import STATUS
 from ..errors import DataError, SpecError
-from ..fitting.fit import Estimator, answered, fit_quietly
+from ..fitting.fit import Estimator, fit_quietly
 from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
 from ..models.layout import Layout
 from ..models.noise import Noise
@@ -297,8 +297,9 @@ class Stream:
                 return fit_quietly(records, self.estimator.model, self.estimator.options)
             refuse_standing(self._made.layout, [rec.y for rec in records], [rec.u for rec in records])
             found = self._core.fit()
-        made = self._made.for_windows(len(records))
-        fit = answered(found, made, records, self.estimator.model, self.estimator.options)
+        structure, options = self.estimator.model, self.estimator.options
+        intervals = self._made.intervals * len(records)
+        fit = Fit.of_core(found, structure, self._made.layout, options, records, intervals)
         return unweighted(fit, self.weights[: len(records)])
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -19,9 +19,9 @@ from .._core import count_errors
 from ..base.student import student_factor
 from ..errors import ModfunError, ModfunWarning
 from ..fitting.fit import Estimator, fit_many, fit_quietly
-from ..fitting.many import FitMany
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.many import FitMany
 from .contenders import Contender
 from .functions import Failed, attempt, generator, number, parameters
 from .generated import Generated

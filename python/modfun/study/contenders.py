@@ -15,8 +15,8 @@ from ..base.tables import nearest
 from ..errors import ModfunWarning, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
+from ..fitting.weights import weighting
 from ..models.layout import Layout
-from ..models.noise import weighting
 from ..models.options import WORDS, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record

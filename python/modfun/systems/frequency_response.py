@@ -16,6 +16,7 @@ from ..base.samples import band_edges, frequencies, numbered
 from ..base.student import probability
 from ..base.tables import Table
 from ..errors import DataError, SpecError
+from .drawing import curves_of, draw_bode, span
 
 __all__ = ["FrequencyResponse"]
 
@@ -268,9 +269,9 @@ class FrequencyResponse:
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes."""
-        from ..plot import bode
-
-        return bode(self, ax=ax, hz=hz)
+        low, high = span(self.omega[self.omega > 0].tolist())
+        curves = curves_of(self.omega, self.response, self.radius(), self.outputs, self.inputs)
+        return draw_bode([(c.path or "FrequencyResponse", c) for c in curves], low, high, hz=hz, ax=ax)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values: complex arrays as {"re": …, "im": …}."""
@@ -285,7 +286,8 @@ class FrequencyResponse:
         """The same as a `control.FrequencyResponseData` (extra ``control``)."""
         return optional("control", "control", "FrequencyResponse.to_control").frd(self.response, self.omega)
 
-    def _facts(self) -> list[tuple[str, str]]:
+    def facts(self) -> list[tuple[str, str]]:
+        """What is said of it in a few lines: names and texts."""
         low, high = (np.min(self.omega), np.max(self.omega)) if self.omega.size else (0.0, 0.0)
         facts = [
             ("inputs", ", ".join(self.inputs)),
@@ -311,12 +313,12 @@ class FrequencyResponse:
         return facts
 
     def __repr__(self) -> str:
-        facts = self._facts()
+        facts = self.facts()
         width = max(len(name) for name, _ in facts)
         return "FrequencyResponse\n" + "\n".join(f"  {name:<{width}}  {text}" for name, text in facts)
 
     def _repr_html_(self) -> str:
-        return html.table([], self._facts(), title="FrequencyResponse")
+        return html.table([], self.facts(), title="FrequencyResponse")
 
 
 def _gains(response: ArrayLike | None, magnitude_db: ArrayLike | None, phase_deg: ArrayLike | None) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import gauss_legendre, simulate
+from .._core import gauss_legendre, simulate, simulate_uneven
 from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
@@ -216,32 +216,13 @@ def _fractional(
 ) -> F64:
     """Response from rest to one held or interpolated input whose samples fall inside the intervals.
 
-    The breakpoints of the delayed input lie at (fraction + j)·dt: propagate exactly from one to the next,
-    then from each to the sampling instant a rest = 1 − fraction of an interval later.
+    The core goes from each sampling instant to the breakpoint of the delayed input that follows, and on.
     """
     # samples[k] stands at (k − 1 + fraction)·dt, a rest before the sampling instant k·dt.
-    rest = 1.0 - fraction
     before, after = samples[: intervals + 1], samples[1 : intervals + 2]
-    now = before if kind == "zoh" else before + rest * (after - before)  # the input at k·dt
-    until = before if kind == "zoh" else after
-    n = a.shape[0]
-    first = _advance(a, b, np.zeros((n, 1)), fraction * dt, now[:1], until[:1])[:, 0]
-    breaks = np.ascontiguousarray(before[None, 1:])
-    at_breaks = simulate(a, b, np.eye(n), np.zeros((n, 1)), first, breaks, dt, kind, None)
-    states = np.zeros((n, intervals + 1))
-    states[:, 1:] = _advance(a, b, at_breaks, rest * dt, before[1:], now[1:])
-    return c @ states + d * now
-
-
-def _advance(a: F64, b: F64, x: F64, h: float, first: F64, last: F64) -> F64:
-    """States h later, the input going linearly from first to last: columns of x, one input value each."""
-    from scipy.linalg import expm
-
-    n = a.shape[0]
-    block = np.zeros((n + 2, n + 2))
-    block[:n, :n] = a * h
-    block[:n, n] = b[:, 0] * h
-    block[n, n + 1] = 1.0
-    e = expm(block)
-    moved: F64 = e[:n, :n] @ x + np.outer(e[:n, n], first) + np.outer(e[:n, n + 1], last - first)
-    return moved
+    now = before if kind == "zoh" else before + (1.0 - fraction) * (after - before)  # the input at k·dt
+    t = np.arange(intervals + 1.0)[:, None] * dt + [0.0, fraction * dt]
+    u = np.column_stack([now, after])
+    held, start = [kind == "zoh"], np.zeros(len(a))
+    u, t = np.ascontiguousarray(u.ravel()[None, :-1]), t.ravel()[:-1]
+    return simulate_uneven(a, b, c, d, start, u, held, t)[:, ::2]

@@ -7,7 +7,7 @@
 //! [θ, T]₊ = −(Γ* S⁻¹ Γ)⁻¹ Γ* S⁻¹ γ₀,   S = diag(h_m |A(s; θ_k)|²).
 //! ```
 //!
-//! The gradient of S is left out: some bias stays, and it does not vanish with the length of the record.
+//! The gradient of S is left out, so that some bias stays.
 
 use super::iterates::{Iterates, Progress, settled};
 use crate::simd::Lanes;

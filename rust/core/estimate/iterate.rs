@@ -11,7 +11,7 @@ use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::threads::stopped;
 
 /// Steps after which it is asked whether to go on.
-const ASK: usize = 4;
+const ASK: usize = 8;
 
 /// How the next iterate is found and when it is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

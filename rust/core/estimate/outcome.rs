@@ -41,18 +41,18 @@ pub(crate) fn statuses<'a, D: Iterator<Item = &'a Wide>>(
     })
 }
 
-/// Whether estimates in the user's units and costs are finite in all lanes.
+/// Whether estimates in the user's units and costs are finite in all lanes: no sum of others is. False as well
+/// where finite numbers have a sum beyond the largest one.
 fn all_finite(theta: &[Wide], scale: impl Fn(usize) -> f64, cost: &Wide) -> bool {
-    // x − x is zero, or no number.
-    let mut zero = cost.0.map(|x| x - x);
+    let mut sum = cost.0;
     for (k, t) in theta.iter().enumerate() {
         let scale = scale(k);
-        for (zero, t) in zero.iter_mut().zip(t.0) {
-            let own = t * scale;
-            *zero += own - own;
+        for (sum, t) in sum.iter_mut().zip(t.0) {
+            *sum += t * scale;
         }
     }
-    zero == [0.0; LANES]
+    // x − x is zero, or no number.
+    sum.map(|x| x - x) == [0.0; LANES]
 }
 
 /// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as

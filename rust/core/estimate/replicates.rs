@@ -53,10 +53,12 @@ pub fn estimate(
 
 fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
     let p = w.iterates.theta.now.len();
-    let dependent = std::array::from_fn(|k| {
-        w.dependent[k]
-            || (with_covariance && lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k))
-    });
+    let mut dependent = w.dependent;
+    if with_covariance {
+        for (k, dependent) in dependent.iter_mut().enumerate() {
+            *dependent |= lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k);
+        }
+    }
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
     statuses(&w.iterates.theta.now, |k| d.scale[k], &w.progress, dependent, data)
 }

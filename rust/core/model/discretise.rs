@@ -57,7 +57,8 @@ pub fn exponential(n: usize, a: &[f64]) -> Vec<f64> {
 }
 
 /// D⁻¹AD with D = diag(d), d powers of two that make rows and columns alike in size.
-fn balance(n: usize, a: &[f64]) -> (Vec<f64>, Vec<f64>) {
+#[must_use]
+pub fn balance(n: usize, a: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut a, mut by) = (a.to_vec(), vec![1.0; n]);
     for _ in 0..100 {
         let mut settled = true;

@@ -268,12 +268,13 @@ impl Cell {
         quantile: f64,
         errors: &mut [Vec<f64>],
     ) {
-        let mut all = outcome.status.map(found);
-        all[count..].fill(false);
-        for status in &outcome.status[..count] {
-            self.status[*status as usize] += 1;
+        let mut all = [false; LANES];
+        let lanes = all.iter_mut().zip(outcome.status).zip(outcome.nit);
+        for ((all, status), nit) in lanes.take(count) {
+            self.status[status as usize] += 1;
+            self.iterations += u64::from(nit);
+            *all = found(status);
         }
-        self.iterations += outcome.nit[..count].iter().map(|nit| u64::from(*nit)).sum::<u64>();
         for (k, truth) in task.truth.iter().enumerate() {
             let error = space.parameter(task, k).map(|value| value - truth);
             if all == [true; LANES] {

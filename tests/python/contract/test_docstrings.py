@@ -26,7 +26,7 @@ def public():
             found[name] = thing
     for name, thing in list(found.items()):
         if isinstance(thing, type) and name.split(".")[-1] not in EXCEPTIONS:
-            for part, member in vars(thing).items():
+            for part, member in inspect.getmembers_static(thing):
                 plain = member.__func__ if isinstance(member, classmethod | staticmethod) else member
                 if not part.startswith("_") and inspect.isfunction(plain):
                     found[f"{name}.{part}"] = plain

@@ -42,8 +42,8 @@ def test_crates_share_version_licence_and_edition(manifest):
 
 def test_the_version_is_that_of_the_crates():
     assert PROJECT["dynamic"] == ["version"]
-    needed = CARGO["dependencies"]["modfun-fft"]["version"]
-    assert needed == VERSION
+    for part in ("modfun-dense", "modfun-fft"):
+        assert CARGO["dependencies"][part]["version"] == VERSION, part
 
 
 def test_the_extra_all_is_the_sum_of_the_others_and_dev_holds_it():

@@ -100,7 +100,7 @@ def test_a_defect_is_not_turned_into_words(tmp_path, monkeypatch, undrawn):
     fit = of_delay()
     for error in (ZeroDivisionError("a defect"), mf.InternalError("a defect")):
         with monkeypatch.context() as patched:
-            patched.setattr(mf.Fit, "damp", lambda _, error=error: (_ for _ in ()).throw(error))
+            patched.setattr(mf.Fit, "pole_gradients", lambda *_, error=error: (_ for _ in ()).throw(error))
             with pytest.raises(type(error), match="a defect"):
                 fit.report(tmp_path / "fit.html")
     assert not (tmp_path / "fit.html").exists()

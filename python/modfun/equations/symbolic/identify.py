@@ -7,7 +7,6 @@ from itertools import groupby
 
 import sympy
 
-from ..identifiability import Identifiability
 from .compiled import Compiled
 from .meaning import parameter
 from .words import listed
@@ -19,8 +18,10 @@ TOLERANCE = sympy.Float("1e-25")
 DIGITS = 50
 
 
-def identify(compiled: Compiled, lost_before: tuple[str, ...] = ()) -> Identifiability:
-    """Which parameters the coefficients of terms determine.
+def identify(
+    compiled: Compiled, lost_before: tuple[str, ...] = ()
+) -> tuple[tuple[str, ...], tuple[str, ...], int, tuple[str, ...]]:
+    """Which parameters the coefficients of terms determine: the fields of an `Identifiability`.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def identify(compiled: Compiled, lost_before: tuple[str, ...] = ()) -> Identifia
         sentences.append(f"{listed(lost_before)}: in no term, so that no record says anything about it.")
     if lost:
         sentences.append(_words(lost, names, spaces, points))
-    return Identifiability(found, (*lost, *lost_before), len(names) - len(null), tuple(sentences))
+    return found, (*lost, *lost_before), len(names) - len(null), tuple(sentences)
 
 
 def _determined(compiled: Compiled) -> list[sympy.Expr]:

@@ -53,9 +53,8 @@ class FirstOrder:
         Delays of drives, then of pasts, in s, of θ.
     feeds : bool
         Whether g needs drives or known functions.
-    tape : tuple or None
-        f for the compiled core, of t, x, v, known and θ; None where it looks back, or holds what the core
-        does not know.
+    tape : tuple
+        f for the compiled core, of t, x, drives, known, pasts and θ.
     """
 
     states: tuple[str, ...]
@@ -65,7 +64,7 @@ class FirstOrder:
     outputs: Callable[..., Sequence[Any]]
     delays: Callable[..., Sequence[Any]]
     feeds: bool
-    tape: tuple[list[Operation], list[int]] | None
+    tape: tuple[list[Operation], list[int]]
 
 
 @lru_cache(maxsize=64)
@@ -148,7 +147,7 @@ def first_order(
         outputs=_function(arguments, g),
         delays=_function([theta], late),
         feeds=any(e.free_symbols & {*drives, *known} for e in g),
-        tape=None if pasts else _tape(f, [time, *x, *v, *known, *theta]),
+        tape=tape(f, [time, *x, *drives, *known, *pasts, *theta]),
     )
 
 
@@ -161,13 +160,6 @@ def with_trend(compiled: Compiled, terms: int) -> Compiled:
             e = e + sympy.Symbol(names[-1], real=True) * time**power
         source.append(e)
     return replace(compiled, source=tuple(source), parameters=tuple(names))
-
-
-def _tape(rates: list[Any], arguments: list[Any]) -> tuple[list[Operation], list[int]] | None:
-    try:
-        return tape(rates, arguments)
-    except SpecError:
-        return None
 
 
 def _function(arguments: list[Any], values: list[Any]) -> Callable[..., Sequence[Any]]:

@@ -1,0 +1,120 @@
+"""Equations for the channels of a record: names, orders, and the formulas that the core fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ..errors import SpecError
+from ..models.noise import Noise
+from ..models.options import Options
+
+if TYPE_CHECKING:
+    from .symbolic.compiled import Compiled
+    from .symbolic.formulas import Formulas
+
+__all__ = ["EquationLayout", "layout_of"]
+
+KEPT = 32
+
+
+@dataclass(frozen=True, eq=False)
+class EquationLayout:
+    """Equations for the channels of a record: names, orders, what the core is told.
+
+    Attributes
+    ----------
+    outputs, inputs, param_names : tuple of str
+    orders : tuple of int
+        Highest derivative of each equation.
+    compiled : Compiled
+    formulas : Formulas
+    rational : bool
+        Whether parameters are coefficients of polynomials: no.
+    """
+
+    rational: ClassVar[bool] = False
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    param_names: tuple[str, ...]
+    orders: tuple[int, ...]
+    compiled: Compiled
+    formulas: Formulas
+
+    @property
+    def plain(self) -> bool:
+        """Not what the fastest path fits."""
+        return False
+
+    @property
+    def known_delays(self) -> list[tuple[str, float]]:
+        """Delays stand in the equations."""
+        return []
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Parameters that are not estimated."""
+        return dict(self.compiled.fixed)
+
+    @property
+    def common(self) -> bool:
+        """One set of poles, if any."""
+        return True
+
+    @property
+    def longest_delay(self) -> float:
+        """The most that a signal may be late, s."""
+        bounds = self.formulas.words["bounds"]
+        late = [delay if k is None else bounds[k][1] for _, delay, k in self.formulas.words["signals"]]
+        return max(late, default=0.0)
+
+
+@lru_cache(KEPT)
+def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
+    compiled = structure.compiled(outputs, inputs)
+    from .symbolic.formulas import formulas
+
+    noisy = list(outputs)
+    if options.noise == "errors-in-variables" or (
+        isinstance(options.noise, Noise) and options.noise.u is not None
+    ):
+        noisy += inputs
+    found = formulas(
+        compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
+    )
+    return EquationLayout(
+        tuple(outputs), tuple(inputs), tuple(compiled.parameters), tuple(compiled.orders), compiled, found
+    )
+
+
+def layout_of(
+    structure: Any,
+    options: Options,
+    outputs: tuple[str, ...],
+    inputs: tuple[str, ...],
+    intersample: tuple[str, ...],
+) -> EquationLayout:
+    """The equations for the channels of a record or batch."""
+    for name, plain, why in (
+        (
+            "noise",
+            options.noise != "coloured",
+            "is for transfer functions; the standard errors are HC3, which hold whatever the colour",
+        ),
+        (
+            "output_weights",
+            options.output_weights is None,
+            "is for transfer functions; give noise=mf.Noise(y=...)",
+        ),
+        ("extended", options.extended, "is for transfer functions; equations use all indices"),
+    ):
+        if not plain:
+            raise SpecError(f"fit: {name}={getattr(options, name)!r} {why}")
+    own = options.replace(
+        band=None, harmonics=None, method="ml", trend=None, tol=1e-9, maxiter=50, cov_type="HC3"
+    )
+    if isinstance(own.noise, Noise):
+        own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
+    return _layout(structure, own, outputs, inputs, intersample)

@@ -1,0 +1,177 @@
+"""Fits of many records by one structure: what `fit_many` returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arguments import public
+from ..base.arrays import F64
+from ..base.optional import optional
+from ..base.student import probability, student_interval
+from ..base.tables import Table, nearest
+from ..base.words import STATUS
+from ..errors import SpecError
+from ..models.options import Options
+from .estimates import Estimates
+
+__all__ = ["FitMany"]
+
+
+@public
+@dataclass(frozen=True, eq=False, repr=False)
+class FitMany:
+    """Fits of many records by one structure.
+
+    Attributes
+    ----------
+    params : (replicate, p) array
+        Estimates; nan where the status allows none.
+    bse : (replicate, p) array
+        Standard errors of the chosen `cov_type`.
+    status : (replicate,) array of str
+        "ok", "maxiter", "rank" or "nonfinite".
+    cost : (replicate,) array
+    nit : (replicate,) array of int
+    param_names : tuple of str
+    df_resid : int
+        Of the first record where they differ.
+    band : (float, float)
+        Lowest and highest frequency used, rad/s.
+    structure : TransferFunction, Equation or StateSpace
+    options : Options
+    df_hc3 : (replicate, p) array or None
+        Degrees of freedom of each HC3 standard error, where equations were fitted.
+    """
+
+    params: F64
+    bse: F64
+    status: NDArray[np.str_]
+    cost: F64
+    nit: NDArray[np.intp]
+    param_names: tuple[str, ...]
+    df_resid: int
+    band: tuple[float, float]
+    structure: Any
+    options: Options
+    df_hc3: F64 | None = None
+
+    @property
+    def degrees(self) -> Any:
+        """Degrees of freedom of the intervals params ± t·bse: `df_resid`, of equations with HC3 `df_hc3`."""
+        return self.df_hc3 if self.df_hc3 is not None and self.options.cov_type == "HC3" else self.df_resid
+
+    def conf_int(self, level: float = 0.95) -> F64:
+        """Confidence intervals, (replicate, p, 2), from Student's t; nan where there is no estimate."""
+        level = probability("conf_int", level)
+        return np.stack(student_interval(self.params, self.bse, self.degrees, level), axis=-1)
+
+    @property
+    def success(self) -> NDArray[np.bool_]:
+        """Which estimates can be used."""
+        return np.asarray(self.status == "ok")
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """Number of replicates by status, "ok" left out."""
+        return {word: int(np.sum(self.status == word)) for word in STATUS[1:] if np.any(self.status == word)}
+
+    def __len__(self) -> int:
+        return int(self.params.shape[0])
+
+    def __getitem__(self, name: str) -> F64:
+        """Estimates of one parameter, (replicate,)."""
+        if name not in self.param_names:
+            raise SpecError(f"there is no parameter {name!r}; {nearest(name, self.param_names)}")
+        return self.params[:, self.param_names.index(name)]
+
+    def table(self) -> Table:
+        """Mean, standard deviation, median and mean standard error of each parameter over the good fits."""
+        good = self.success
+        values, errors = self.params[good], self.bse[good]
+        nothing = np.full(len(self.param_names), np.nan)
+        some, two = bool(good.any()), int(good.sum()) > 1
+        return Table(
+            {
+                "parameter": list(self.param_names),
+                "mean": values.mean(axis=0) if some else nothing,
+                "sd": values.std(axis=0, ddof=1) if two else nothing,
+                "median": np.median(values, axis=0) if some else nothing,
+                "mean_bse": errors.mean(axis=0) if some else nothing,
+            },
+            title=f"{int(good.sum())} of {len(self)} fits succeeded",
+        )
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame (extra ``pandas``): a row a replicate, bse of a1 as column "a1_bse"."""
+        columns: dict[str, Any] = dict(zip(self.param_names, self.params.T, strict=True))
+        columns |= {f"{name}_bse": bse for name, bse in zip(self.param_names, self.bse.T, strict=True)}
+        columns |= {"status": self.status, "cost": self.cost, "nit": self.nit}
+        return optional("pandas", "pandas", "FitMany.to_pandas").DataFrame(columns)
+
+    def to_xarray(self) -> Any:
+        """An xarray.Dataset (extra ``xarray``): params and bse (replicate, parameter), status, cost, nit."""
+        both, one = ("replicate", "parameter"), ("replicate",)
+        return optional("xarray", "xarray", "FitMany.to_xarray").Dataset(
+            {
+                "params": (both, self.params),
+                "bse": (both, self.bse),
+                "status": (one, self.status),
+                "cost": (one, self.cost),
+                "nit": (one, self.nit),
+            },
+            coords={"parameter": list(self.param_names)},
+        )
+
+    def __repr__(self) -> str:
+        failed = ", ".join(f"{n} {word}" for word, n in self.failures.items())
+        low, high = self.band
+        return (
+            f"FitMany of {len(self)} records by {self.structure!r}: {int(self.success.sum())} ok"
+            f"{', ' + failed if failed else ''}, {self.options.method}, band {low:.4g} to {high:.4g} rad/s"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    @staticmethod
+    def of_fits(fits: Sequence[Estimates], structure: Any, options: Options) -> FitMany:
+        """Single fits as one result; what differs between them is that of the first."""
+        first = fits[0]
+        return FitMany(
+            params=np.array([f.params for f in fits]),
+            bse=np.array([f.bse for f in fits]),
+            status=np.array([f.status for f in fits]),
+            cost=np.array([f.cost for f in fits]),
+            nit=np.array([f.nit for f in fits]),
+            param_names=first.param_names,
+            df_resid=first.df_resid,
+            df_hc3=None if first.df_hc3 is None else np.array([f.df_hc3 for f in fits]),
+            band=first.band,
+            structure=structure,
+            options=options,
+        )
+
+    @staticmethod
+    def of_core(
+        found: Mapping[str, Any], names: tuple[str, ...], structure: Any, options: Options
+    ) -> FitMany:
+        """The core's answer for a batch."""
+        (low, high), omega0 = found["lines"][0], found["omega0"][0]
+        return FitMany(
+            params=found["theta"],
+            bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],
+            status=np.array(STATUS).take(found["status"]),
+            cost=found["cost"],
+            nit=found["nit"],
+            param_names=names,
+            df_resid=found["df_resid"],
+            df_hc3=found.get("df_hc3"),
+            band=(low * omega0, high * omega0),
+            structure=structure,
+            options=options,
+        )

@@ -1,0 +1,182 @@
+"""A fit of equations: what is other than with transfer functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Never
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..base.arguments import reals
+from ..base.arrays import F64
+from ..base.student import root
+from ..equations.layout import EquationLayout
+from ..equations.symbolic.known import basis
+from ..errors import SpecError
+from ..models.noise import Noise
+from ..records.record import Record
+from .fit import Fit
+from .gradients import differences
+from .initial_state import simulate_equations
+from .prediction import InitialState
+
+__all__ = ["EquationFit"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EquationFit(Fit):
+    """A fitted `Equation` or `StateSpace`: a `Fit` whose model need not be linear.
+
+    Attributes
+    ----------
+    levels : (noisy channel,) array
+        Standard deviation of the noise that weighed the lines: given, or seen in the unused high band.
+    df_hc3 : (p,) array
+        Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
+    """
+
+    layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
+    levels: F64 = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def trend(self) -> str | None:
+        """Constant and drift of each equation: None, "constant" or "linear"."""
+        return self.structure.trend if self.options.trend == "auto" else self.options.trend
+
+    @property
+    def model(self) -> Any:
+        """The equations with their estimates; of a linear `StateSpace` an `LTI`."""
+        self.need_numbers("model")
+        return self.structure.model(self.estimates())
+
+    def varying(self, name: str, t: ArrayLike) -> tuple[F64, F64]:
+        """A coefficient that varies with time, and its standard error.
+
+        Parameters
+        ----------
+        name : str
+            As in `varying=` of the equation.
+        t : (time,) array_like
+            Instants in s.
+
+        Returns
+        -------
+        value, bse : (time,) arrays
+        """
+        instants = np.atleast_1d(reals("varying", "t", t))
+        names, values, held = basis(self.layout.compiled, name, instants)
+        place = [self.param_names.index(own) for own in names]
+        cov = self.cov_params()[np.ix_(place, place)]
+        return self.params[place] @ values + held, root(np.einsum("it,ij,jt->t", values, cov, values))
+
+    @property
+    def message(self) -> str:
+        """The status in words, with the cure."""
+        if self.status == "rank":
+            return (
+                "The samples cannot tell the parameters apart: hold one, or take a record that moves more or "
+                "longer. fit.structure.identifiable() says what no record could tell apart."
+            )
+        if self.status == "maxiter" and self.nit < self.options.maxiter:
+            return (
+                f"Stopped after {self.nit} iterations where no step lowers the cost any more, and not at a "
+                "minimum: give starts and bounds with mf.Free, or a narrower band."
+            )
+        if self.status == "maxiter":
+            return (
+                f"Not settled after {self.nit} iterations: raise maxiter, hold a parameter or take a "
+                "narrower band."
+            )
+        if self.status == "nonfinite":
+            return (
+                "The numbers left the range of floating point: look for samples at which a signal has no "
+                "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
+            )
+        return super().message
+
+    @property
+    def has_poles(self) -> bool:
+        """Whether the model is linear, as that of a `StateSpace` is."""
+        return bool(self.structure.linear)
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """What the rows of the residuals belong to: the equations."""
+        return tuple(f"equation {k}" for k in range(1, len(self.layout.orders) + 1))
+
+    @property
+    def high_band_levels(self) -> F64:
+        """Noise level of each output as seen in the unused high band; nan where it was given."""
+        given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
+        outputs = len(self.outputs)
+        return np.full(outputs, np.nan) if given else self.levels[:outputs]
+
+    @property
+    def chi2(self) -> float:
+        """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
+        weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
+        known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
+        return self.df_resid * self.noise_scale if weighted and known else float("nan")
+
+    def _gradient(self, of: Any) -> Any:
+        """Values of a function of the linear model, and its derivatives to the parameters."""
+
+        def at(params: F64) -> Any:
+            return of(self.structure.model(dict(zip(self.param_names, params.tolist(), strict=True))))
+
+        return of(self.model), differences(at, self.params, self.bse)
+
+    def pole_gradients(self, output: int = 0) -> Any:
+        """Poles and their derivatives to the parameters, (pole, p)."""
+        self._need_linear("poles")
+        found = np.asarray(self.model.poles())
+
+        def near(model: Any) -> Any:
+            """Poles of a model close by, in the order of the estimate's."""
+            left = list(model.poles())
+            return np.array([left.pop(int(np.argmin(np.abs(np.array(left) - pole)))) for pole in found])
+
+        value, slopes = self._gradient(near)
+        return value, slopes.T
+
+    def _need_linear(self, what: str) -> None:
+        if not self.has_poles:
+            raise SpecError(
+                f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction "
+                "or a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"
+            )
+
+    def response_gradients(self, omega: F64) -> Any:
+        """Response (output, input, f) and its derivatives to the parameters (p, output, input, f)."""
+        self._need_linear("frequency response")
+        return self._gradient(lambda model: np.asarray(model.frequency_response(omega).response))
+
+    def polynomials(self, output: int = 0) -> Never:
+        """Not for equations: their coefficients have names of their own."""
+        raise SpecError(
+            "polynomials: the parameters of equations are no coefficients of a transfer function; "
+            "use fit.params, or fit.model"
+        )
+
+    def path_model(self, output: int | str = 0) -> Never:
+        """Not for equations; see `model`."""
+        raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
+
+    def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
+        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
+        if initial_state is not None:
+            return simulate_equations(self, rec, initial_state)
+        kept = self.__dict__.get("_simulated")  # errors, scores and plots ask for the same again
+        if kept is None or kept[0] is not rec:
+            kept = rec, simulate_equations(self, rec, None)
+            self.__dict__["_simulated"] = kept
+        found: tuple[F64, InitialState] = kept[1]
+        return found
+
+    def _observed(self, rec: Record, eigenvalues: Any) -> Never:
+        raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')
+
+    def own_values(self) -> dict[str, Any]:
+        """What is kept of it besides what all fits have."""
+        return {"levels": self.levels.tolist()}

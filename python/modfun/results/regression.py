@@ -1,0 +1,102 @@
+"""Free responses and trends of an output, and their least squares against what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._core import simulate, simulate_uneven
+from ..base.arrays import F64
+from ..base.words import TRENDS
+from ..errors import DataError
+from ..systems.polynomials import companion, time_unit
+
+__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
+
+
+def rms(v: F64) -> float:
+    """Root mean square, whatever the size of the numbers."""
+    peak = float(np.max(np.abs(v)))
+    return peak * float(np.sqrt(np.mean((v / peak) ** 2))) if peak > 0 else 0.0
+
+
+def free_response(den: F64, t: F64) -> F64:
+    """Free responses of den(p) y = 0 to unit initial values of y, y', ..., y^(n-1).
+
+    Parameters
+    ----------
+    den : (n + 1,) array
+        Denominator in descending powers, monic.
+    t : (time,) array
+        Instants in seconds; the state is that at t[0]. Uneven steps are allowed.
+
+    Returns
+    -------
+    (n, time) array
+        Row i is the output for y^(i) = 1 and all other derivatives 0 at t[0]. Entries overflow to inf
+        where an unstable mode grows beyond all numbers.
+    """
+    den = np.asarray(den, float)
+    n = den.size - 1
+    if n == 0:
+        return np.zeros((0, t.size))
+    # Derivatives in units of the fastest rate: a companion matrix of entries near one.
+    rate = time_unit(den, 1.0 / float(t[-1] - t[0]))
+    a = companion(den, rate)
+    step = np.diff(t)
+    rows = np.empty((n, t.size))
+    even = bool(np.ptp(step) <= 1e-9 * step.mean())
+    dt = float(t[-1] - t[0]) / step.size
+    nothing, into, through = np.zeros((1, t.size)), np.zeros((n, 1)), np.zeros((1, 1))
+    pick = np.eye(n)[:1]
+    for i, start in enumerate(np.eye(n)):
+        system = a, into, pick, through, start, nothing
+        if even:
+            rows[i] = simulate(*system, dt, "zoh", None)[0]
+        else:
+            rows[i] = simulate_uneven(*system, [True], t)[0]
+    return rows / rate ** np.arange(n)[:, None]
+
+
+def trend_columns(t: F64, trend: str | None) -> F64:
+    """Offset (and slope) of an output: rows 1 and (t - t[0])/T, as many as the trend has."""
+    time = (t - t[0]) / (t[-1] - t[0])
+    return np.vstack([np.ones_like(time), time])[: TRENDS.index(trend)]
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Linear least squares by QR: coefficients, their covariance, and the fitted series."""
+
+    coefficients: F64
+    covariance: F64
+    fitted: F64
+
+
+def regress(y: F64, columns: F64, weight: F64) -> Regression:
+    """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
+
+    `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
+    the samples cannot tell apart get the smallest coefficients that explain them; the covariance takes the
+    remainder as white.
+    """
+    k = columns.shape[0]
+    if k == 0:
+        return Regression(np.zeros(0), np.zeros((0, 0)), np.zeros_like(y))
+    if not np.all(np.isfinite(columns)):
+        raise DataError(
+            "The free response of the model overflows within this record: a mode is too unstable for a "
+            f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
+        )
+    scale = np.array([rms(row) * np.sqrt(y.size) for row in columns * weight])
+    scale[scale == 0] = 1.0
+    q, s, rotation = np.linalg.svd((columns * weight / scale[:, None]).T, full_matrices=False)
+    keep = s > s[0] * 1e-12
+    inverse = rotation.T[:, keep] / s[keep]
+    coefficients = inverse @ (q[:, keep].T @ (y * weight))
+    fitted = (columns / scale[:, None]).T @ coefficients
+    rest = float(np.sum((weight * (y - fitted)) ** 2))
+    rest /= max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
+    covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
+    return Regression(coefficients / scale, covariance, fitted)

@@ -1,0 +1,55 @@
+"""What `modfun.load` opens: a fit that was saved, or the directory of a study."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ..base.arguments import public
+from ..errors import DataError, SpecError
+from ..files.writing import named
+from ..results.loading import fit_from_dict
+from .shards import load as load_study
+
+__all__ = ["load"]
+
+
+@public
+def load(path: str | Path) -> Any:
+    """Read a fit that was written with `Fit.save`, or the directory of a study.
+
+    Parameters
+    ----------
+    path : str or Path
+        The JSON file, or the `directory` of `MonteCarlo.run`.
+
+    Returns
+    -------
+    Fit or Results
+        A fit equals the saved one but for the samples: give a record to `predict`, `score` and the like.
+        Results are those of the run, `Results.replicate` included.
+
+    Raises
+    ------
+    SpecError
+        No such file, or no directory of a study.
+    DataError
+        Something else, a damaged file, or a study with parts missing.
+    """
+    place = named("load", path)
+    if os.path.isdir(place):
+        return load_study(place)
+    if not os.path.isfile(place):  # where Path.is_file raises: of a name that is too long
+        raise SpecError(f"load: there is no file {str(place)!r}")
+    try:
+        values = json.loads(place.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:  # ValueError: no JSON, no UTF-8, numbers without an end
+        raise DataError(
+            f"load: {str(place)!r} is not JSON ({error}); it should be what fit.save wrote"
+        ) from None
+    try:
+        return fit_from_dict(values)
+    except DataError as error:
+        raise DataError(f"load: {str(place)!r}: {str(error).removeprefix('loading a fit: ')}") from None

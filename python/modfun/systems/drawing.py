@@ -1,0 +1,111 @@
+"""Bode plots by gains: magnitude and phase of paths over frequency, with errors where they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import C128, F64
+from ..base.axes import clip_to_lines, frequency_axis, returned, take_axes
+from ..errors import SpecError
+
+__all__ = ["Curve", "curves_of", "draw_bode", "span"]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Gain of a path over frequency; half-widths of its bands (None: not known) and where it was fitted."""
+
+    path: str
+    omega: F64
+    gain: C128
+    decibels: F64 | None = None
+    degrees: F64 | None = None
+    inside: Any = True
+
+
+def curves_of(
+    omega: F64, response: C128, radius: F64 | None, outputs: Sequence[str], inputs: Sequence[str]
+) -> list[Curve]:
+    """The paths of a response (output, input, omega), with circles of this radius where it is known."""
+    several, found = response.shape[:2] != (1, 1), []
+    for i, k in np.ndindex(response.shape[:2]):
+        gain, decibels, degrees = response[i, k], None, None
+        if radius is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                relative = radius[i, k] / np.abs(gain)
+            # Beyond the gain itself nothing is known of the angle.
+            decibels = 20 / np.log(10) * relative
+            degrees = np.degrees(np.arcsin(np.minimum(relative, 1.0)))
+        path = f"{inputs[k]} → {outputs[i]}" if several else ""
+        found.append(Curve(path, omega, gain, decibels, degrees))
+    return found
+
+
+def span(marks: Iterable[float], band: tuple[float, float] | None = None) -> tuple[float, float]:
+    """Lowest and highest frequency to draw: the band given, or around what marks worth seeing.
+
+    Raises
+    ------
+    SpecError
+        No band of positive frequencies.
+    """
+    worth = list(marks) or [0.1, 10.0]
+    low, high = (min(worth), max(worth)) if band is None else band
+    if not 0 < low < high:
+        raise SpecError(f"plot.bode: band={band!r} must be (lower, upper) in rad/s with 0 < lower < upper")
+    return low, high
+
+
+def draw_bode(
+    curves: Iterable[tuple[str, Curve]], low: float, high: float, *, hz: bool = False, ax: Any = None
+) -> Any:
+    """Draw curves, each under a label, between two frequencies; see `modfun.plot.bode`."""
+    upper, lower = take_axes(ax, 2, height=2.4)
+    factor, label = frequency_axis(hz)
+    drawn: dict[str, Any] = {}  # the phase of each path as first drawn
+    color = 0
+    for text, curve in curves:
+        with np.errstate(divide="ignore"):
+            db = 20 * np.log10(np.abs(curve.gain))
+        turns = np.degrees(np.unwrap(np.angle(curve.gain)))
+        phase = _turned(turns, curve.omega, drawn, curve.path)
+        w, line = factor * curve.omega, f"C{color % 10}"
+        for here, values, error in ((upper, db, curve.decibels), (lower, phase, curve.degrees)):
+            if error is not None:
+                here.fill_between(w, values - error, values + error, color=line, alpha=0.2, linewidth=0)
+                here.plot(w, values, color=line, linewidth=0.9, linestyle=(0, (4, 3)))
+            here.plot(
+                w,
+                np.where(curve.inside, values, np.nan),
+                color=line,
+                linewidth=1.5,
+                label=text if here is upper else None,
+            )
+        color += 1
+    for here in (upper, lower):
+        here.set_xscale("log")
+        here.grid(True, which="both", alpha=0.25)
+        here.set_xlim(factor * low, factor * high)
+    upper.set_ylabel("magnitude (dB)")
+    lower.set_ylabel("phase (degrees)")
+    lower.set_xlabel(label)
+    clip_to_lines(upper)
+    clip_to_lines(lower)
+    above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "fontsize": "small"}
+    upper.legend(frameon=False, **(above if color > 4 else {}))  # many names would hide the lines
+    return returned(ax, [upper, lower])
+
+
+def _turned(degrees: Any, omega: Any, drawn: dict[str, Any], path: str) -> Any:
+    """A phase on the branch, of all that differ by whole turns, that is nearest to the path's first one."""
+    # A single path of one system may have no name.
+    other = drawn.get(path) or (next(iter(drawn.values())) if len(drawn) == 1 else None)
+    if other is None:
+        drawn[path] = (omega, degrees)
+        return degrees
+    apart = np.interp(omega, *other) - degrees
+    return degrees + 360 * np.round(np.median(apart[np.isfinite(apart)]) / 360) if apart.size else degrees
