@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .base.arguments import public, reals, whole
+from .base.arrays import F64
 from .base.least_squares import scaled_lstsq
 from .base.words import TRENDS
 from .errors import DataError, FitError, SpecError
@@ -31,7 +31,6 @@ from .systems.propagate import Inputs
 
 __all__ = ["ARX", "OutputError", "PredictionError", "arx", "output_error", "pem"]
 
-F64 = NDArray[np.float64]
 HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
+from ..base.arrays import F64
 from ..base.tables import Table, nearest
 from ..base.words import TRENDS
 from ..errors import DataError, SpecError
@@ -23,8 +24,6 @@ from .sensitivities import trend_rows
 from .slopes import Known
 
 __all__ = ["Bound", "crlb"]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import floor
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.least_squares import scaled_lstsq
 from ..errors import FitError
 from ..models.transfer_function import TransferFunction
@@ -15,8 +15,6 @@ from ..systems.polynomials import companion
 from .sensitivities import trend_rows
 
 __all__ = ["Discrete", "stable"]
-
-F64 = NDArray[np.float64]
 
 
 class Discrete:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.samples import numbered
 from ..base.tables import nearest
 from ..equations.equation import Equation
@@ -23,8 +23,6 @@ from ..systems.lti import LTI
 from .slopes import Equations, Known, States, Transfers
 
 __all__ = ["noise_of", "record_for", "valued"]
-
-F64 = NDArray[np.float64]
 
 
 def valued(

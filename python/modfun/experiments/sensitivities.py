@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.words import TRENDS
 from ..systems.polynomials import companion
 from ..systems.propagate import Inputs
 
 __all__ = ["Sensitivities", "trend_rows"]
-
-F64 = NDArray[np.float64]
 
 
 def trend_rows(trend: str | None, samples: int) -> F64:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._core import normals
 from ..base.arguments import public, real, reals, whole
+from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
@@ -22,8 +23,6 @@ from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem
 
 __all__ = ["Experiment", "experiment", "simulate"]
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
@@ -19,7 +19,6 @@ from .sensitivities import Sensitivities
 
 __all__ = ["Equations", "Known", "Slopes", "States", "Transfers"]
 
-F64 = NDArray[np.float64]
 STEP = 1e-4  # of a parameter's size: differences on common steps, exact to its square
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..base.arrays import F64
 
 __all__ = ["beyond", "constrained", "least_squares"]
-
-F64 = NDArray[np.float64]
 
 
 def constrained(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import reals
+from ..base.arrays import C128, F64
 from ..base.samples import band_edges
 from ..base.tables import nearest
 from ..errors import SpecError
@@ -18,8 +18,6 @@ from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain
 
 __all__ = ["Criterion", "Target", "Weight", "criterion_of", "lines_criterion", "measured"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Weight = str | Callable[[F64], Any] | Any
 
 # Relative errors are looked at where the response is at least this part of its largest (80 dB).

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..base.arrays import F64
 from ..base.axes import frequency_axis, returned, take_axes
 
 __all__ = ["gains"]
-
-F64 = NDArray[np.float64]
 
 
 def gains(omega: F64, curves: Mapping[str, F64], ax: Any = None, hz: bool = False) -> Any:

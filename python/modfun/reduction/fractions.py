@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..base.arrays import C128, F64
 
 __all__ = ["Fractions", "Numerators", "Region", "mirrored", "monic"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 # Poles nearer than this part of their size make nearly equal fractions; the second is then the product.
 CLOSE = 0.03

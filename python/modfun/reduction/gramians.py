@@ -7,15 +7,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..errors import DataError
 from ..systems.gains import SchurForm
 
 __all__ = ["AXIS", "Balanced", "Realisation", "balance", "split"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 # Hankel singular values below this part of the largest are rounding.
 NEGLIGIBLE = 1e-13

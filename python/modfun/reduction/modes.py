@@ -10,16 +10,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.least_squares import levenberg_marquardt
 from .fractions import Region
 from .gramians import Realisation
 
 __all__ = ["fit_modes"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 # Weight of a response that shall be met exactly over that of all lines.
 HEAVY = 1e5

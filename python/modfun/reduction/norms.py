@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from .gramians import Realisation
 
 __all__ = ["Grid", "Response", "grid_for", "h2_norm", "hinf_norm", "largest_gain"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Response = Callable[[F64], C128]  # omega -> (omega, output, input)
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)

@@ -8,17 +8,14 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from .constrained import beyond, constrained, least_squares
 from .fractions import Fractions, Numerators, monic
 
 __all__ = ["Point", "Problem"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 # A direction whose part beside the numerators' is smaller than this is none.

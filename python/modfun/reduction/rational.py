@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.least_squares import levenberg_marquardt
 from ..models.layout import Layout
 from .fractions import Region, mirrored
@@ -22,8 +22,6 @@ from .problem import Point, Problem
 
 __all__ = ["RationalFit", "fit_rational"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 SWEEPS = 20  # Sanathanan–Koerner steps from a start
 

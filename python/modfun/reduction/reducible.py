@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import reals
+from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
@@ -18,8 +18,6 @@ from .gramians import AXIS, Balanced, Realisation, balance, split
 
 __all__ = ["FullOrder", "Lines", "read_system", "realisation"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 # Sparse systems up to this order are treated as dense ones: exact, and a few seconds.
 DENSE = 2000

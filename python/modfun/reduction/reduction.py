@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import html
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.tables import Table, nearest
 from ..errors import SpecError
 from ..models.transfer_function import TransferFunction
@@ -23,7 +23,6 @@ from .steps import Found, of_lines, to_order, to_structure
 
 __all__ = ["Reduction", "reduce"]
 
-F64 = NDArray[np.float64]
 
 METHODS = ("awls", "balanced")
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.samples import numbered
 from ..errors import SpecError
 from ..models.layout import Layout
@@ -25,8 +25,6 @@ from .reducible import FullOrder, Lines, realisation
 
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Contender = tuple[str, Response, Realisation | None]
 
 PATIENCE = 20  # reweightings that lower the largest error by less than .1 % before the search ends

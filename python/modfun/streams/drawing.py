@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.axes import label_axes, returned, take_axes
 
 __all__ = ["estimates"]
-
-F64 = NDArray[np.float64]
 
 
 def estimates(

@@ -7,14 +7,13 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..base.arrays import F64
 from ..errors import DataError, SpecError
 from ..records.record import Record
 
 __all__ = ["block_of", "refuse_record"]
-
-F64 = NDArray[np.float64]
 
 
 def block_of(

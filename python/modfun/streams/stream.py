@@ -8,10 +8,11 @@ from threading import RLock
 from typing import Any, Never
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._core import Stream as CoreStream
 from ..base.arguments import public, real
+from ..base.arrays import F64
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
 from ..base.words import STATUS
@@ -30,7 +31,6 @@ from .track import Track, joined
 
 __all__ = ["Stream"]
 
-F64 = NDArray[np.float64]
 _WORDS = np.array(STATUS)
 FEWEST = 8  # intervals of a window
 LONGEST = 1 << 20  # samples remembered

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.optional import optional
 from ..base.tables import Table, nearest
 from ..errors import SpecError
 from . import drawing
 
 __all__ = ["Track", "joined"]
-
-F64 = NDArray[np.float64]
 
 
 @public

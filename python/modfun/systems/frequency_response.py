@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import html
 from ..base.arguments import complexes, public, reals
+from ..base.arrays import C128, F64
 from ..base.optional import optional
 from ..base.samples import band_edges, frequencies, numbered
 from ..base.student import probability
@@ -19,9 +20,6 @@ from ..errors import DataError, SpecError
 from .drawing import curves_of, draw_bode, span
 
 __all__ = ["FrequencyResponse"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..base.arrays import C128, F64
 
 __all__ = ["SchurForm", "gains"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 AT_ONCE = 256  # frequencies
 
 

@@ -8,9 +8,10 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public, real, reals, whole
+from ..base.arrays import C128, F64
 from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from ..errors import DataError, SpecError
 from ..signals import Signals
@@ -32,8 +33,6 @@ from .propagate import intersample_kinds, respond
 
 __all__ = ["LTI", "state_space"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Matrices = tuple[F64, F64, F64, F64]
 
 

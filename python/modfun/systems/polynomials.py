@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import reals
+from ..base.arrays import C128, F64
 from ..errors import SpecError
 
 __all__ = [
@@ -24,8 +24,6 @@ __all__ = [
     "time_unit",
 ]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Polynomials = tuple[tuple[F64, ...], ...]  # (output, input)
 
 

@@ -9,16 +9,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import gauss_legendre, simulate, simulate_uneven
+from ..base.arrays import F64
 from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
 
 __all__ = ["Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
-
-F64 = NDArray[np.float64]
 
 
 def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...]:

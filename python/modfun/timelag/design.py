@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import complexes, public, real, reals
+from ..base.arrays import C128, F64
 from ..base.tables import Table
 from ..errors import SpecError
 from .plant import Plant
@@ -16,8 +17,6 @@ from .transformation import Transformation, integrals, matrix_exponential, reduc
 
 __all__ = ["Controller", "Design", "as_design", "placed", "quadratic", "sampled_words", "seconds"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 WEAK = 1e-9  # part of its size that a root's input vector must have to be controllable
 POINTS = 4  # samples whose polynomial stands for x between two of them
 

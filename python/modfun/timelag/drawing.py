@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.axes import frequency_axis, label_axes, returned, take_axes
 
 __all__ = ["margin", "roots", "trajectory"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 def roots(values: C128, line: float, ax: Any = None) -> Any:

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.student import probability
 from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["equation", "errors", "from_fit"]
 
-F64 = NDArray[np.float64]
 LINEAR = 1e-9  # part of its size by which a linear right side may miss the sum of its parts
 
 

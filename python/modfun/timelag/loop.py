@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import real, reals
+from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES
 from ..errors import DataError, ModfunWarning, SpecError
 from ..signals import Signals
@@ -20,8 +21,6 @@ from .motion import History, Motion, Trajectory, drive, history
 from .plant import Plant
 
 __all__ = ["simulated"]
-
-F64 = NDArray[np.float64]
 
 
 def simulated(

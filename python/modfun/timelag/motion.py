@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import reals
+from ..base.arrays import F64
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
 from ..systems.propagate import spline
@@ -23,7 +24,6 @@ from .plant import Plant
 
 __all__ = ["History", "Motion", "Trajectory", "drive", "history"]
 
-F64 = NDArray[np.float64]
 History = Callable[[F64], F64]
 
 STAGES = 7  # order of the method: one more

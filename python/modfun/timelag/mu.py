@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import public
+from ..base.arrays import C128, F64
 from ..base.tables import Table
 from ..errors import SpecError
 from . import drawing
@@ -24,8 +25,6 @@ from .transformation import Transformation, integrals
 
 __all__ = ["Margin", "Uncertainty", "bound", "margin"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 FREQUENCIES = 160
 NARROWED = 12  # further ones about the peak, so many times:

@@ -7,16 +7,15 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import real, reals
+from ..base.arrays import F64
 from ..equations.written import channel_names
 from ..errors import SpecError
 from .roots import Lagged, Roots, rightmost
 
 __all__ = ["Plant", "matrices_of"]
-
-F64 = NDArray[np.float64]
 
 
 class Plant:

@@ -8,16 +8,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import C128, F64
 from ..base.tables import Table
 from ..errors import DataError, ModfunWarning
 from . import drawing
 
 __all__ = ["Lagged", "Roots", "characteristic", "count_right", "left_null", "rightmost", "slope", "span"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 Lagged = tuple[tuple[float, F64], ...]  # matrices with their lags, s, rising
 
 DEGREES = (16, 32, 64, 128, 256)  # of the collocation polynomials, until all roots are found

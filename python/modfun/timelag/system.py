@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
+from ..base.arrays import C128, F64
 from ..base.samples import frequencies
 from ..errors import SpecError
 from ..systems.frequency_response import FrequencyResponse
@@ -21,9 +22,6 @@ from .roots import characteristic
 from .transformation import Transformation, reduced
 
 __all__ = ["DelaySystem"]
-
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 
 @public

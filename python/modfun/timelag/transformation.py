@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base.arguments import complexes
+from ..base.arrays import C128, F64
 from ..base.tables import Table
 from ..errors import SpecError
 from .plant import Plant
@@ -17,8 +18,6 @@ from .roots import Lagged, left_null
 
 __all__ = ["Transformation", "integrals", "matrix_exponential", "reduced", "said"]
 
-F64 = NDArray[np.float64]
-C128 = NDArray[np.complex128]
 
 INDEPENDENT = 1e-7  # sine of the angle above which a null vector is no combination of the others
 POLISH = 12  # Newton steps on the matrix equation

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.axes import decibels, frequency_axis, take_axes
 
 __all__ = ["tones"]
-
-F64 = NDArray[np.float64]
 
 
 def tones(

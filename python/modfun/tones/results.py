@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.student import probability, student_interval
 from ..base.tables import Table, nearest
 from ..errors import SpecError
@@ -16,7 +17,6 @@ from . import drawing
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
 
-F64 = NDArray[np.float64]
 KINDS = ("omega", "damping", "amplitude", "phase")
 MESSAGES = {
     "ok": "the tones explain the record best among all sets that the search found",

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import sinusoids as core_sinusoids
 from ..base.arguments import public, real, reals, whole
+from ..base.arrays import F64
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
 from ..base.tables import nearest
@@ -23,7 +24,6 @@ __all__ = ["sinusoids"]
 
 METHODS = ("ml", "awls")
 AWLS_LINES = 9
-F64 = NDArray[np.float64]
 
 
 @public

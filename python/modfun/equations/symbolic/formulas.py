@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
+from ...base.arrays import F64
 from ...errors import SpecError
 from ...models.free import Free
 from .compiled import Compiled, Delayed, Term, jet, time
@@ -20,7 +20,6 @@ from .tape import tape
 
 __all__ = ["Formulas", "formulas"]
 
-F64 = NDArray[np.float64]
 
 _ANYTHING = Free()
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...base.arrays import F64
 from ...base.tables import nearest
 from ...errors import DataError, SpecError
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Derivative", "Samples", "basis"]
 
-F64 = NDArray[np.float64]
 DEGREE = 5  # of the spline that is differentiated
 
 

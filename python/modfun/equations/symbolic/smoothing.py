@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...base.arrays import F64
 from ...errors import DataError
 
 __all__ = ["smoothed"]
 
-F64 = NDArray[np.float64]
 DEGREE = 5
 # The widest window whose residuals exceed the noise of the upper harmonics by no more than this.
 EXCESS = 1.05
