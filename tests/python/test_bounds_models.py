@@ -196,7 +196,7 @@ def test_masked_and_unevenly_noisy_samples_of_two_outputs():
     rng = np.random.default_rng(1)
     seen = rng.random((2, DE.intervals + 1)) > 0.3
     spread = rng.uniform(0.5, 3, seen.shape)
-    rec = DE.record(np.zeros(seen.shape), ["alpha", "q"]).weigh(mask=seen, sigma=spread)
+    rec = mf.Record(y=np.zeros(seen.shape), u=DE, outputs=["alpha", "q"]).weigh(mask=seen, sigma=spread)
     found = mf.crlb(SHORT_PERIOD, rec, params=VALUES, sigma=COV, trend="constant")
     same(found.cov, bound(short_period, [*VALUES.values(), 0, 0], 5, COV, 1, seen, spread))
     turned = rec.select(outputs=["q", "alpha"])
@@ -240,7 +240,7 @@ def flight(seed, y=None):
     """A record of the short period with white noise on alpha and q."""
     rest = SHORT_PERIOD.model(VALUES).simulate(u=DE) if y is None else y
     noise = np.linalg.cholesky(COV) @ np.random.default_rng(seed).standard_normal(rest.shape)
-    return DE.record(rest + noise, ["alpha", "q"])
+    return mf.Record(y=rest + noise, u=DE, outputs=["alpha", "q"])
 
 
 def test_a_fit_has_its_model_its_estimates_and_its_noise():

@@ -1,11 +1,24 @@
-"""Nonlinear least squares by Levenberg–Marquardt steps."""
+"""Least squares: linear ones with scaled columns, nonlinear ones by Levenberg–Marquardt steps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
-__all__ = ["levenberg_marquardt"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["levenberg_marquardt", "scaled_lstsq"]
+
+F64 = NDArray[np.float64]
+
+
+def scaled_lstsq(columns: F64, target: F64) -> F64:
+    """Least squares with columns of unit norm; what cannot be found is 0."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    solution: F64 = np.linalg.lstsq(columns / size, target, rcond=1e-13)[0] / size
+    return solution
 
 
 class Point(Protocol):

@@ -16,6 +16,8 @@ from ..base.tables import nearest
 from ..errors import SpecError
 from ..language.parser import Text, equation
 from ..models.free import Free, from_plain, to_plain
+from .nonlinear import NonlinearModel, model_of
+from .symbolic.known import Samples
 from .written import (
     RESERVED,
     Written,
@@ -25,7 +27,6 @@ from .written import (
 )
 
 if TYPE_CHECKING:
-    from .nonlinear import NonlinearModel
     from .symbolic.compiled import Compiled
     from .symbolic.system import System
 
@@ -200,8 +201,6 @@ class Equation(Written):
         -------
         NonlinearModel
         """
-        from .nonlinear import model_of
-
         return model_of(self.compiled(), params, self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -303,8 +302,6 @@ def _made(
 def _varying(given: Any) -> dict[str, tuple[Any, ...]]:
     if given is None:
         return {}
-    from .symbolic.known import Samples
-
     if not isinstance(given, Mapping):
         raise SpecError(
             'Equation: varying= must map names to functions of time, as {"c": ["1", "t", "t**2"]}'

@@ -20,6 +20,7 @@ from ..records.record import Record
 from ..results.fit import Fit
 from ..signals import Signals
 from .known_models import noise_of, record_for, valued
+from .sensitivities import trend_rows
 from .slopes import Known
 
 __all__ = ["Bound", "crlb"]
@@ -208,7 +209,7 @@ def crlb(
     size = np.zeros(len(known.names))
     factors = []
     for rec, one in zip(records, found, strict=True):
-        t = np.linspace(-1.0, 1.0, rec.t.size) ** np.arange(TRENDS.index(trend))[:, None]
+        t = trend_rows(trend, rec.t.size)
         offsets = np.kron(np.eye(len(cov)), t).reshape(-1, len(cov), rec.t.size)
         nuisance = np.concatenate([one.state if initial_state == "unknown" else one.state[:0], offsets])
         columns = _whitened(np.concatenate([one.params, nuisance]), cov, rec)

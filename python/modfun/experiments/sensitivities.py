@@ -12,10 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.words import TRENDS
 from ..systems.polynomials import companion
 from ..systems.propagate import Inputs
 
-__all__ = ["Sensitivities"]
+__all__ = ["Sensitivities", "trend_rows"]
+
+
+def trend_rows(trend: str | None, samples: int) -> F64:
+    """Derivatives to the offset and the slope of an output, time counted from −1 to 1: (unknown, time)."""
+    return np.asarray(np.linspace(-1.0, 1.0, samples) ** np.arange(TRENDS.index(trend))[:, None])
 
 
 class Sensitivities:

@@ -199,7 +199,8 @@ class Stream:
         DataError
             Values that are not finite, or another number of channels; nothing has been taken then.
         """
-        self._take(block_of(y, u, self.outputs, self.inputs, self.count))
+        with self._lock:  # for the count, too
+            self._take(block_of(y, u, self.outputs, self.inputs, self.count))
 
     def follow(self, rec: Record, *, every: int = 1, progress: str | bool = "auto") -> Track:
         """Push a record and note the estimates on the way.

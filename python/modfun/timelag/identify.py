@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.written import channel_names
 from ..errors import SpecError
+from ..results.fit import Fit
 from ..systems.lti import LTI
 from .mu import Uncertainty
 from .system import DelaySystem
-
-if TYPE_CHECKING:
-    from ..results.fit import Fit
 
 __all__ = ["equation", "errors", "from_fit"]
 

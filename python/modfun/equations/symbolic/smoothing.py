@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..._core import noise_level
 from ...base.arrays import F64
 from ...errors import DataError
 
@@ -51,8 +52,6 @@ def smoothed(values: F64, t: F64, order: int, *, gain: bool = False) -> F64:
 
 def _window(values: F64) -> int:
     from scipy.signal import savgol_coeffs, savgol_filter
-
-    from ..._core import noise_level
 
     level = float(noise_level(np.ascontiguousarray(values[None]), 2)[0])
     least = best = DEGREE + 2 - DEGREE % 2 + 1
