@@ -22,7 +22,7 @@ pub(crate) fn statuses<'a, D: Iterator<Item = &'a Wide>>(
     dependent: [bool; LANES],
     data: impl Fn() -> D,
 ) -> [Status; LANES] {
-    let steady = |k: usize| if progress.active.0[k] == 0.0 { Status::Ok } else { Status::MaxIter };
+    let steady = |k: usize| if progress.active.0[k] > 0.0 { Status::MaxIter } else { Status::Ok };
     // What nearly always holds is asked of all lanes at once.
     if dependent == [false; LANES] && all_finite(theta, &scale, &progress.cost) {
         return std::array::from_fn(steady);
@@ -51,8 +51,7 @@ fn all_finite(theta: &[Wide], scale: impl Fn(usize) -> f64, cost: &Wide) -> bool
             *sum += t * scale;
         }
     }
-    // x − x is zero, or no number.
-    sum.map(|x| x - x) == [0.0; LANES]
+    (0..LANES / 2).map(|k| sum[k] + sum[k + LANES / 2]).sum::<f64>().is_finite()
 }
 
 /// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as
