@@ -96,9 +96,10 @@ impl Implicit {
             }
             system.slopes(at.interval, at.t, &moved, &mut slopes);
             for k in (j..self.size).step_by(n) {
-                let (one, by) = (k / n, moved[k] - x[k]);
-                for i in one * n..(one + 1) * n {
-                    self.jacobian[i * n + j] = (slopes[i] - self.first[i]) / by;
+                let (own, by) = (k / n * n..(k / n + 1) * n, moved[k] - x[k]);
+                let rows = self.jacobian[own.start * n..own.end * n].chunks_exact_mut(n);
+                for ((row, slope), first) in rows.zip(&slopes[own.clone()]).zip(&self.first[own]) {
+                    row[j] = (slope - first) / by;
                 }
                 moved[k] = x[k];
             }

@@ -54,7 +54,7 @@ impl<'a> System<'a> {
                 problem.tape.inputs()
             )));
         }
-        let wrong = |past: &&Past| past.state >= states || !(past.delay >= 0.0);
+        let wrong = |past: &&Past| past.state >= states || past.delay.is_nan() || past.delay < 0.0;
         if let Some(Past { state, delay }) = problem.pasts.iter().find(wrong) {
             return Err(Error::Spec(format!(
                 "integrating: state {state} of {states} is wanted {delay} s earlier; a delay is at least 0"
