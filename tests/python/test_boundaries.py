@@ -41,7 +41,7 @@ IN_CIRCLES = 0
 
 LONGEST = 500
 # Files that hold one concept and are longer.
-LONG = frozenset({"rivals"})
+LONG = frozenset({"inference.order", "results.drawing"})
 
 
 def name_of(path: Path) -> str:
