@@ -12,7 +12,8 @@ from ..inference.comparison import comparison, cross_validation
 from ..inference.order import order
 from ..records.record import Record
 from ..reduction.reduction import Reduction
-from ..results.drawing import bode, correlation, harmonics, poles, residual_tests, residuals, response
+from ..results.drawing import bode, correlation, poles, response
+from ..results.drawing_lines import harmonics, residual_tests, residuals
 from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
 from ..streams.track import Track

@@ -20,7 +20,7 @@ from ..errors import SpecError
 from ..files.writing import write_text
 from ..pages.page import check_place, save
 from ..records.record import Record
-from . import check, derived, drawing, scores
+from . import check, derived, drawing, drawing_lines, scores
 from .estimates import Estimates
 from .page import page_of
 from .page_records import Content, of_records
@@ -322,15 +322,15 @@ class Fit(Estimates):
 
     def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
-        return drawing.residuals(self, ax=ax, output=output)
+        return drawing_lines.residuals(self, ax=ax, output=output)
 
     def plot_residual_tests(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Cumulated power and normal quantiles of the residual lines; see `modfun.plot.residual_tests`."""
-        return drawing.residual_tests(self, ax=ax, output=output)
+        return drawing_lines.residual_tests(self, ax=ax, output=output)
 
     def plot_harmonics(self, rec: Record | int | None = None, *, hz: bool = False, ax: Any = None) -> Any:
         """Spectrum with the used harmonics shaded and the noise level; see `modfun.plot.harmonics`."""
-        return drawing.harmonics(self, rec, ax=ax, hz=hz)
+        return drawing_lines.harmonics(self, rec, ax=ax, hz=hz)
 
     def plot_correlation(self, *, ax: Any = None) -> Any:
         """Correlations of the estimates as a matrix; see `modfun.plot.correlation`."""

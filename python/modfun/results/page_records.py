@@ -16,7 +16,7 @@ from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, pla
 from ..pages.provenance import hashes, hashes_of_gains
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
-from . import drawing
+from . import drawing, drawing_lines
 from . import page_words as words
 from .check import UNLIKELY
 from .estimates import Estimates
@@ -169,7 +169,7 @@ def _spectra(fit: Estimates) -> Iterable[Block]:
     rows = len(fit.outputs) + len(fit.inputs)
     for _, rec, of in _drawn(records):
         yield Figure(
-            drawn(partial(drawing.harmonics, fit, rec), rows, height=1.5, sharex=True),
+            drawn(partial(drawing_lines.harmonics, fit, rec), rows, height=1.5, sharex=True),
             f"Amplitude spectra of all channels{of}, from {low:.4g} to {high:.4g} rad/s shaded.",
             f"Amplitude spectra{of} (Hann window). Shaded: the harmonics that were fitted. Dashed and "
             "dotted: where white noise of the fit's level, and of that of the unused high band, would stand.",
@@ -194,13 +194,13 @@ def _responses(fit: Estimates) -> Iterable[Block]:
 def _residuals(fit: Estimates) -> Iterable[Block]:
     rows = len(fit.row_names)
     yield Figure(
-        drawn(partial(drawing.residuals, fit), 2 * rows, height=2.0),
+        drawn(partial(drawing_lines.residuals, fit), 2 * rows, height=2.0),
         "Whitened residuals over the harmonics, and their autocorrelation, each with 95 % lines.",
         "Whitened residual lines (variance one where the model and its noise are right) and their "
         "autocorrelation; one point in twenty lies beyond the dashed lines.",
     )
     yield Figure(
-        drawn(partial(drawing.residual_tests, fit), rows, columns=2, height=2.6),
+        drawn(partial(drawing_lines.residual_tests, fit), rows, columns=2, height=2.6),
         "Cumulated power of the residual lines over the band, and their normal quantiles.",
         "Left: cumulated power of the lines, straight where their level is one over the band, with the 95 % "
         "band of the test. Right: their values against normal quantiles; the grey band holds each with 95 %.",
