@@ -1,7 +1,7 @@
 //! Noise to covariance of the lines: one number a line for linear models, the weight of that line.
 //!
 //! White noise on the output makes line m of the equation error independent of the others, with
-//! variance h_m S_m, S_m = σ²|A(iω)|²/N (docs/architecture.md, "Weights").
+//! variance h_m S_m, S_m = σ²|A(iω)|²/N (docs/core.md, "Weights").
 
 use crate::simd::{Lanes, Wide};
 

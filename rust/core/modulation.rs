@@ -1,6 +1,6 @@
 //! From Fourier coefficients to equations: the columns on the lines, the transient polynomial, Δⁿ.
 //!
-//! On line m the equation error is Σ_j g_j (iω)^{k_j} V_j(m) − T(iω), ω = mω₀ (docs/architecture.md). Frequencies are
+//! On line m the equation error is Σ_j g_j (iω)^{k_j} V_j(m) − T(iω), ω = mω₀ (docs/core.md). Frequencies are
 //! divided by the upper band edge, so x = ω/ω_B runs over 0..1 and all powers stay of order one.
 
 use crate::structure::{Structure, Trend};

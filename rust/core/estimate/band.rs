@@ -14,7 +14,7 @@ pub(crate) type Range = (usize, usize);
 /// Which lines are used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Band {
-    /// By the default rule (docs/architecture.md, "Default band").
+    /// By the default rule (docs/core.md, "Default band").
     Default,
     /// From and to, in rad/s.
     Edges(f64, f64),

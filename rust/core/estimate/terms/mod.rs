@@ -7,7 +7,7 @@
 //!
 //! Signals V are formulas of noisy channels, coefficients g formulas of parameters; several equations may share both.
 //! Noise enters through the sensitivities of the signals, so that the lines of an equation, and of different
-//! equations, are correlated (docs/architecture.md, "Terms"). `ls` takes differenced rows without weights, `wls` C = 1,
+//! equations, are correlated (docs/core.md, "Terms"). `ls` takes differenced rows without weights, `wls` C = 1,
 //! `awls` C of the last estimate, `ml` follows the gradient through C.
 
 mod batch;

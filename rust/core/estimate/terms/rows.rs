@@ -2,7 +2,7 @@
 //!
 //! A row is Re or Im of an equation on a line. With λ = C⁻¹r the noise that best explains the residual r is
 //! v̂ = ΣLᵀλ; J is made of the signals without it, E − (∂E/∂v)v̂, which makes Jᵀ C⁻¹ r the exact gradient of
-//! ½ rᵀC(θ)⁻¹r (docs/architecture.md, "Terms").
+//! ½ rᵀC(θ)⁻¹r (docs/core.md, "Terms").
 
 mod denoised;
 
