@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import public
-from ..base.axes import drawing, label_axes, returned, take_axes
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
+from . import drawing
 
-__all__ = ["Comparison", "CrossValidation", "compare", "comparison", "cross_validate", "cross_validation"]
+__all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
 SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 
@@ -74,7 +74,8 @@ class Comparison(Table):
 
     def plot(self, *, ax: Any = None) -> Any:
         """Measured and simulated outputs; see `modfun.plot.comparison`."""
-        return comparison(self, ax=ax)
+        simulated = {name: fit.predict(self.record) for name, fit in self.fits.items()}
+        return drawing.comparison(self.record, simulated, self, ax)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Comparison, (self.fits, self.record)
@@ -133,7 +134,7 @@ class CrossValidation(Table):
 
     def plot(self, *, ax: Any = None) -> Any:
         """fit_percent of each record left out; see `modfun.plot.cross_validation`."""
-        return cross_validation(self, ax=ax)
+        return drawing.cross_validation(self, ax)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return CrossValidation, (self.to_dict(), self.title)
@@ -308,106 +309,3 @@ def _counted(given: Any) -> str:
         return "none" if given is None else str(given)
     apart = "; " if any(isinstance(one, tuple) for one in given) else ", "
     return apart.join(_counted(one) for one in given)
-
-
-# Plots -------------------------------------------------------------------------------------------
-
-
-@drawing
-def comparison(table: Comparison, ax: Any = None) -> Any:
-    """Draw the measured outputs of a record and what each fit simulates, with its fit in per cent.
-
-    Parameters
-    ----------
-    table : Comparison
-    ax : Axes or sequence of Axes, optional
-        One Axes an output, or a single one for all; new ones by default.
-
-    Returns
-    -------
-    Axes or ndarray of Axes
-        One Axes where there is one output or one was given, otherwise one an output.
-
-    See Also
-    --------
-    modfun.compare : Makes the table.
-
-    References
-    ----------
-    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
-
-    Examples
-    --------
-    >>> import modfun as mf
-    >>> system = mf.tf([5], [1, 3, 8])
-    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
-    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
-    >>> other = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
-    >>> table = mf.compare({"no zero": fit, "one zero": other}, rec)
-    >>> ax = mf.plot.comparison(table)
-    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
-    ('', 'time (s)', 'y')
-    """
-    rec = table.record
-    axes = take_axes(ax, len(rec.outputs), height=2.3)
-    percent = {(row["model"], row["output"]): row["fit_percent"] for row in table}
-    for here, name in zip(axes, rec.outputs, strict=True):
-        here.plot(rec.t, rec._shown(name), color="0.6", linewidth=2.0, label=f"{name} measured")
-    for model, fit in table.fits.items():
-        simulated = fit.predict(rec)
-        for here, name in zip(axes, rec.outputs, strict=True):
-            words = f"{model}: {percent[model, name]:.1f} %"
-            here.plot(rec.t, simulated[name], linewidth=1.0, label=words)
-    label_axes(axes, rec.outputs, rec.units, "time (s)")
-    for here in dict.fromkeys(axes):
-        here.legend(frameon=False, fontsize=8)
-    return returned(ax, axes)
-
-
-@drawing
-def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
-    """Draw how well each record left out is simulated, an estimator a line; below -100 % is left out.
-
-    Parameters
-    ----------
-    table : CrossValidation
-    ax : Axes or sequence of Axes, optional
-        One Axes an output, or a single one for all; new ones by default.
-
-    Returns
-    -------
-    Axes or ndarray of Axes
-
-    See Also
-    --------
-    modfun.cross_validate : Makes the table.
-
-    References
-    ----------
-    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
-
-    Examples
-    --------
-    >>> import modfun as mf
-    >>> system = mf.tf([5], [1, 3, 8])
-    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
-    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
-    >>> two = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=12)
-    >>> cv = mf.cross_validate(records, {"two": two})
-    >>> ax = mf.plot.cross_validation(cv)
-    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
-    ('', 'record left out', 'fit (%)')
-    """
-    outputs = list(dict.fromkeys(table["output"]))
-    axes = take_axes(ax, len(outputs), height=2.4)
-    for here, output in zip(axes, outputs, strict=True):
-        for model in dict.fromkeys(table["model"]):
-            rows = (table["model"] == model) & (table["output"] == output)
-            shown = np.where(table["fit_percent"][rows] < -100, np.nan, table["fit_percent"][rows])
-            here.plot(table["record"][rows], shown, "o-", linewidth=0.8, label=model)
-        here.set_xticks(np.unique(table["record"]))
-        here.set_ylabel(f"{output}: fit (%)" if len(outputs) > 1 else "fit (%)")
-        here.grid(True, alpha=0.3)
-    axes[0].legend(frameon=False, fontsize=8)
-    axes[-1].set_xlabel("record left out")
-    return returned(ax, axes)

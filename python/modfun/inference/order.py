@@ -14,7 +14,6 @@ from .._core import Fitter
 from ..base import html
 from ..base.arguments import public, whole
 from ..base.arrays import F64
-from ..base.axes import drawing, returned, take_axes
 from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_quietly, records_of
@@ -28,8 +27,9 @@ from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
+from . import drawing
 
-__all__ = ["OrderSelection", "order", "select_order"]
+__all__ = ["OrderSelection", "select_order"]
 
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
@@ -93,7 +93,8 @@ class OrderSelection:
 
     def plot(self, *, ax: Any = None) -> Any:
         """Residual level and criterion over the number of poles; see `modfun.plot.order`."""
-        return order(self, ax=ax)
+        chosen = self.fits.index(self.best)
+        return drawing.order(self.table, self.criterion, chosen, self.sigma, ax)
 
     def __repr__(self) -> str:
         return "\n".join([repr(self.table), "", *self.notes])
@@ -433,74 +434,3 @@ def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, 
     )
     tail = f", {lead}" if isfinite(ahead) else ""
     return f"Chosen: {structure!r}, {words} over {n} real equations{tail}."
-
-
-# Plot --------------------------------------------------------------------------------------------
-
-
-@drawing
-def order(selection: OrderSelection, ax: Any = None) -> Any:
-    """Draw residual level and criterion of the candidates over the number of poles.
-
-    Parameters
-    ----------
-    selection : OrderSelection
-    ax : Axes or sequence of two Axes, optional
-        A single Axes takes the criterion alone; new ones by default.
-
-    Returns
-    -------
-    Axes or ndarray of Axes
-        Above the residual level (logarithmic) with the noise level dashed, below the criterion over its
-        lowest value; a number at a point is that of its zeros, the chosen candidate is ringed.
-
-    See Also
-    --------
-    modfun.select_order : Makes the selection.
-
-    References
-    ----------
-    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
-
-    Examples
-    --------
-    >>> import modfun as mf
-    >>> system = mf.tf([5], [1, 3, 8])
-    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
-    >>> orders = mf.select_order(rec, poles=[1, 2, 3])
-    >>> ax = mf.plot.order(orders)
-    >>> [one.get_ylabel() for one in ax]
-    ['residual level', 'calibrated BIC over its lowest']
-    """
-    axes = take_axes(ax, 2, height=2.6)
-    upper, lower = axes
-    table = selection.table
-    poles, level = table["poles"], table["residual"]
-    score = table[selection.criterion] - np.nanmin(table[selection.criterion])
-    chosen = selection.fits.index(selection.best)
-    degrees = [
-        max((z for z in np.ravel(np.array(d, object)) if z is not None), default=0) for d in table["zeros"]
-    ]
-    place = poles + 0.13 * (np.array(degrees) - (poles - 1) / 2)  # side by side, by their zeros
-    for here, values in [(lower, score)] if lower is upper else [(upper, level), (lower, score)]:
-        here.plot(place, values, "o", color="C0", markersize=4)
-        here.plot(place[chosen], values[chosen], "o", color="C3", markersize=11, fillstyle="none")
-        for x, value, zeros in zip(place, values, table["zeros"], strict=True):
-            if np.isfinite(value):
-                words = "" if zeros is None else f"{zeros}"
-                here.annotate(words, (x, value), (0, 6), textcoords="offset points", ha="center", size=7)
-        here.set_xticks(np.unique(poles))
-        here.margins(x=0.1, y=0.15)
-        here.grid(True, alpha=0.3)
-    if lower is not upper:
-        upper.set_yscale("log")
-        upper.set_ylabel("residual level")
-        if np.isfinite(selection.sigma):
-            upper.axhline(selection.sigma, color="0.3", linestyle="--", linewidth=0.8, label="noise level")
-            upper.legend(frameon=False)
-    words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[selection.criterion]
-    lower.set_yscale("symlog", linthresh=10.0)
-    lower.set_ylim(bottom=-3.0)
-    lower.set_ylabel(f"{words} over its lowest")
-    lower.set_xlabel("poles (at each point: zeros)")
-    return returned(ax, axes)

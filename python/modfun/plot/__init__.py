@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..base.axes import drawing
-from ..inference.comparison import comparison, cross_validation
-from ..inference.order import order
+from ..inference.comparison import Comparison, CrossValidation
+from ..inference.order import OrderSelection
 from ..records.record import Record
 from ..reduction.reduction import Reduction
 from ..results.drawing import bode, correlation, poles, response
@@ -259,3 +259,115 @@ def reduction(red: Reduction, ax: Any = None, *, hz: bool = False) -> Any:
     ('', 'frequency (rad/s)', 'gain')
     """
     return red.plot(ax=ax, hz=hz)
+
+
+@drawing
+def comparison(table: Comparison, ax: Any = None) -> Any:
+    """Draw the measured outputs of a record and what each fit simulates, with its fit in per cent.
+
+    Parameters
+    ----------
+    table : Comparison
+    ax : Axes or sequence of Axes, optional
+        One Axes an output, or a single one for all; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        One Axes where there is one output or one was given, otherwise one an output.
+
+    See Also
+    --------
+    modfun.compare : Makes the table.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    >>> other = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
+    >>> table = mf.compare({"no zero": fit, "one zero": other}, rec)
+    >>> ax = mf.plot.comparison(table)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'time (s)', 'y')
+    """
+    return table.plot(ax=ax)
+
+
+@drawing
+def cross_validation(table: CrossValidation, ax: Any = None) -> Any:
+    """Draw how well each record left out is simulated, an estimator a line; below -100 % is left out.
+
+    Parameters
+    ----------
+    table : CrossValidation
+    ax : Axes or sequence of Axes, optional
+        One Axes an output, or a single one for all; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+
+    See Also
+    --------
+    modfun.cross_validate : Makes the table.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> chirp = mf.signals.chirp("u", band=(0.1, 0.8), dt=0.04, duration=10.0)
+    >>> records = [mf.simulate(system, input=chirp, nsr=0.1, seed=seed) for seed in range(3)]
+    >>> two = mf.Estimator(mf.TransferFunction(poles=2, zeros=0), harmonics=12)
+    >>> cv = mf.cross_validate(records, {"two": two})
+    >>> ax = mf.plot.cross_validation(cv)
+    >>> ax.get_title(), ax.get_xlabel(), ax.get_ylabel()
+    ('', 'record left out', 'fit (%)')
+    """
+    return table.plot(ax=ax)
+
+
+@drawing
+def order(selection: OrderSelection, ax: Any = None) -> Any:
+    """Draw residual level and criterion of the candidates over the number of poles.
+
+    Parameters
+    ----------
+    selection : OrderSelection
+    ax : Axes or sequence of two Axes, optional
+        A single Axes takes the criterion alone; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        Above the residual level (logarithmic) with the noise level dashed, below the criterion over its
+        lowest value; a number at a point is that of its zeros, the chosen candidate is ringed.
+
+    See Also
+    --------
+    modfun.select_order : Makes the selection.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> orders = mf.select_order(rec, poles=[1, 2, 3])
+    >>> ax = mf.plot.order(orders)
+    >>> [one.get_ylabel() for one in ax]
+    ['residual level', 'calibrated BIC over its lowest']
+    """
+    return selection.plot(ax=ax)
