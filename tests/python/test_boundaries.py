@@ -37,7 +37,7 @@ LEVEL = {room: k for k, rooms in enumerate(LEVELS) for room in rooms}
 
 LONGEST = 500
 # Files that hold one concept and are longer.
-LONG = frozenset({"inference.order"})
+LONG: frozenset[str] = frozenset()
 
 
 def name_of(path: Path) -> str:
