@@ -343,7 +343,7 @@ def test_a_disk_that_takes_nothing_more(copy: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_another_version_of_the_package_is_said(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modfun._core.__version__", "9.9")
+    monkeypatch.setattr("modfun.study.directory.__version__", "9.9")
     with pytest.warns(mf.ModfunWarning, match=r"begun with modfun .*, this is 9.9"):
         study().run(directory=copy, progress=False)
 
@@ -426,6 +426,6 @@ def test_the_hash_changes_with_what_changes_numbers_and_with_nothing_else(
     different.append(key(**base))
     monkeypatch.undo()
     small_parts(monkeypatch)
-    monkeypatch.setattr("modfun._core.STREAM_VERSION", 99)
+    monkeypatch.setattr("modfun.study.directory.STREAM_VERSION", 99)
     different.append(key(**base))
     assert len({equal[0], *different}) == 1 + len(different)
