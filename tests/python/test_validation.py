@@ -3,37 +3,39 @@
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.results import scores as v
+from modfun.results import line_tests, regression, scores
 
 
 def test_scores_of_a_known_error():
     y = 20.0 + np.array([1.0, -1.0, 1.0, -1.0])
     simulated = y + 0.1
-    assert v.signal_to_error(y, simulated) == pytest.approx(20.0)  # about the mean: 20 does not flatter
-    assert v.fit_percent(y, simulated) == pytest.approx(90.0)
-    assert v.r2(y, simulated) == pytest.approx(0.99)
-    assert v.theil(y, simulated) == pytest.approx(0.1 / (np.sqrt(401) + np.sqrt(np.mean(simulated**2))))
+    assert scores.signal_to_error(y, simulated) == pytest.approx(20.0)  # about the mean: 20 does not flatter
+    assert scores.fit_percent(y, simulated) == pytest.approx(90.0)
+    assert scores.r2(y, simulated) == pytest.approx(0.99)
+    assert scores.theil(y, simulated) == pytest.approx(0.1 / (np.sqrt(401) + np.sqrt(np.mean(simulated**2))))
 
 
 def test_scores_of_a_perfect_simulation_and_of_a_flat_output():
     y = np.sin(np.arange(50.0))
-    assert v.signal_to_error(y, y) == np.inf
-    assert v.fit_percent(y, y) == 100
+    assert scores.signal_to_error(y, y) == np.inf
+    assert scores.fit_percent(y, y) == 100
     flat = np.ones(50)
-    assert v.signal_to_error(flat, flat + 0.1) == -np.inf
-    assert np.isnan(v.signal_to_error(flat, flat))
+    assert scores.signal_to_error(flat, flat + 0.1) == -np.inf
+    assert np.isnan(scores.signal_to_error(flat, flat))
 
 
 def test_scores_survive_extreme_scales():
     y = np.sin(np.arange(50.0))
-    assert v.signal_to_error(1e200 * y, 1.1e200 * y) == pytest.approx(v.signal_to_error(y, 1.1 * y))
-    assert v.signal_to_error(1e-200 * y, 1.1e-200 * y) == pytest.approx(v.signal_to_error(y, 1.1 * y))
+    assert scores.signal_to_error(1e200 * y, 1.1e200 * y) == pytest.approx(scores.signal_to_error(y, 1.1 * y))
+    assert scores.signal_to_error(1e-200 * y, 1.1e-200 * y) == pytest.approx(
+        scores.signal_to_error(y, 1.1 * y)
+    )
 
 
 @pytest.mark.parametrize("other", [np.zeros(49), np.zeros((1, 50)), np.zeros(1)])
 def test_scores_refuse_series_that_do_not_pair(other):
     with pytest.raises(mf.DataError, match="equal length"):
-        v.signal_to_error(np.zeros(50) if other.size > 1 else np.zeros(1), other)
+        scores.signal_to_error(np.zeros(50) if other.size > 1 else np.zeros(1), other)
 
 
 @pytest.mark.parametrize("uneven", [False, True])
@@ -42,7 +44,7 @@ def test_free_response_solves_its_equation(uneven):
     if uneven:
         t = t + 0.01 * np.sin(9 * t)
         t -= t[0]
-    rows = v.free_response(np.array([1.0, 3.0, 8.0]), t)
+    rows = regression.free_response(np.array([1.0, 3.0, 8.0]), t)
     w = np.sqrt(8 - 2.25)
     decay = np.exp(-1.5 * t)
     np.testing.assert_allclose(rows[0], decay * (np.cos(w * t) + 1.5 / w * np.sin(w * t)), atol=1e-12)
@@ -51,10 +53,10 @@ def test_free_response_solves_its_equation(uneven):
 
 def test_free_response_of_integrators_and_of_fast_systems():
     t = np.linspace(0, 2, 41)
-    rows = v.free_response(np.array([1.0, 0.0, 0.0, 0.0]), t)
+    rows = regression.free_response(np.array([1.0, 0.0, 0.0, 0.0]), t)
     np.testing.assert_allclose(rows, [np.ones(41), t, t**2 / 2], atol=1e-12)
-    fast = v.free_response(np.array([1.0, 3e6, 8e12]), t * 1e-6)
-    slow = v.free_response(np.array([1.0, 3.0, 8.0]), t)
+    fast = regression.free_response(np.array([1.0, 3e6, 8e12]), t * 1e-6)
+    slow = regression.free_response(np.array([1.0, 3.0, 8.0]), t)
     np.testing.assert_allclose(fast * [[1], [1e6]], slow, rtol=1e-9, atol=1e-12)
 
 
@@ -62,15 +64,15 @@ def test_regression_has_the_textbook_covariance_and_survives_twins():
     rng = np.random.default_rng(0)
     x = rng.standard_normal((2, 200)) * [[1.0], [1e8]]
     y = np.array([2.0, -3e-8]) @ x + 0.1 * rng.standard_normal(200)
-    found = v.regress(y, x, np.ones_like(y))
+    found = regression.regress(y, x, np.ones_like(y))
     exact, rest = np.linalg.lstsq(x.T, y, rcond=None)[:2]
     np.testing.assert_allclose(found.coefficients, exact, rtol=1e-10)
     np.testing.assert_allclose(found.covariance, rest / 198 * np.linalg.inv(x @ x.T), rtol=1e-8)
-    twins = v.regress(y, np.vstack([x[0], x[0]]), np.ones_like(y))
+    twins = regression.regress(y, np.vstack([x[0], x[0]]), np.ones_like(y))
     np.testing.assert_allclose(twins.coefficients[0], twins.coefficients[1])
-    np.testing.assert_allclose(twins.fitted, v.regress(y, x[:1], np.ones_like(y)).fitted, atol=1e-10)
+    np.testing.assert_allclose(twins.fitted, regression.regress(y, x[:1], np.ones_like(y)).fitted, atol=1e-10)
     with pytest.raises(mf.DataError, match="window"):
-        v.regress(y, np.full((1, 200), np.inf), np.ones_like(y))
+        regression.regress(y, np.full((1, 200), np.inf), np.ones_like(y))
 
 
 def lines(seed, count=400):
@@ -79,7 +81,10 @@ def lines(seed, count=400):
 
 
 def test_white_lines_pass_at_the_stated_rate():
-    tests = [(v.correlation_of_lines([lines(s)])[0], v.colour_of_lines([lines(s)])[0]) for s in range(300)]
+    tests = [
+        (line_tests.correlation_of_lines([lines(s)])[0], line_tests.colour_of_lines([lines(s)])[0])
+        for s in range(300)
+    ]
     for k in (0, 1):
         rejected = np.mean([pair[k].p_value < 0.05 for pair in tests])
         assert 0.01 < rejected < 0.10  # 0.05 and 4 standard errors of 300 trials
@@ -87,22 +92,22 @@ def test_white_lines_pass_at_the_stated_rate():
 
 def test_neighbours_and_levels_are_found():
     e = lines(1)
-    near, r = v.correlation_of_lines([e + 0.5 * np.roll(e, 1)])
+    near, r = line_tests.correlation_of_lines([e + 0.5 * np.roll(e, 1)])
     assert near.p_value < 1e-6
     assert r[0] == pytest.approx(0.4, abs=0.1)
-    tilted, ratio = v.colour_of_lines([e * np.linspace(2, 0.5, e.size)])
+    tilted, ratio = line_tests.colour_of_lines([e * np.linspace(2, 0.5, e.size)])
     assert tilted.p_value < 1e-6
     assert ratio == pytest.approx(1.9, abs=0.3)
-    assert v.correlation_of_lines([e * np.linspace(2, 0.5, e.size)])[0].p_value > 1e-3
+    assert line_tests.correlation_of_lines([e * np.linspace(2, 0.5, e.size)])[0].p_value > 1e-3
 
 
 def test_records_are_not_joined_across_their_ends():
     e = lines(2, 40)
-    both = v.correlation_of_lines([e, e])[1]
-    alone = v.correlation_of_lines([e])[1]
+    both = line_tests.correlation_of_lines([e, e])[1]
+    alone = line_tests.correlation_of_lines([e])[1]
     np.testing.assert_allclose(both, alone)
 
 
 def test_few_lines_have_no_verdict():
-    assert np.isnan(v.correlation_of_lines([lines(0, 3)])[0].p_value)
-    assert np.isnan(v.colour_of_lines([lines(0, 3)])[0].p_value)
+    assert np.isnan(line_tests.correlation_of_lines([lines(0, 3)])[0].p_value)
+    assert np.isnan(line_tests.colour_of_lines([lines(0, 3)])[0].p_value)
