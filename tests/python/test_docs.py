@@ -215,7 +215,9 @@ def test_public_names_mentioned_exist(page):
         for root, dotted in re.findall(r"(?<![\w./])(mf|fit|rec)\.([a-zA-Z][\w.]*)", text):
             value = kinds[root]
             for name in dotted.rstrip(".").split("."):
-                known = hasattr(value, name) or name in getattr(value, "__annotations__", {})
+                bases = getattr(value, "__mro__", ())
+                told = any(name in vars(base).get("__annotations__", {}) for base in bases)
+                known = hasattr(value, name) or told
                 assert known, f"{page.name}: {root}.{dotted}"
                 value = getattr(value, name, None)
                 if isinstance(value, property):  # what it returns, where that is a class of ours

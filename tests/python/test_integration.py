@@ -7,6 +7,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from modfun import _core
+from modfun.signals.sources import evaluate
 from oracle import integration as oracle
 from scipy.integrate import DOP853, LSODA, cumulative_trapezoid
 from scipy.interpolate import CubicSpline
@@ -105,7 +106,7 @@ def test_inputs_that_jump_and_bend_anywhere_are_met(u, heights):
     """∫u by the trapezoidal rule on a grid so fine that half a step times the jumps is its error."""
     t = np.arange(0.0, 5.2, 0.25)
     fine = np.linspace(0.0, t[-1], 2_000_001)
-    total = cumulative_trapezoid(mf.expressions.evaluate(u, fine), fine, initial=0.0)
+    total = cumulative_trapezoid(evaluate(u, fine), fine, initial=0.0)
     y = model("y' = u").simulate(u=u, t=t)
     assert np.abs(y - np.interp(t, fine, total)).max() < 1.3e-6 * heights
 

@@ -426,6 +426,6 @@ def test_the_hash_changes_with_what_changes_numbers_and_with_nothing_else(
     different.append(key(**base))
     monkeypatch.undo()
     small_parts(monkeypatch)
-    monkeypatch.setattr("modfun.study.directory.STREAM_VERSION", 99)
+    monkeypatch.setattr("modfun.study.work.STREAM_VERSION", 99)
     different.append(key(**base))
     assert len({equal[0], *different}) == 1 + len(different)
