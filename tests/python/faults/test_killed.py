@@ -99,7 +99,7 @@ def test_fifty_moments_of_a_run(forks: Forks, tmp_path: Path) -> None:
     assert not forks.killed("never", 0, REPLICATES, tmp_path / "whole")
     span = time.monotonic() - start
     rng, kills, place, seen = random.Random(0), 0, tmp_path / "0", set()
-    while kills < 50 or place.exists():
+    while kills < 50 or place.exists() or (len(seen) <= 5 and kills < 300):  # busy machines kill early
         if forks.killed("after", rng.uniform(0, span), REPLICATES, place):
             kills += 1
             if (place / "manifest.json").exists():
