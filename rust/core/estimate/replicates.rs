@@ -44,9 +44,9 @@ pub fn estimate(
     uncertainty::finish(isa, d, w, live, o.wanted);
     let asked = o.wanted == Wanted::Covariance;
     let status = status(d, w, asked);
-    let lost = status.map(|s| matches!(s, Status::Rank | Status::NonFinite));
-    if lost != [false; LANES] {
-        (0..LANES).filter(|k| lost[*k]).for_each(|k| w.forget_covariance(k));
+    if asked {
+        let lost = |k: &usize| matches!(status[*k], Status::Rank | Status::NonFinite);
+        (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }
