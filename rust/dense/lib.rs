@@ -81,7 +81,7 @@ mod tests {
                     let wanted: Vec<f64> = (0..n).map(|k| value(k + 7 * right)).collect();
                     let mut x = wanted.clone();
                     lu.solve(&mut x);
-                    for (row, wanted) in matrix.chunks_exact(n).zip(&wanted) {
+                    for (row, wanted) in matrix.chunks_exact(n.max(1)).zip(&wanted) {
                         let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
                         assert!((sum - wanted).abs() < 1e-10, "{n}: {sum} {wanted}");
                     }
