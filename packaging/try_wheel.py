@@ -19,11 +19,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PLACE = ROOT / "target" / "wheels-tried"
 # Each layer once: import, files, fits, equations, studies, figures, the shell, the first page.
 PART = [
-    "test_imports.py", "test_binary.py", "test_io.py", "test_frames.py", "test_labelled.py", "test_fit.py",
-    "test_fit_many.py", "test_structures.py", "test_interop.py", "test_equations_parser.py",
-    "test_nonlinear.py", "test_studies.py", "test_plots_fit.py", "test_cli.py",
+    "test_imports.py", "core/test_binary.py", "records/test_reading.py", "study/test_frames.py",
+    "records/test_labelled.py", "fitting/test_fit.py", "fitting/test_fit_many.py",
+    "models/test_transfer_function.py", "systems/test_interop.py", "equations/test_equations_parser.py",
+    "equations/test_nonlinear.py", "study/test_studies.py", "results/test_plots_fit.py",
+    "commands/test_cli.py",
 ]  # fmt: skip
-FIRST_PAGE = ["tests/python/test_docs.py", "-k", "README and python_blocks"]
+FIRST_PAGE = ["tests/python/docs/test_docs.py", "-k", "README and python_blocks"]
 TOOLS = ["pytest>=8.3", "pytest-xdist>=3.6"]
 # Needs of the oldest extras that must be as old as these to work with them: pyparsing and click warn of what
 # matplotlib 3.8 and typer 0.18 call, and a warning fails a test.

@@ -39,7 +39,7 @@ def rao_garnier(scale: float) -> Iterator[Row]:
     gap = max(abs(own[k] / given[name] - 1) for k, name in enumerate(problem.names))
     yield (
         "Rao–Garnier, `mf.crlb` and the stored bound", "derivatives by differences", f"equal to {100 * gap:.1f} %",
-        "ours: to 2e-8 those of fourth-order differences", "`tests/python/test_bounds.py`", gap < 5e-3,
+        "ours: to 2e-8 those of fourth-order differences", "`tests/python/experiments/test_bounds.py`", gap < 5e-3,
     )  # fmt: skip
 
 

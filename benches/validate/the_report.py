@@ -50,7 +50,7 @@ NOT = (
     ("4.9, two inputs, two outputs", "an example in [22], no number; ours in [response.md](response.md), and under Benchmarks"),
     ("4.10, orders", "no number; the rate of true orders found is in [order.md](order.md) (`python benches/order.py`)"),
     ("4.10, definition of \"degree of collinearity\"", "in [11]; taken: the share of a regressor that the others explain"),
-    ("4.10, time lag", "no number; that z' = Az + Bu holds exactly is `tests/python/test_timelag.py::test_z_obeys_its_equation_along_the_delay_equation`, more in [timelag.md](timelag.md)"),
+    ("4.10, time lag", "no number; that z' = Az + Bu holds exactly is `tests/python/timelag/test_timelag.py::test_z_obeys_its_equation_along_the_delay_equation`, more in [timelag.md](timelag.md)"),
 )  # fmt: skip
 
 

@@ -11,8 +11,9 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from places import ROOT, TESTS
 
-PACKAGE = Path(__file__).parents[2] / "python/modfun"
+PACKAGE = ROOT / "python/modfun"
 
 # A room may import rooms above it in this list, never one of its own line or below.
 LEVELS: tuple[tuple[str, ...], ...] = (
@@ -136,6 +137,15 @@ def test_the_page_shows_the_same_table() -> None:
             there = {path.stem for path in (PACKAGE / here).glob("*.py")} - {"__init__"}
             missing = there - set(re.findall(r"`(\w+)`", files))
             assert not missing, f"{here}: {sorted(missing)} not on the page"
+
+
+def test_every_test_stands_in_a_room() -> None:
+    other = {".", "contract", "core", "golden", "oracle", "faults", "data", "docs", "benches", "packaging"}
+    folders = {path.parent.relative_to(TESTS).as_posix() for path in TESTS.rglob("test_*.py")}
+    rooms = {room for room in LEVEL if (PACKAGE / room).is_dir()}
+    assert folders - other <= rooms
+    assert other <= folders
+    assert rooms - folders == {"plot"}  # which gathers names that have their tests elsewhere
 
 
 def test_imports_run_down() -> None:

@@ -103,7 +103,7 @@ def test_names_load_from_where_type_checkers_see_them():
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert typed == modfun._PLACES
+    assert typed == modfun._PLACES | {name: f".{name}" for name in modfun._MODULES}
     for name, place in typed.items():
         loaded = import_module(place, "modfun")
         assert getattr(modfun, name) is (loaded if place == f".{name}" else getattr(loaded, name))

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import modfun as mf
 from modfun import _core
-
-ROOT = Path(__file__).parents[2]
+from places import ROOT
 
 
 def test_the_package_says_that_it_is_typed():

@@ -6,12 +6,11 @@ import io
 import re
 import sys
 import warnings
-from pathlib import Path
 
 import modfun as mf
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).resolve().parents[3]
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 

@@ -5,9 +5,7 @@ the repository.
 """
 
 import json
-import os
 import warnings
-from pathlib import Path
 
 import modfun as mf
 import numpy as np
@@ -15,17 +13,7 @@ import pytest
 
 pytest.importorskip("typer")
 from modfun.commands.main import main
-
-REPOSITORY = Path(__file__).resolve().parents[3]
-
-
-def file(name):
-    """Path of a record, or a skip that says why."""
-    named = os.environ.get("MODFUN_DATA")
-    path = (Path(named) if named else REPOSITORY.parent / "shared" / "data") / name
-    if not path.is_file():
-        pytest.skip(f"record {name} is not there: set MODFUN_DATA to the folder of the records")
-    return path
+from places import measured
 
 
 @pytest.fixture
@@ -50,8 +38,8 @@ def test_twin_otter_predicts_another_manoeuvre(command):
     A published transfer function reaches R2 = .992 on run 018 and predicts 019 with .999.
     """
     path, other = (
-        file("twinotter_lon_018/twinotter_lon_018.csv"),
-        file("twinotter_lon_019/twinotter_lon_019.csv"),
+        measured("twinotter_lon_018/twinotter_lon_018.csv"),
+        measured("twinotter_lon_019/twinotter_lon_019.csv"),
     )
     fit, _ = command(path, "q_dps", ["el_deg"], "--poles", "2", "--zeros", "1")
     first = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["el_deg"])
@@ -76,8 +64,8 @@ def test_twin_otter_predicts_another_manoeuvre(command):
 
 def test_twin_otter_runs_as_one_problem():
     path, other = (
-        file("twinotter_lon_018/twinotter_lon_018.csv"),
-        file("twinotter_lon_019/twinotter_lon_019.csv"),
+        measured("twinotter_lon_018/twinotter_lon_018.csv"),
+        measured("twinotter_lon_019/twinotter_lon_019.csv"),
     )
     read = [mf.read(p, time="t_s", outputs=["q_dps"], inputs=["el_deg"]) for p in (path, other)]
     with pytest.warns(mf.ModfunWarning, match="standard errors differ"):
@@ -94,7 +82,7 @@ def test_tu144_needs_its_delay(command):
     Right because cost and simulation are best at one delay inside the range tried, and because the
     score test finds the missing part of the delay from a fit that has too little.
     """
-    path = file("tu144_lon_4d/tu144_f20_4d.csv")
+    path = measured("tu144_lon_4d/tu144_f20_4d.csv")
     found = {}
     for delay in ("0.2", "0.28", "0.36"):
         found[delay], _ = command(
@@ -118,7 +106,7 @@ def test_f18_high_alpha(command):
     Right because it does not depend on the band (4 to 10 rad/s), and its errors say what is not known:
     the classical ones, eight times smaller, would exclude estimates of the other bands' size.
     """
-    path = file("f18harv_lon_153b/f18harv_153b.csv")
+    path = measured("f18harv_lon_153b/f18harv_153b.csv")
     fit, said = command(path, "q_dps", ["stab_deg"], "--poles", "2", "--zeros", "1")
     rec = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["stab_deg"])
     assert fit.lines == ((1, 11),)
@@ -134,7 +122,7 @@ def test_f18_high_alpha(command):
 
 def test_supersonic_transport_finds_the_truth(tmp_path, command):
     """Simulated, truth (0.4 s + 0.1) exp(-0.2 s)/(s^2 + 0.9 s + 2), input straight between samples."""
-    path = file("sst_pitch_tf_delay/sst_pitch.csv")
+    path = measured("sst_pitch_tf_delay/sst_pitch.csv")
     words = ["--poles", "2", "--zeros", "1", "--delay", "0.2", "--intersample", "foh"]
     truth = np.array([0.9, 2.0, 0.4, 0.1])
     clean, _ = command(path, "ytrue_q_dps", ["u_stick_cm"], *words)
@@ -167,7 +155,7 @@ def test_supersonic_transport_finds_the_truth(tmp_path, command):
 
 def test_supersonic_transport_measured_column_has_coloured_noise():
     """Column z: noise with a lag-1 correlation of .93, which the classical errors do not survive."""
-    path = file("sst_pitch_tf_delay/sst_pitch.csv")
+    path = measured("sst_pitch_tf_delay/sst_pitch.csv")
     rec = mf.read(path, time="t_s", outputs=["z_q_dps"], inputs=["u_stick_cm"], intersample="foh")
     fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, delay=0.2), band=6.0)
     assert "classical standard errors do not hold" in fit.check()
@@ -179,7 +167,7 @@ def test_hair_dryer_has_a_delay_and_two_minima(command):
     Ljung's discrete models find about three samples from input to output, one of which is the hold: .16
     to .24 s. Right because the best of the delays 0, .08, ... lies there.
     """
-    path = file("daisy_hairdryer/hairdryer.csv")
+    path = measured("daisy_hairdryer/hairdryer.csv")
     two = ["--poles", "2", "--zeros", "0", "--intersample", "zoh"]
     delays = ("0", "0.08", "0.16", "0.24")
     found = [command(path, "y_temp", ["u_heating"], *two, "--delay", delay)[0] for delay in delays]
@@ -207,7 +195,7 @@ def test_twinotter_lateral_outputs_share_their_poles():
     Right because a lightly damped Dutch roll of about 2 rad/s, a roll mode of
     some tenths of a second and a slow spiral come out, and every channel is simulated to over 30 dB.
     """
-    path = file("twinotter_lat_f1_017/twinotter_lat_f1_017.csv")
+    path = measured("twinotter_lat_f1_017/twinotter_lat_f1_017.csv")
     outputs = ["beta_deg", "p_dps", "r_dps"]
     rec = mf.read(path, time="t_s", outputs=outputs, inputs=["ail_deg", "rdr_deg"])
     with warnings.catch_warnings():
@@ -224,7 +212,7 @@ def test_twinotter_lateral_outputs_share_their_poles():
 
 def test_tu144_delay_is_estimated():
     """The delay of the low-order equivalent system, .28 s by hand, estimated with its error."""
-    path = file("tu144_lon_4d/tu144_f20_4d.csv")
+    path = measured("tu144_lon_4d/tu144_f20_4d.csv")
     rec = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["lonstk_in"])
     late = mf.TransferFunction(poles=2, zeros=1, delay=mf.Free(max=0.6))
     with warnings.catch_warnings():

@@ -1,13 +1,12 @@
 """Public calls with spoilt arguments end in finite numbers or in a ModfunError: fuzz/python/boundary.py."""
 
 import signal
-from pathlib import Path
 
 import modfun as mf
 import numpy as np
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).parents[3]
 REC = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t)", duration=10.0, intervals=64, nsr=0.1, seed=0)
 TF2 = mf.TransferFunction(poles=2, zeros=0)
 T = 0.1 * np.arange(65)

@@ -11,6 +11,7 @@ from pathlib import Path
 import modfun as mf
 import pytest
 from modfun.study import shards
+from places import TESTS
 from study_cases import quick_study, same, small_parts
 
 pytest.importorskip("distributed")
@@ -58,7 +59,7 @@ LOST = """
 
 def test_the_scheduler_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small_parts(monkeypatch)
-    tests = str(Path(__file__).parents[1])
+    tests = str(TESTS)
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(LOST), str(tmp_path)],
         env={**os.environ, "PYTHONPATH": tests},

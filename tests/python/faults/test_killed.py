@@ -15,6 +15,7 @@ from typing import Any
 import modfun as mf
 import pytest
 from modfun.study import shards
+from places import TESTS
 from study_cases import quick_study, same, small_parts
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked, to be quick")
@@ -67,7 +68,7 @@ class Forks:
     def __init__(self) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-c", textwrap.dedent(FORKS)],
-            cwd=Path(__file__).parents[1],
+            cwd=TESTS,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

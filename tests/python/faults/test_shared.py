@@ -11,6 +11,7 @@ from pathlib import Path
 import modfun as mf
 import pytest
 from modfun.study import shards
+from places import TESTS
 from study_cases import quick_study, same, small_parts
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked, to be quick")
@@ -44,7 +45,7 @@ def test_three_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small_parts(monkeypatch)
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(TOGETHER), str(tmp_path)],
-        cwd=Path(__file__).parents[1],
+        cwd=TESTS,
         capture_output=True,
         text=True,
         timeout=300,

@@ -18,8 +18,8 @@ import pytest
 from modfun.language.evaluate import function_of
 from modfun.signals.sources import evaluate
 from modfun.study import toml_file
+from places import ROOT
 
-ROOT = Path(__file__).parents[3]
 FUZZ = ROOT / "fuzz" / "python"
 
 pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")

@@ -9,12 +9,12 @@ import textwrap
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import modfun as mf
 import numpy as np
 import pytest
+from places import TESTS
 from study_cases import FIGURES, small_parts, study
 
 TF2 = mf.TransferFunction(poles=2, zeros=0)
@@ -114,7 +114,7 @@ FORKED = """
 def test_forks_while_another_thread_computes() -> None:
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(FORKED)],
-        cwd=Path(__file__).parents[1],
+        cwd=TESTS,
         capture_output=True,
         text=True,
         timeout=400,

@@ -4,11 +4,9 @@ import importlib.util
 import shutil
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[3]
+from places import ROOT
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,11 @@
 """Workflows and hooks are well formed, ask for no more rights than they need, and call what is there."""
 
 import re
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 yaml = pytest.importorskip("yaml")
-ROOT = Path(__file__).parents[3]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
 

@@ -1,0 +1,49 @@
+"""The examples on measured nonlinear systems: parameters and simulation errors near those of the page."""
+
+import sys
+
+import numpy as np
+import pytest
+from places import ROOT, measured
+
+pytest.importorskip("sympy")
+pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
+
+
+def run(monkeypatch, name, folder):
+    """The example's fit as {name: (value, standard error)}, and its simulation error."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    fit, rms = __import__(name).main(measured(folder).parent)
+    assert fit.success
+    return dict(zip(fit.param_names, zip(fit.params, fit.bse, strict=True), strict=True)), rms
+
+
+def test_silverbox(monkeypatch, capsys):
+    """Windows elsewhere in the record gave m, d, k1 within a per cent, k3 within 2 %."""
+    found, rms = run(monkeypatch, "silverbox", "silverbox_multisine")
+    expected = {"m": 5.37e-6, "d": 2.255e-4, "k1": 0.990, "k3": 3.93}
+    for name, value in expected.items():
+        assert found[name][0] == pytest.approx(value, rel=0.02)
+        assert found[name][1] < 0.02 * value
+    assert rms < 0.6e-3
+    assert "of 54.8 mV" in capsys.readouterr().out
+
+
+def test_emps(monkeypatch):
+    """The reference's least squares on filtered signals: within 3 standard errors and 2 %."""
+    found, rms = run(monkeypatch, "emps", "emps_est")
+    for name, value in {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935}.items():
+        assert found[name][0] == pytest.approx(value, rel=0.02)
+        assert abs(found[name][0] - value) < 3 * found[name][1]
+    assert found["OF"][0] == pytest.approx(-3.1648, rel=0.05)
+    assert rms < 0.012
+
+
+def test_tanks(monkeypatch):
+    """Output error on the same samples, with outlets of their own, finds k = .0394."""
+    found, rms = run(monkeypatch, "tanks", "cascaded_tanks_est")
+    assert found["k"][0] == pytest.approx(0.0394, abs=0.004)
+    assert found["k4"][0] == pytest.approx(0.0302, abs=0.004)
+    assert np.isfinite(rms)
+    assert rms < 1.5

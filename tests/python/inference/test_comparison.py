@@ -1,0 +1,105 @@
+"""Models beside each other: scores, records left out, names, refusals, plots."""
+
+import pickle
+import warnings
+
+import modfun as mf
+import numpy as np
+import pytest
+
+TF1, TF2 = mf.TransferFunction(poles=1, zeros=0), mf.TransferFunction(poles=2, zeros=0)
+
+
+def record(seed, nsr=0.1):
+    plant = mf.tf([5], [1, 3, 8])
+    return mf.simulate(plant, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=nsr, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the first order does not suit
+        rec = record(0)
+        return [mf.fit(rec, structure) for structure in (TF1, TF2)]
+
+
+def test_a_comparison_holds_the_scores_of_each_fit(fits):
+    table = mf.compare({"one": fits[0], "two": fits[1]}, record(1))
+    assert table["model"].tolist() == ["one", "two"]
+    assert table["parameters"].tolist() == [2, 3]
+    for k, fit in enumerate(fits):
+        (row,) = fit.score(record(1)).rows
+        assert {name: table[name][k] for name in row} == row
+    assert table["fit_percent"][1] > table["fit_percent"][0]
+    assert pickle.loads(pickle.dumps(table)) == table
+    assert "<table>" in table._repr_html_()
+
+
+def test_without_a_record_the_common_one_is_taken(fits):
+    assert mf.compare(fits) == mf.compare(fits, fits[0].records[0])
+    other = mf.fit(record(1), TF2)
+    with pytest.raises(mf.DataError, match="do not share"):
+        mf.compare([fits[1], other])
+    with pytest.raises(mf.DataError, match="do not share"):
+        mf.compare([fits[1].without_samples()])
+
+
+def test_a_list_is_named_by_poles_and_zeros(fits):
+    table = mf.compare([*fits, fits[1]], record(1))
+    assert table["model"].tolist() == ["1 pole, 0 zeros", "2 poles, 0 zeros", "2 poles, 0 zeros (2)"]
+
+
+def test_each_record_is_left_out_once():
+    records = [record(seed) for seed in range(3)]
+    table = mf.cross_validate(records, {"one": TF1, "two": mf.Estimator(TF2, band=10.0)})
+    assert table["record"].tolist() == [0, 1, 2] * 2
+    fit = mf.fit([records[0], records[2]], TF2, band=10.0)
+    assert table["r2"][4] == fit.score(records[1])["r2"][0]
+    short = table.summary()
+    assert short["fit_percent"][1] == np.median(table["fit_percent"][3:])
+    assert short["worst_fit_percent"][0] == table["fit_percent"][:3].min()
+    assert pickle.loads(pickle.dumps(table)) == table
+
+
+def test_what_cannot_be_scored_is_nan_and_says_why():
+    t = np.linspace(0, 10, 201)
+    moving = mf.simulate(mf.tf([1], [1, -2]), input="sin(t)", duration=4.0, intervals=100)
+    long = mf.Record(y=np.sin(t), u=np.sin(t), dt=8.0)
+    table = mf.cross_validate([moving, long], [TF1])
+    assert table["status"][1] == "overflow"
+    assert np.isnan(table["fit_percent"][1])
+    assert table.summary()["worst_fit_percent"][0] == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: mf.compare({}), "nothing"),
+        (lambda: mf.compare("fit"), "by name"),
+        (lambda: mf.compare([TF2], record(0)), "not a Fit"),
+        (lambda: mf.cross_validate([record(0), record(1)], {"x": 3}), "not an Estimator"),
+    ],
+)
+def test_what_is_no_fit_or_estimator_is_refused(call, text):
+    with pytest.raises(mf.SpecError, match=text):
+        call()
+
+
+def test_one_record_is_too_few(fits):
+    with pytest.raises(mf.DataError, match="split"):
+        mf.cross_validate([record(0)], [TF2])
+    with pytest.raises(mf.SpecError, match="rec is"):
+        mf.compare(fits, 3)
+
+
+def test_plots(fits):
+    pytest.importorskip("matplotlib").use("Agg")
+    pytest.importorskip("matplotlib.pyplot")
+    table = mf.compare({"one": fits[0], "two": fits[1]}, record(1))
+    ax = table.plot()
+    drawn = ax.get_lines()
+    np.testing.assert_array_equal(drawn[0].get_ydata(), record(1).y[0])
+    np.testing.assert_array_equal(drawn[2].get_ydata(), fits[1].predict(record(1)).y[0])
+    assert drawn[2].get_label() == f"two: {table['fit_percent'][1]:.1f} %"
+    crossed = mf.cross_validate([record(0), record(1), record(2)], [TF2])
+    np.testing.assert_array_equal(crossed.plot().get_lines()[0].get_ydata(), crossed["fit_percent"])
