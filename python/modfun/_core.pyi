@@ -24,6 +24,7 @@ __all__ = [
     "local_responses",
     "merge_moments",
     "noise_level",
+    "normal_rows",
     "normals",
     "quadrature_weights",
     "quantiles",
@@ -96,6 +97,9 @@ def integrate(
 
 # Random streams --------------------------------------------------------------------------------
 
+def normal_rows(
+    seed: int, purpose: str, channel: int, first: int, group: int, replicates: int, length: int
+) -> _F64: ...
 def normals(seed: int, purpose: str, channel: int, replicate: int, group: int, count: int) -> _F64: ...
 
 # Sinusoids -------------------------------------------------------------------------------------
@@ -143,7 +147,7 @@ class Fitter:
         **options: Unpack[_Options],
     ) -> Self: ...
     def fit(
-        self, y: Sequence[_F64], u: Sequence[_F64], *, start: Sequence[float] | None = None
+        self, y: Sequence[_F64], u: Sequence[_F64], *, starts: Sequence[Sequence[float]] | None = None
     ) -> dict[str, Any]: ...
     def fit_many(
         self,

@@ -250,5 +250,20 @@ pub fn normals(address: Address, out: &mut [f64]) {
     Isa::One.run(One(address, out));
 }
 
+/// Rows of normals, one for each of the replicates `first.replicate ..`: the same bits as [`normals`] of each.
+pub fn rows(isa: Isa, first: Address, length: usize, out: &mut [f64]) {
+    let mut lanes = vec![Wide::ZERO; length];
+    let Address { seed, purpose, channel, mut replicate, group } = first;
+    for block in out.chunks_mut((LANES * length).max(1)) {
+        fill(isa, seed, purpose, channel, replicate, group, &mut lanes);
+        for (lane, row) in block.chunks_mut(length.max(1)).enumerate() {
+            for (to, from) in row.iter_mut().zip(&lanes) {
+                *to = from.0[lane];
+            }
+        }
+        replicate = replicate.wrapping_add(LANES as u64);
+    }
+}
+
 #[cfg(test)]
 mod tests;

@@ -244,14 +244,15 @@ impl Fitter {
         Ok(Fitter { core: Core::new(o, &sampling, isa).map_err(to_python)?, inputs })
     }
 
-    /// Fits one structure to one record, or to several as one problem: lists of (channel, time).
-    #[pyo3(signature = (y, u, *, start=None))]
+    /// Fits one structure to one record, or to several as one problem: lists of (channel, time). Of the fits
+    /// from `wls` and from each start the best.
+    #[pyo3(signature = (y, u, *, starts=None))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
         y: Vec<PyReadonlyArray2<'py, f64>>,
         u: Vec<PyReadonlyArray2<'py, f64>>,
-        start: Option<Vec<f64>>,
+        starts: Option<Vec<Vec<f64>>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         if y.len() != u.len() {
             return Err(to_python(Error::Data(format!(
@@ -267,9 +268,8 @@ impl Fitter {
             .into_iter()
             .map(|y| RecordView { y, u: inputs.by_ref().take(self.inputs).collect() })
             .collect();
-        let found = enter(py, None, |_| match &start {
-            None => self.core.fit(&records),
-            Some(theta) => self.core.fit_from(&records, theta),
+        let found = enter(py, None, |_| {
+            self.core.fit_best(&records, starts.as_deref().unwrap_or_default())
         })?;
         dictionary(py, found)
     }

@@ -34,6 +34,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     signals::register(module)?;
     module.add_function(wrap_pyfunction!(integrate::integrate, module)?)?;
     module.add_function(wrap_pyfunction!(response::local_responses, module)?)?;
+    module.add_function(wrap_pyfunction!(random::normal_rows, module)?)?;
     module.add_function(wrap_pyfunction!(random::normals, module)?)?;
     module.add_function(wrap_pyfunction!(tones::sinusoids, module)?)?;
     module.add_function(wrap_pyfunction!(enter::thread_count, module)?)?;

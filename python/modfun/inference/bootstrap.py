@@ -269,7 +269,7 @@ def bootstrap(
     parts: list[FitMany] = []
     with Progress(progress, f"{kind} bootstrap") as bar:
         for block in _blocks(count, records):
-            ys = [[y + e for y, e in zip(clean, noise(r), strict=True)] for r in block]
+            ys = [y + e for y, e in zip(clean, noise(block), strict=True)]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
     figures = ["params", "bse", "status", "cost", "nit", *(() if parts[0].df_hc3 is None else ("df_hc3",))]
@@ -304,14 +304,13 @@ def _blocks(count: int, records: tuple[Record, ...]) -> Iterator[range]:
         yield range(start, min(start + size, count))
 
 
-def _refit(
-    fit: Fit, records: tuple[Record, ...], ys: list[list[F64]], held: Options, threads: int
-) -> FitMany:
+def _refit(fit: Fit, records: tuple[Record, ...], ys: list[F64], held: Options, threads: int) -> FitMany:
+    """Fits of replicates whose samples are `ys`, (replicate, output, time) a record."""
     first = records[0]
     alike = first.mask is None and first.sigma is None
     if len(records) == 1 and first.dt is not None and alike:
         batch = Batch(
-            y=np.array([own[0] for own in ys]),
+            y=ys[0],
             u=first.u if first.inputs else None,
             dt=first.dt,
             outputs=first.outputs,
@@ -325,7 +324,7 @@ def _refit(
             fit.structure,
             held,
         )
-        for own in ys
+        for own in zip(*ys, strict=True)
     ]
     return FitMany.of_fits(fits, fit.structure, held)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .._core import normals
+from .._core import normal_rows
 from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
@@ -22,8 +22,8 @@ from ..results.regression import trend_columns
 __all__ = ["Draw", "jacobian_lines", "white", "wild"]
 
 Simulated = tuple[F64, InitialState]
-# Noise of a replicate, by its number: an array (output, time) a record.
-Draw = Callable[[int], list[F64]]
+# Noise of replicates, by their numbers: an array (replicate, output, time) a record.
+Draw = Callable[[range], list[F64]]
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
@@ -49,9 +49,11 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
         root = np.diag(np.sqrt(sum(np.sum(e**2, axis=1) for e in errors) / freedom))
     sizes = [1.0 if rec.sigma is None else rec.sigma for rec in records]
 
-    def draw(replicate: int) -> list[F64]:
+    def draw(block: range) -> list[F64]:
         drawn = [
-            root @ normals(seed, "bootstrap", 0, replicate, k, y.size).reshape(y.shape) * size
+            root
+            @ normal_rows(seed, "bootstrap", 0, block.start, k, len(block), y.size).reshape(-1, *y.shape)
+            * size
             for k, (y, size) in enumerate(zip(clean, sizes, strict=True))
         ]
         return (
@@ -82,16 +84,16 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
     else:
         _unshrink_equations(fit, records, [initial for _, initial in found], leads, lines)
 
-    def draw(replicate: int) -> list[F64]:
+    def draw(block: range) -> list[F64]:
         found = []
         for k, (line, period, lead) in enumerate(zip(lines, fit.intervals, leads, strict=True)):
-            z = normals(seed, "bootstrap", 0, replicate, k, 2 * line.shape[1])
-            turn = z[::2] + 1j * z[1::2]
-            turn[0] = turn[0].real  # real lines keep or change their sign
+            z = normal_rows(seed, "bootstrap", 0, block.start, k, len(block), 2 * line.shape[1])
+            turn = z.view(complex)[:, None]
+            turn[..., 0] = turn[..., 0].real  # real lines keep or change their sign
             if period % 2 == 0:
-                turn[-1] = turn[-1].real
+                turn[..., -1] = turn[..., -1].real
             e = np.fft.irfft(line * turn / np.abs(turn), period)
-            found.append(np.hstack([np.zeros((len(e), lead)), e, e[:, :1]]))
+            found.append(np.concatenate([np.zeros((*e.shape[:2], lead)), e, e[..., :1]], axis=-1))
         return found
 
     return draw

@@ -290,12 +290,9 @@ class _Race:
                 transient=self.transient,
                 **plain_words(own.layout, own.intersample, options),
             )
-            starts: list[F64 | None] = [None]
-            if np.all(np.isfinite(own.params)):
-                starts.append(own.params)
+            starts = [own.params] if np.all(np.isfinite(own.params)) else []
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
-            tried = [core.fit(ys, us, start=None if s is None else s.tolist()) for s in starts]
-            row = min(tried, key=lambda f: f["cost"] if _usable(f) else inf)
+            row = core.fit(ys, us, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})
         return _judge(self, rows, band)
 

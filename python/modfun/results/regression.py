@@ -45,17 +45,12 @@ def free_response(den: F64, t: F64) -> F64:
     rate = time_unit(den, 1.0 / float(t[-1] - t[0]))
     a = companion(den, rate)
     step = np.diff(t)
-    rows = np.empty((n, t.size))
     even = bool(np.ptp(step) <= 1e-9 * step.mean())
     dt = float(t[-1] - t[0]) / step.size
-    nothing, into, through = np.zeros((1, t.size)), np.zeros((n, 1)), np.zeros((1, 1))
-    pick = np.eye(n)[:1]
-    for i, start in enumerate(np.eye(n)):
-        system = a, into, pick, through, start, nothing
-        if even:
-            rows[i] = simulate(*system, dt, "zoh", None)[0]
-        else:
-            rows[i] = simulate_uneven(*system, [True], t)[0]
+    # The first row of exp(At) is the first column of exp(Aᵀt): all states of one motion.
+    none = np.zeros((n, 0))
+    system = np.ascontiguousarray(a.T), none, np.eye(n), none, np.eye(n)[0], np.zeros((0, t.size))
+    rows = simulate(*system, dt, "zoh", None) if even else simulate_uneven(*system, [], t)
     return rows / rate ** np.arange(n)[:, None]
 
 
@@ -89,13 +84,17 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
             "The free response of the model overflows within this record: a mode is too unstable for a "
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
-    scale = np.array([rms(row) * np.sqrt(y.size) for row in columns * weight])
+    rows = np.vstack([columns, y]) * weight
+    scale = np.array([rms(row) for row in rows[:k]]) * np.sqrt(y.size)
     scale[scale == 0] = 1.0
-    q, s, rotation = np.linalg.svd((columns * weight / scale[:, None]).T, full_matrices=False)
+    rows[:k] /= scale[:, None]
+    # R of the columns and the series behind them is all that their least squares need.
+    r: F64 = np.asarray(np.linalg.qr(rows.T, mode="r"))
+    left, s, rotation = np.linalg.svd(r[:, :k], full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
-    coefficients = inverse @ (q[:, keep].T @ (y * weight))
-    fitted = (columns / scale[:, None]).T @ coefficients
+    coefficients = inverse @ (left[:, keep].T @ r[:, k])
+    fitted = (coefficients / scale) @ columns
     rest = float(np.sum((weight * (y - fitted)) ** 2))
     rest /= max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
     covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)

@@ -16,7 +16,7 @@ from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
 
-__all__ = ["Inputs", "intersample_kinds", "nodes", "respond", "spline", "too_steep"]
+__all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 
 
 def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...]:
@@ -32,24 +32,6 @@ def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...
                 f"reading intersample: {kind!r} is unknown; choose among {', '.join(map(repr, INTERSAMPLE))}"
             )
     return kinds
-
-
-def nodes(source: Source, dt: float, intervals: int, delay: float = 0.0) -> F64:
-    """Values of a smooth signal, delayed, at the quadrature nodes inside each sample.
-
-    Text and functions are evaluated there (before the record at negative times); samples go through a
-    cubic spline and hold their first value before the record.
-
-    Returns
-    -------
-    ndarray, shape (intervals, nodes)
-    """
-    positions = gauss_legendre()[0]
-    times: F64 = (np.arange(float(intervals))[:, None] + positions) * dt - delay
-    if not is_samples(source):
-        return evaluate(source, times.ravel()).reshape(times.shape)
-    grid: F64 = np.arange(intervals + 1.0) * dt
-    return _splined(grid, evaluate(source, grid), times)
 
 
 def respond(
@@ -116,11 +98,7 @@ class Inputs:
                 if kinds[k] != kind:
                     continue
                 if kind == "smooth":
-                    if is_samples(source):
-                        samples = _splined(grid, evaluate(source, grid), grid - delays[k])
-                    else:
-                        samples = evaluate(source, grid - delays[k])
-                    together.append((k, samples, nodes(source, dt, intervals, delays[k])))
+                    together.append((k, *_smooth(source, grid, dt, delays[k])))
                     continue
                 whole, fraction = _split(delays[k] / dt)
                 samples = _padded(source, dt, intervals, whole + (fraction > 0))
@@ -187,8 +165,21 @@ def spline(grid: F64, values: F64) -> Any:
     return found
 
 
-def _splined(grid: F64, values: F64, times: F64) -> F64:
-    return np.ascontiguousarray(spline(grid, values)(np.maximum(times, 0.0)), dtype=np.float64)
+def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F64]:
+    """A smooth signal, delayed, at the samples and at the quadrature nodes (interval, node) inside each.
+
+    Text and functions are evaluated there (before the record at negative times); samples go through a
+    cubic spline and hold their first value before the record.
+    """
+    at: F64 = grid - delay
+    inside: F64 = at[:-1, None] + gauss_legendre()[0] * dt
+    if not is_samples(source):
+        return evaluate(source, at), evaluate(source, inside.ravel()).reshape(inside.shape)
+    values = evaluate(source, grid)
+    curve = spline(grid, values)
+    if delay == 0.0:
+        return values, np.ascontiguousarray(curve(inside))
+    return curve(np.maximum(at, 0.0)), np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
 
 
 def _split(samples: float) -> tuple[int, float]:

@@ -126,11 +126,7 @@ impl Fitter {
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`] of the
     /// result.
     pub fn fit(&self, records: &[RecordView<'_>]) -> Result<Fit, Error> {
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let Choice { ranges, rule, theta } = self.choose(desk, records)?;
-        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
-        self.finish(desk, &ranges, start, rule)
+        self.fit_best(records, &[])
     }
 
     /// The same from coefficients of each record and channel, output first, on lines that were given.
@@ -189,13 +185,15 @@ impl Fitter {
         Ok(self.records.iter().map(|r| r.range).collect())
     }
 
-    /// The same on lines that were given, iterated from these parameters rather than from `wls`.
+    /// The same on lines that were given, iterated from `wls` and from each of these parameters: the best of all.
     ///
     /// # Errors
     /// As [`Fitter::fit`], and [`Error::Spec`] where the lines were not given or θ has another length.
-    pub fn fit_from(&self, records: &[RecordView<'_>], theta: &[f64]) -> Result<Fit, Error> {
+    pub fn fit_best(&self, records: &[RecordView<'_>], starts: &[Vec<f64>]) -> Result<Fit, Error> {
         let wanted = self.o.structure.parameters();
-        if self.o.band_is_sought() || theta.len() != wanted {
+        if let Some(theta) =
+            starts.iter().find(|theta| self.o.band_is_sought() || theta.len() != wanted)
+        {
             return Err(Error::Spec(format!(
                 "fitting from a start: it has {} numbers for {wanted} parameters and needs a band; give both",
                 theta.len()
@@ -203,8 +201,20 @@ impl Fitter {
         }
         let mut desk = self.desks.lend();
         let desk = desk.get_or(|| self.desk());
-        let ranges = self.choose(desk, records)?.ranges;
-        self.finish(desk, &ranges, Start::Theta(theta), None)
+        let Choice { ranges, rule, theta } = self.choose(desk, records)?;
+        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
+        let mut best = self.finish(desk, &ranges, start, rule)?;
+        let cost = |fit: &Fit| match fit.answer.status {
+            Status::Ok | Status::MaxIter if fit.answer.cost.is_finite() => fit.answer.cost,
+            _ => f64::INFINITY,
+        };
+        for theta in starts {
+            let other = self.finish(desk, &ranges, Start::Theta(theta), None)?;
+            if cost(&other) < cost(&best) {
+                best = other;
+            }
+        }
+        Ok(best)
     }
 
     /// Loads the records and says which lines to use: as given, or by the default rule.

@@ -80,6 +80,20 @@ fn one(seed: u64, channel: u32, replicate: u64, count: usize) -> Vec<f64> {
     out
 }
 
+#[test]
+fn rows_are_the_normals_of_each_replicate() {
+    for (replicates, length) in [(1, 1), (8, 2), (11, 7), (3, 0), (0, 5)] {
+        let first =
+            Address { seed: 9, purpose: Purpose::NoiseY, channel: 2, replicate: 13, group: 3 };
+        let mut found = vec![0.0; replicates * length];
+        rows(Isa::detect().unwrap(), first, length, &mut found);
+        let wanted: Vec<f64> = (13..13 + replicates as u64)
+            .flat_map(|replicate| one(9, 2, replicate, length))
+            .collect();
+        assert_eq!(found, wanted, "{replicates} rows of {length}");
+    }
+}
+
 proptest! {
     #[test]
     fn a_replicate_has_the_same_bits_in_any_lane_block_and_instruction_set(

@@ -2,18 +2,19 @@
 //!
 //! With the input straight within a step, w = Bu and its slope v, z = (x, w, v) obeys x' = Ax + w, w' = v. Over
 //! τ = δ2ʲ that is x ← E x + F w + G v, and E, F, G of the doubled time follow from these. δ is so short that
-//! ‖A‖δ ≤ ½; what is left of a step goes through the Taylor series of its derivatives, a dozen products of A
-//! with a vector.
+//! ‖A‖δ ≤ ½; over a rest h, x ← x + h s + G (A s + v) with s = Ax + w. There G = h² Σ (Ah)ᵏ/(k + 2)! is a power
+//! series in h alone, which is summed for eight steps at once.
 
 use super::{Error, StateSpace, dot, fits};
 use crate::model::discretise::{balance, phi};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::threads::stopped;
 
 /// Where the terms of the Taylor series are below rounding.
 const SMALL: f64 = f64::EPSILON / 16.0;
 
-/// Beyond so many terms nothing converges: the numbers are at the edge of their range.
-const TERMS: f64 = 40.0;
+/// Terms at ‖A‖h = ½; beyond them nothing converges and the numbers are at the edge of their range.
+const TERMS: usize = 16;
 
 /// Steps between two looks at whether the work is to end.
 const LOOK: usize = 4096;
@@ -59,32 +60,70 @@ pub fn simulate_uneven(
         *to = x0[k] / by;
     }
     let mut y = vec![0.0; system.outputs * samples];
-    for k in 0..samples {
-        for i in 0..system.outputs {
-            let now = u.iter().skip(k).step_by(samples).copied();
-            y[i * samples + k] = dot(&c[i * n..][..n], motion.x.iter().copied())
-                + dot(&system.d[i * inputs..][..inputs], now);
-        }
-        if k + 1 == samples {
-            break;
-        }
-        if k.is_multiple_of(LOOK) && stopped() {
-            return Err(Error::Cancelled);
-        }
-        let h = t[k + 1] - t[k];
-        motion.w.fill(0.0);
-        motion.v.fill(0.0);
-        for (j, held) in held.iter().enumerate() {
-            let (now, then) = (u[j * samples + k], u[j * samples + k + 1]);
-            let slope = if *held { 0.0 } else { (then - now) / h };
-            for i in 0..n {
-                motion.w[i] += b[i * inputs + j] * now;
-                motion.v[i] += b[i * inputs + j] * slope;
-            }
-        }
-        motion.advance(h);
+    let run = Run { isa: Isa::detect()?, b: &b, c: &c, d: system.d, u, held, t, motion, y: &mut y };
+    match n {
+        1 => run.steps::<1>()?,
+        2 => run.steps::<2>()?,
+        3 => run.steps::<3>()?,
+        4 => run.steps::<4>()?,
+        5 => run.steps::<5>()?,
+        6 => run.steps::<6>()?,
+        _ => run.steps::<0>()?,
     }
     Ok(y)
+}
+
+/// A simulation about to begin.
+struct Run<'a> {
+    isa: Isa,
+    b: &'a [f64],
+    c: &'a [f64],
+    d: &'a [f64],
+    u: &'a [f64],
+    held: &'a [bool],
+    t: &'a [f64],
+    motion: Motion,
+    y: &'a mut [f64],
+}
+
+impl Run<'_> {
+    /// All steps of a system of N states; of any number where N is 0.
+    fn steps<const N: usize>(mut self) -> Result<(), Error> {
+        let (n, samples) = (self.motion.x.len(), self.t.len());
+        let n = if N == 0 { n } else { N };
+        let inputs = self.held.len();
+        for k in 0..samples {
+            for (i, y) in self.y.chunks_exact_mut(samples).enumerate() {
+                let now = (0..inputs).map(|j| self.u[j * samples + k]);
+                y[k] = dot(&self.c[i * n..][..n], self.motion.x[..n].iter().copied())
+                    + dot(&self.d[i * inputs..][..inputs], now);
+            }
+            if k + 1 == samples {
+                break;
+            }
+            if k.is_multiple_of(LOOK) && stopped() {
+                return Err(Error::Cancelled);
+            }
+            if k.is_multiple_of(LANES) {
+                self.motion.prepare(self.isa, &self.t[k..samples.min(k + LANES + 1)]);
+            }
+            let h = self.t[k + 1] - self.t[k];
+            let Motion { w, v, .. } = &mut self.motion;
+            let (w, v) = (&mut w[..n], &mut v[..n]);
+            w.fill(0.0);
+            v.fill(0.0);
+            for (j, held) in self.held.iter().enumerate() {
+                let (now, then) = (self.u[j * samples + k], self.u[j * samples + k + 1]);
+                let slope = if *held { 0.0 } else { (then - now) / h };
+                for i in 0..n {
+                    w[i] += self.b[i * inputs + j] * now;
+                    v[i] += self.b[i * inputs + j] * slope;
+                }
+            }
+            self.motion.advance::<N>(h, k % LANES);
+        }
+        Ok(())
+    }
 }
 
 /// E, F, G of a time τ.
@@ -95,16 +134,48 @@ struct Doubled {
 
 /// A state that moves by any step.
 struct Motion {
-    n: usize,
-    a: Vec<f64>,
-    norm: f64,
+    /// Of A; all matrices here stand column after column.
+    columns: Vec<f64>,
     /// By falling τ.
     doubled: Vec<Doubled>,
+    /// (Aδ)ᵏ/(k + 2)!, the terms of an entry side by side; and δ, which no rest exceeds.
+    series: Vec<f64>,
+    span: f64,
+    /// G of the rests of eight steps.
+    rests: Vec<Wide>,
     x: Vec<f64>,
     w: Vec<f64>,
     v: Vec<f64>,
-    term: Vec<f64>,
     next: Vec<f64>,
+    bend: Vec<f64>,
+}
+
+/// G = h² Σ (Aδ)ᵏ/(k + 2)! (h/δ)ᵏ for eight h.
+struct Series<'a> {
+    series: &'a [f64],
+    span: f64,
+    h: Wide,
+    out: &'a mut [Wide],
+}
+
+impl Kernel for Series<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        if self.out.is_empty() {
+            return;
+        }
+        let h = L::load(&self.h);
+        let (part, square) = (h / L::splat(self.span), h * h);
+        let terms = self.series.len() / self.out.len();
+        for (entry, out) in self.series.chunks_exact(terms).zip(self.out) {
+            let mut sum = L::splat(0.0);
+            for term in entry.iter().rev() {
+                sum = sum.mul_add(part, L::splat(*term));
+            }
+            (sum * square).store(out);
+        }
+    }
 }
 
 impl Motion {
@@ -131,74 +202,117 @@ impl Motion {
             }
             doubled.push(last);
             doubled.reverse();
+            for matrix in doubled.iter_mut().flat_map(|doubled| &mut doubled.moves) {
+                *matrix = turned(n, matrix);
+            }
         }
         let zeros = || vec![0.0; n];
+        let span = tau.min(longest).max(f64::MIN_POSITIVE);
         Motion {
-            n,
-            a,
-            norm,
+            series: series(n, &turned(n, &a), span, norm * span),
+            columns: turned(n, &a),
             doubled,
+            span,
+            rests: vec![Wide::ZERO; n * n],
             x: zeros(),
             w: zeros(),
             v: zeros(),
-            term: zeros(),
             next: zeros(),
+            bend: zeros(),
         }
     }
 
-    /// The state h later, `w` and `v` being those of the step's beginning.
-    fn advance(&mut self, h: f64) {
-        let n = self.n;
+    /// Makes G of the rests of up to eight steps that lie between the instants `t`.
+    fn prepare(&mut self, isa: Isa, t: &[f64]) {
+        let mut h = Wide::ZERO;
+        for (h, ends) in h.0.iter_mut().zip(t.windows(2)) {
+            *h = ends[1] - ends[0];
+            for Doubled { tau, .. } in &self.doubled {
+                if *h >= *tau {
+                    *h -= tau;
+                }
+            }
+        }
+        isa.run(Series { series: &self.series, span: self.span, h, out: &mut self.rests });
+    }
+
+    /// The state h later, `w` and `v` being those of the step's beginning; its rest was prepared in `lane`.
+    #[inline(always)]
+    fn advance<const N: usize>(&mut self, h: f64, lane: usize) {
+        let n = if N == 0 { self.x.len() } else { N };
+        let Motion { columns, doubled, rests, x, w, v, next, bend, .. } = self;
+        let (x, next) = (&mut x[..n], &mut next[..n]);
+        let (w, v, bend) = (&mut w[..n], &v[..n], &mut bend[..n]);
         let mut left = h;
-        for Doubled { tau, moves: [e, f, g] } in &self.doubled {
+        for Doubled { tau, moves: [e, f, g] } in doubled {
             if left < *tau {
                 continue;
             }
-            for i in 0..n {
-                let row = i * n..(i + 1) * n;
-                self.next[i] = dot(&e[row.clone()], self.x.iter().copied())
-                    + dot(&f[row.clone()], self.w.iter().copied())
-                    + dot(&g[row], self.v.iter().copied());
+            next.fill(0.0);
+            add_product::<N>(e, x, next);
+            add_product::<N>(f, w, next);
+            add_product::<N>(g, v, next);
+            x.copy_from_slice(next);
+            for (w, v) in w.iter_mut().zip(v) {
+                *w += *tau * v;
             }
-            std::mem::swap(&mut self.x, &mut self.next);
-            for (w, v) in self.w.iter_mut().zip(&self.v) {
-                *w += tau * v;
-            }
-            left -= tau;
+            left -= *tau;
         }
         if left > 0.0 {
-            self.rest(left);
+            // ‖A‖h ≤ ½
+            next.copy_from_slice(w);
+            add_product::<N>(columns, x, next);
+            bend.copy_from_slice(v);
+            add_product::<N>(columns, next, bend);
+            for (j, bend) in bend.iter().enumerate() {
+                for (i, x) in x.iter_mut().enumerate() {
+                    *x += rests[j * n + i].0[lane] * bend;
+                }
+            }
+            for (x, slope) in x.iter_mut().zip(next) {
+                *x += left * *slope;
+            }
         }
     }
+}
 
-    /// The Taylor series of a step with ‖A‖h ≤ ½.
-    fn rest(&mut self, h: f64) {
-        let n = self.n;
-        // The k-th term is hᵏ/k! of the k-th derivative: Ax + w, A of that plus v, then A of the one before.
-        self.term.copy_from_slice(&self.x);
-        let (mut size, mut k) = (1.0, 1.0);
-        while size > SMALL && k < TERMS {
-            let by = h / k;
-            for i in 0..n {
-                let slope = dot(&self.a[i * n..(i + 1) * n], self.term.iter().copied());
-                let driven = if k == 1.0 {
-                    self.w[i]
-                } else if k == 2.0 {
-                    h * self.v[i]
-                } else {
-                    0.0
-                };
-                self.next[i] = by * (slope + driven);
-            }
-            std::mem::swap(&mut self.term, &mut self.next);
-            for (x, term) in self.x.iter_mut().zip(&self.term) {
-                *x += term;
-            }
-            // Beside what v brings, a term is small only by the products of A since the second.
-            size *= if k > 2.0 { self.norm * by } else { 1.0 };
-            k += 1.0;
+/// Adds the product of a matrix, column after column, with a vector of N numbers (any number where N is 0).
+#[inline(always)]
+fn add_product<const N: usize>(columns: &[f64], x: &[f64], to: &mut [f64]) {
+    let n = if N == 0 { to.len() } else { N };
+    let to = &mut to[..n];
+    for (k, x) in x[..n].iter().enumerate() {
+        for (to, a) in to.iter_mut().zip(&columns[k * n..][..n]) {
+            *to += a * x;
         }
     }
+}
+
+/// A matrix, row after row, as columns, and back.
+fn turned(n: usize, rows: &[f64]) -> Vec<f64> {
+    (0..n * n).map(|k| rows[k % n * n + k / n]).collect()
+}
+
+/// (Aδ)ᵏ/(k + 2)! as far as they count where ‖A‖δ is `norm`; the terms of an entry side by side.
+fn series(n: usize, a: &[f64], span: f64, norm: f64) -> Vec<f64> {
+    let mut terms =
+        vec![Vec::from_iter((0..n * n).map(|e| if e % (n + 1) == 0 { 0.5 } else { 0.0 }))];
+    let mut size = 1.0;
+    while terms.len() < TERMS && size > SMALL {
+        let (last, by) = (&terms[terms.len() - 1], span / (terms.len() + 2) as f64);
+        let mut next = vec![0.0; n * n];
+        for i in 0..n {
+            for k in 0..n {
+                let factor = a[i * n + k] * by;
+                for j in 0..n {
+                    next[i * n + j] += factor * last[k * n + j];
+                }
+            }
+        }
+        size *= norm / (terms.len() + 2) as f64;
+        terms.push(next);
+    }
+    (0..n * n).flat_map(|e| terms.iter().map(move |term| term[e])).collect()
 }
 
 impl Doubled {

@@ -122,7 +122,7 @@ def test_the_spread_lines_are_those_of_hc3(fit: mf.Fit) -> None:
     rec = fit.records[0]
     clean = fit.predict().y
     low, high = fit.lines[0]
-    sizes = np.abs(np.fft.rfft(wild(fit, (rec,), [(clean, None)], 0)(0)[0][0, :-1]))[low : high + 1]
+    sizes = np.abs(np.fft.rfft(wild(fit, (rec,), [(clean, None)], 0)(range(1))[0][0, 0, :-1]))[low : high + 1]
     whitened = np.abs(fit.residuals) * fit.sigma * np.sqrt(rec.intervals / 2)
     ratio = sizes / whitened
     assert np.all(ratio > 0.97)  # 1/(1 − h), h from 0 on, but for the rule of integration

@@ -89,7 +89,7 @@ def test_wild_noise_keeps_the_correlation_of_the_outputs():
     rec = fit.records[0]
     draw = wild(fit, (rec,), [fit.simulate(rec)], 0)
     lead = rec.intervals - fit.intervals[0]
-    one, two = (np.fft.rfft(draw(r)[0][:, lead:-1]) for r in (0, 1))
+    one, two = (np.fft.rfft(e[:, lead:-1]) for e in draw(range(2))[0])
     np.testing.assert_allclose(np.abs(one), np.abs(two), atol=1e-10)
     cross = one[0, 1:-1] * one[1, 1:-1].conj()
     np.testing.assert_allclose(cross, two[0, 1:-1] * two[1, 1:-1].conj(), atol=1e-9)
@@ -100,11 +100,11 @@ def test_separate_outputs_with_weights_apart_are_spread_as_each_alone():
     """With diagonal weights nothing joins the outputs, so neither may the leverage."""
     rec = record(4)
     both = mf.fit(rec, structure("separate"), band=6.0, output_weights=[1.0, 3.0])
-    (joint,) = wild(both, (rec,), [both.simulate(rec)], 5)(0)
+    joint = wild(both, (rec,), [both.simulate(rec)], 5)(range(1))[0][0]
     for i, name in enumerate(["al", "q"]):
         own = rec.select(outputs=[name])
         alone = mf.fit(own, mf.TransferFunction(poles=2, zeros=ZEROS[i], delay=[0.0, 0.2]), band=6.0)
-        (e,) = wild(alone, (own,), [alone.simulate(own)], 5)(0)
+        e = wild(alone, (own,), [alone.simulate(own)], 5)(range(1))[0][0]
         np.testing.assert_allclose(joint[i], e[0], atol=1e-8 * np.abs(e).max())
 
 

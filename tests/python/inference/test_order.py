@@ -70,20 +70,24 @@ def test_the_default_number_of_terms_is_that_of_the_poles():
         fit(rec, 2, [1], harmonics=12, transient=1)
 
 
-def test_a_start_leads_to_the_same_minimum_and_must_fit():
+def test_the_best_of_several_starts_is_kept_and_starts_must_fit():
     rec, theta = random_record(5, 2, 1)
     options = {"order": 2, "numerators": [1], "delays": [0.0], "intersample": ["smooth"], "method": "ml"}
     options |= {"noise": "output", "trend": None, "rule": "gregory", "extended": True, "band": None}
     options |= {"harmonics": 12, "tol": 1e-9, "maxiter": 50}
     data = [np.ascontiguousarray(rec.y[None])], [np.ascontiguousarray(rec.u)]
     fitter = mf._core.Fitter([rec.y.size], [rec.dt], **options)
-    own, led = fitter.fit(*data), fitter.fit(*data, start=theta.tolist())
+    own, led = fitter.fit(*data), fitter.fit(*data, starts=[theta.tolist()])
     assert led["theta"] == pytest.approx(own["theta"], rel=1e-7)
+    short = mf._core.Fitter([rec.y.size], [rec.dt], **{**options, "maxiter": 1})
+    far, near = short.fit(*data), short.fit(*data, starts=[(3 * theta).tolist(), own["theta"].tolist()])
+    assert far["cost"] > (1 + 1e-6) * own["cost"]
+    assert near["cost"] == pytest.approx(own["cost"], rel=1e-9)
     with pytest.raises(mf.SpecError, match="3 numbers for 4 parameters"):
-        fitter.fit(*data, start=[1.0, 2.0, 3.0])
+        fitter.fit(*data, starts=[[1.0, 2.0, 3.0]])
     free = mf._core.Fitter([rec.y.size], [rec.dt], **{**options, "harmonics": None})
     with pytest.raises(mf.SpecError, match="needs a band"):
-        free.fit(*data, start=theta.tolist())
+        free.fit(*data, starts=[theta.tolist()])
 
 
 # Selection ----------------------------------------------------------------------------------------
