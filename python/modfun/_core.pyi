@@ -225,6 +225,9 @@ class Study:
     def __new__(
         cls, groups: Sequence[dict[str, Any]], shape: tuple[int, int], *, draw: str, level: float
     ) -> Self: ...
+    @property
+    def coefficients_pay(self) -> bool: ...
+    def noise(self, group: int, seed: int, replicate: int) -> _F64: ...
     def part(
         self,
         *,

@@ -25,16 +25,19 @@ pub enum Purpose {
     Bootstrap = 3,
     /// A user's own functions.
     User = 4,
+    /// What is free in a record whose coefficients were drawn.
+    Completion = 5,
 }
 
 impl Purpose {
     /// All purposes, in the order of their codes.
-    pub const ALL: [Purpose; 5] = [
+    pub const ALL: [Purpose; 6] = [
         Purpose::NoiseY,
         Purpose::NoiseU,
         Purpose::InitialState,
         Purpose::Bootstrap,
         Purpose::User,
+        Purpose::Completion,
     ];
 
     /// The name in the Python interface and in manifests.
@@ -46,6 +49,7 @@ impl Purpose {
             Purpose::InitialState => "initial_state",
             Purpose::Bootstrap => "bootstrap",
             Purpose::User => "user",
+            Purpose::Completion => "completion",
         }
     }
 }

@@ -5,11 +5,13 @@ use modfun::monte_carlo::histogram::BINS;
 use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::simd::Isa;
 use modfun::{Error, Status};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{
+    PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{slice, vector};
+use crate::arrays::{matrix, slice, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
 use crate::fit::Given;
@@ -185,6 +187,28 @@ impl Study {
         let plan = enter(py, None, |_| Plan::new(&laid_out, draw, Isa::detect()?))?;
         let quantiles = half_widths(py, &plan, &laid_out, level)?;
         Ok(Study { plan, quantiles, places, estimators, parameters })
+    }
+
+    /// Whether drawing coefficients is less work than drawing samples and leaves records that have them.
+    #[getter]
+    fn coefficients_pay(&self) -> bool {
+        self.plan.coefficients_pay()
+    }
+
+    /// Unit noise of a replicate in the group at this position, (output, time).
+    fn noise<'py>(
+        &self,
+        py: Python<'py>,
+        group: usize,
+        seed: u64,
+        replicate: u64,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        if group >= self.places.len() {
+            let text = format!("there is no group {group} among {}", self.places.len());
+            return Err(refused(&text));
+        }
+        let rows = enter(py, None, |_| self.plan.noise(group, seed, replicate))?;
+        matrix(py, rows.concat(), rows.len())
     }
 
     /// Sums over replicates `first..first + replicates`, each a flat array in the order group, level,

@@ -44,8 +44,9 @@ class Keep(StrEnum):
 class Draw(StrEnum):
     """Words of --draw."""
 
-    samples = "samples"
+    auto = "auto"
     coefficients = "coefficients"
+    samples = "samples"
 
 
 @mc.command()
@@ -82,8 +83,8 @@ def run(
     keep: Annotated[Keep, typer.Option(help="samples: every estimate, too, in samples.npy.")] = Keep.summary,
     draw: Annotated[
         Draw,
-        typer.Option(help="coefficients: noise of the Fourier coefficients; faster, other random numbers."),
-    ] = Draw.samples,
+        typer.Option(help="Noise of the Fourier coefficients, or of the samples; auto: what is less work."),
+    ] = Draw.auto,
     progress: Annotated[
         bool | None, typer.Option("--progress/--no-progress", help="Default: from two seconds on.")
     ] = None,

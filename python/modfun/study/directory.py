@@ -32,7 +32,7 @@ from .plan import Plan
 from .tally import Tally
 from .work import Part, Work, parts
 
-__all__ = ["FILE", "MANIFEST", "OWN", "SAMPLES", "Directory"]
+__all__ = ["FILE", "MANIFEST", "OWN", "SAMPLES", "Directory", "drawn_there"]
 
 
 KIND, SCHEMA = "modfun.study", 1
@@ -321,6 +321,12 @@ def _described(work: Work) -> dict[str, Any]:
         "coverage": work.coverage, "part": work.part, "streams": STREAM_VERSION,
         "modfun": __version__, "replicates": 0,
     }  # fmt: skip
+
+
+def drawn_there(path: str | Path) -> str | None:
+    """How noise was drawn in a directory, where a study is kept there."""
+    place = Path(path)
+    return str(_manifest(place)["draw"]) if (place / MANIFEST).exists() else None
 
 
 def _manifest(place: Path) -> dict[str, Any]:

@@ -117,6 +117,22 @@ class Group:
             intersample=list(self.intersample),
         )
 
+    def clean(self, seed: int, replicate: int) -> F64:
+        """Outputs of a replicate without noise, from its initial state; `Failed` as `records`."""
+        if self.state is not None:
+            rng = generator("initial_state", seed, replicate, self.index)
+            drawn = attempt("initial_state", self.state, rng)
+            shape = self.rest.state_rms.shape
+            start = series(drawn, "initial_state", shape, "the states at t = 0")
+            return np.asarray(attempt("response", self.rest.response, start))
+        if self.drawn:
+            z = normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
+            return np.asarray(attempt("response", self.rest.response, z * self.rest.state_rms))
+        if len(self.free):
+            z = normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
+            return np.asarray(self.y + np.tensordot(z, self.free, 1))
+        return self.y
+
     def records(self, seed: int, replicate: int, sigma: Sequence[float]) -> list[Record]:
         """The records of a replicate at each noise level, from their address.
 
@@ -125,19 +141,7 @@ class Group:
         Failed
             A function of the user failed.
         """
-        y = self.y
-        if self.state is not None:
-            rng = generator("initial_state", seed, replicate, self.index)
-            drawn = attempt("initial_state", self.state, rng)
-            shape = self.rest.state_rms.shape
-            start = series(drawn, "initial_state", shape, "the states at t = 0")
-            y = attempt("response", self.rest.response, start)
-        elif self.drawn:
-            z = normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
-            y = attempt("response", self.rest.response, z * self.rest.state_rms)
-        elif len(self.free):
-            z = normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
-            y = y + np.tensordot(z, self.free, 1)
+        y = self.clean(seed, replicate)
         if self.noise is not None:
             rng = generator("noise", seed, replicate, self.index)
             given = y[0].copy() if len(y) == 1 else y.copy()

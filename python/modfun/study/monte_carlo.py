@@ -216,7 +216,7 @@ class MonteCarlo:
         shard: tuple[int, int] | None = None,
         progress: str | bool = "auto",
         keep: str = "summary",
-        draw: str = "samples",
+        draw: str = "auto",
         coverage: bool = True,
     ) -> Results | None:
         """Run all replicates.
@@ -250,9 +250,12 @@ class MonteCarlo:
         keep : {"summary", "samples"}
             "samples" keeps every estimate in `Results.samples`: in memory, or with `directory` in the file
             samples.npy, which is mapped.
-        draw : {"samples", "coefficients"}
-            "coefficients" draws the noise of the Fourier coefficients instead of that of the samples: the
-            same distribution at less work, other random numbers. Not for functions.
+        draw : {"auto", "coefficients", "samples"}
+            Estimators see a record only through a few Fourier coefficients. "coefficients" draws their noise
+            with the exact covariance that the quadrature rule gives it, and `Results.replicate` completes
+            the record; "samples" draws a number for each sample: the same distribution, other random
+            numbers. "auto" takes coefficients where that is less work, no function of yours needs a record,
+            and all estimators use one rule and one window; in a directory, what was drawn there.
         coverage : bool
             Whether to count how often the 95 % intervals hold the truth.
 
@@ -273,10 +276,10 @@ class MonteCarlo:
         from .work import Work
 
         for name, value, words in (
-            ("keep", keep, ("summary", "samples")), ("draw", draw, ("samples", "coefficients")),
+            ("keep", keep, ("summary", "samples")), ("draw", draw, ("auto", "coefficients", "samples")),
         ):  # fmt: skip
             if value not in words:
-                raise SpecError(f"run: {name}={value!r} is unknown; choose {' or '.join(map(repr, words))}")
+                raise SpecError(f"run: {name}={value!r} is unknown; {nearest(value, words)}")
         if not isinstance(coverage, bool | np.bool_):
             raise SpecError(f"run: coverage={coverage!r} must be True or False")
         users = dict.fromkeys(what for what, _ in self.plan.functions)

@@ -14,7 +14,9 @@ from ..records.record import Record
 from .axes import Axis
 from .called import estimate
 from .functions import Failed
+from .groups import Group
 from .plan import Plan
+from .work import noise
 
 __all__ = ["replicate"]
 
@@ -23,9 +25,6 @@ def replicate(
     plan: Plan, draw: str, replicates: int, number: int, cell: Mapping[str, Any]
 ) -> tuple[Record, dict[str, Any]]:
     """Record and fits of a replicate in a cell of a study; see `Results.replicate`."""
-    if draw == "coefficients":
-        raise SpecError("replicate: the noise was drawn as coefficients, there are no samples; run with "
-                        "draw='samples'")  # fmt: skip
     if isinstance(number, bool) or not isinstance(number, int | np.integer):
         raise SpecError(f"replicate: {number!r} is no number of a replicate; give 0 to {replicates - 1}")
     if not 0 <= number < replicates:
@@ -41,7 +40,13 @@ def replicate(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModfunWarning)
         try:
-            rec = group.records(plan.seed, int(number), [sigma])[0]
+            if draw == "coefficients" and isinstance(group, Group):
+                size = sigma * group.unit[:, None]
+                rec = group.record(
+                    group.clean(plan.seed, int(number)) + size * noise(plan, group, int(number))
+                )
+            else:
+                rec = group.records(plan.seed, int(number), [sigma])[0]
         except Failed as failed:
             raise DataError(f"replicate: {number} has no record: {failed}") from failed.__cause__
         for c in plan.contenders:

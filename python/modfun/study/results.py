@@ -145,7 +145,8 @@ class Results(Figures):
         Raises
         ------
         SpecError
-            A cell that is not in the study, or noise that was drawn as coefficients.
+            A cell that is not in the study, or noise that was drawn as coefficients by several rules or
+            windows, which no record has.
         DataError
             A function of yours made no record in this replicate; its own exception is the cause.
         """

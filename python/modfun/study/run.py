@@ -6,10 +6,11 @@ import os
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from itertools import islice
 from math import ceil, prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +21,14 @@ from ..base.callables import importable
 from ..base.progress import Progress
 from ..errors import ModfunWarning, SpecError
 from ..files.writing import memory
+from .directory import Directory, drawn_there
 from .engine import engine, tallies
 from .generated import Generated
 from .groups import Group
 from .plan import Plan
 from .results import Results
 from .tally import STATUS, USED, Tally
-from .work import Work, parts
-
-if TYPE_CHECKING:
-    from .directory import Directory
+from .work import Work, cheapest, parts
 
 __all__ = ["collected", "far_from", "run", "summed"]
 
@@ -49,12 +48,13 @@ def run(
 ) -> Results | None:
     """Run a study; see `MonteCarlo.run`."""
     _check(work, until, executor, directory, shard)
+    if work.draw == "auto":
+        draw = None if directory is None else drawn_there(directory)
+        work = replace(work, draw=draw or cheapest(work.plan))
     size = work.part
     store: Directory | None = None
     least = 0
     if directory is not None:
-        from .directory import Directory
-
         store = Directory.open(directory, work)
         least = store.replicates
         if until is None:

@@ -23,7 +23,7 @@ from .groups import Group
 from .plan import Plan
 from .tally import STATUS, Tally
 
-__all__ = ["Part", "Work", "compute", "parts"]
+__all__ = ["Part", "Work", "cheapest", "compute", "noise", "parts"]
 
 Progress = Callable[[int, int], None]
 
@@ -57,7 +57,8 @@ class Work:
     Attributes
     ----------
     plan : Plan
-    draw : {"samples", "coefficients"}
+    draw : {"samples", "coefficients", "auto"}
+        "auto" only until `run` has chosen.
     coverage : bool
     samples : bool
         Whether every estimate is kept; changes no number.
@@ -145,6 +146,27 @@ class Work:
         return contender.estimators[0].options.cov_type if self.coverage else None
 
 
+def cheapest(plan: Plan) -> str:
+    """How noise is drawn with the least work: as coefficients, unless a function needs samples."""
+    work = Work(plan, "samples", True, False)
+    return (
+        "samples"
+        if work.called or not work.core(plan.groups, _compiled_ones(plan)).coefficients_pay
+        else "coefficients"
+    )
+
+
+def noise(plan: Plan, group: Group, replicate: int) -> F64:
+    """Unit noise of a replicate, (output, time), whose coefficients are those that the core draws."""
+    work = Work(plan, "coefficients", False, False)
+    return work.core([group], _compiled_ones(plan)).noise(0, plan.seed, replicate)
+
+
+def _compiled_ones(plan: Plan) -> list[int]:
+    """Estimators that run in the core."""
+    return [k for k, c in enumerate(plan.contenders) if c.call is None]
+
+
 def compute(work: Work, part: Part, threads: int = 1, progress: Progress | None = None) -> Tally:
     """Sums over a part; the same bits for any number of threads, in any process."""
     tallies = []
@@ -190,7 +212,7 @@ def _laid_out(work: Work) -> tuple[Study, F64]:
     Estimators share their noise and its sums; a short run of each alone tells who costs what.
     """
     plan = work.plan
-    chosen = [k for k, c in enumerate(plan.contenders) if c.call is None]
+    chosen = _compiled_ones(plan)
     shares = np.zeros(len(plan.contenders))
     for k in chosen:
         alone = work.core(plan.groups[:1], [k]) if len(chosen) > 1 else None

@@ -1,5 +1,6 @@
 //! Monte Carlo studies: many replicates of one experiment, drawn, estimated and summed up in lanes.
 
+mod coloured;
 mod draw;
 pub mod histogram;
 pub mod moments;

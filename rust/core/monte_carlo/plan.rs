@@ -2,12 +2,17 @@
 
 use std::sync::Arc;
 
+use super::coloured::Coloured;
 use crate::error::Error;
 use crate::estimate::joint::{self, JointFitter, JointOptions, JointRecord};
 use crate::estimate::{FitOptions, Fitter, Options, RecordView, Shared, Time, Wanted};
 use crate::modulation::Lines;
+use crate::rng::{self, Address, Purpose};
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
+
+/// Lines beyond which the roots of their covariances take longer to make than most studies run.
+const MOST_DRAWN: usize = 512;
 
 /// How noise is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -149,8 +154,8 @@ pub(crate) struct Source {
     pub y: Vec<Pair>,
     /// Of each output to each state.
     pub free: Vec<Vec<Pair>>,
-    /// Lower triangle, row major, of the root of the covariance of (Re V(0), Re V(1), Im V(1), …).
-    pub root: Vec<f64>,
+    /// Its noise, where coefficients are drawn.
+    pub coloured: Option<Coloured>,
 }
 
 /// A group ready to run.
@@ -182,6 +187,51 @@ impl Plan {
         let groups =
             groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
         Ok(Plan { groups, draw, isa })
+    }
+
+    /// Whether drawing coefficients is less work than drawing samples, and all estimators of a group take
+    /// them by one rule over one window, so that they are those of one record.
+    #[must_use]
+    pub fn coefficients_pay(&self) -> bool {
+        self.groups.iter().all(|g| match &g.sources[..] {
+            [source] => {
+                let lines = source.plan.harmonics();
+                lines <= MOST_DRAWN && lines * lines + 66 * lines < 51 * g.samples
+            }
+            _ => false,
+        })
+    }
+
+    /// Noise of a replicate in a group, of unit size, one row an output: what the study draws there, and the
+    /// samples behind it where that is coefficients.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] where a study whose estimators take coefficients in several ways drew them: no record
+    /// has them all.
+    pub fn noise(&self, group: usize, seed: u64, replicate: u64) -> Result<Vec<Vec<f64>>, Error> {
+        let g = &self.groups[group];
+        let normals = |purpose, output: usize, length| {
+            let mut out = vec![0.0; length];
+            let channel = output as u32;
+            rng::normals(Address { seed, purpose, channel, replicate, group: g.group }, &mut out);
+            out
+        };
+        (0..g.scale.len())
+            .map(|output| match (self.draw, &g.sources[..]) {
+                (Draw::Samples, _) => Ok(normals(Purpose::NoiseY, output, g.samples)),
+                (Draw::Coefficients, [Source { coloured: Some(coloured), .. }]) => {
+                    let mut samples = normals(Purpose::Completion, output, g.samples);
+                    let drawn = normals(Purpose::NoiseY, output, coloured.normals());
+                    coloured.complete(&drawn, &mut samples);
+                    Ok(samples)
+                }
+                (Draw::Coefficients, sources) => Err(Error::Spec(format!(
+                    "making a record: its coefficients were drawn for {} rules or windows apart, and no record \
+                     has them all; run with draw=\"samples\"",
+                    sources.len()
+                ))),
+            })
+            .collect()
     }
 
     /// Degrees of freedom of each group's estimators.
@@ -250,7 +300,7 @@ impl GroupPlan {
                     plan: plan.clone(),
                     y: Vec::new(),
                     free: Vec::new(),
-                    root: Vec::new(),
+                    coloured: None,
                 }),
             }
         }
@@ -261,7 +311,7 @@ impl GroupPlan {
             (source.y, source.free) =
                 (all(&g.y)?, g.free.iter().map(all).collect::<Result<_, _>>()?);
             if draw == Draw::Coefficients {
-                source.root = covariance_root(&source.plan)?;
+                source.coloured = Some(Coloured::new(&source.plan)?);
             }
         }
         for (shared, own) in shared.into_iter().zip(&g.estimators) {
@@ -311,39 +361,4 @@ fn coefficients(plan: &CoefficientPlan, samples: &[f64]) -> Result<Pair, Error> 
     let (mut re, mut im) = (vec![0.0; lines], vec![0.0; lines]);
     plan.run(samples, &mut re, &mut im)?;
     Ok((re, im))
-}
-
-/// Root of the covariance of a rule's coefficients under white noise of variance one.
-///
-/// Coefficients of unit samples give it exactly: cov = Σ_k v_k v_kᵀ with v_k those of sample k.
-fn covariance_root(plan: &CoefficientPlan) -> Result<Vec<f64>, Error> {
-    let size = 2 * plan.harmonics() + 1;
-    let mut cov = vec![0.0; size * size];
-    let mut unit = vec![0.0; plan.samples()];
-    for k in 0..unit.len() {
-        unit[k] = 1.0;
-        let (re, im) = coefficients(plan, &unit)?;
-        unit[k] = 0.0;
-        let v: Vec<f64> = (0..size)
-            .map(|i| if i % 2 == 1 || i == 0 { re[i.div_ceil(2)] } else { im[i / 2] })
-            .collect();
-        for i in 0..size {
-            for j in 0..=i {
-                cov[i * size + j] = v[i].mul_add(v[j], cov[i * size + j]);
-            }
-        }
-    }
-    // Cholesky, in place.
-    for j in 0..size {
-        let own = (0..j)
-            .fold(cov[j * size + j], |s, k| (-cov[j * size + k]).mul_add(cov[j * size + k], s));
-        let pivot = own.max(0.0).sqrt();
-        cov[j * size + j] = pivot;
-        for i in j + 1..size {
-            let dot = (0..j)
-                .fold(cov[i * size + j], |s, k| (-cov[i * size + k]).mul_add(cov[j * size + k], s));
-            cov[i * size + j] = if pivot > 0.0 { dot / pivot } else { 0.0 };
-        }
-    }
-    Ok(cov)
 }

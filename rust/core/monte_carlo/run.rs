@@ -1,9 +1,10 @@
 //! Runs replicates of a study: draw, transform once, estimate for every level and method, count.
 
-use super::draw::{Noisy, colour};
+use super::coloured::Coloured;
+use super::draw::Noisy;
 use super::histogram::{Histogram, Occupied};
 use super::moments::Moments;
-use super::plan::{Draw, GroupPlan, Intervals, Plan, Task};
+use super::plan::{GroupPlan, Intervals, Plan, Task};
 use super::space::Space;
 use crate::error::{Error, Status};
 use crate::estimate::Outcome;
@@ -178,11 +179,11 @@ impl Plan {
             fill(Purpose::NoiseY, output as u32, &mut w.samples);
             for (k, source) in g.sources.iter().enumerate() {
                 let (re, im) = &mut w.noise[k][output];
-                match self.draw {
-                    Draw::Samples => {
+                match &source.coloured {
+                    None => {
                         source.plan.run_lanes(self.isa, &w.samples, re, im, &mut w.scratch[k])?
                     }
-                    Draw::Coefficients => colour(self.isa, source, &w.samples, re, im),
+                    Some(coloured) => coloured.colour(self.isa, &w.samples, re, im),
                 }
             }
         }
@@ -230,10 +231,9 @@ impl Worker {
             group,
             spaces,
             scratch: g.sources.iter().map(|s| s.plan.scratch()).collect(),
-            samples: wide(if g.sources.iter().all(|s| s.root.is_empty()) {
-                g.samples
-            } else {
-                g.sources.iter().map(|s| 2 * s.plan.harmonics() + 1).max().unwrap_or(0)
+            samples: wide({
+                let drawn = g.sources.iter().flat_map(|s| &s.coloured).map(Coloured::normals);
+                drawn.max().unwrap_or(g.samples)
             }),
             initial: wide(g.states),
             noise: g

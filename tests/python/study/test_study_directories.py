@@ -306,7 +306,7 @@ def test_a_damaged_description_is_refused_by_load_and_written_again(
         ({"seed": 4}, {}, "seed 3 there, 4 here"),
         ({"nsr": [0.1, 0.3]}, {}, "other signals, noise levels"),
         ({"estimators": ["ls", "awls"]}, {}, "estimators or functions"),
-        ({}, {"draw": "coefficients"}, "draw 'samples' there"),
+        ({}, {"draw": "samples"}, "draw 'coefficients' there"),
         ({}, {"coverage": False}, "coverage True there"),
     ],
 )

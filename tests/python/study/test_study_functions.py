@@ -62,7 +62,7 @@ def same(one: mf.Results, two: mf.Results) -> None:
 
 
 def test_the_builtin_study_written_by_hand_has_its_numbers() -> None:
-    built = simulated().run(progress=False)
+    built = simulated().run(draw="samples", progress=False)
     hand = generated(generate=kit.by_hand, grid={"nsr": [0.1, 0.3]}, seed=3).run(progress=False)
     noise = simulated(noise=kit.white).run(progress=False)
     assert built.axes == hand.axes == noise.axes
@@ -77,7 +77,7 @@ def test_the_builtin_study_written_by_hand_has_its_numbers() -> None:
 
 
 def test_metrics_change_no_other_figure() -> None:
-    plain = simulated().run(keep="samples", progress=False)
+    plain = simulated().run(keep="samples", draw="samples", progress=False)
     res = simulated(metrics={"gain": kit.gain, "peak": kit.peak}).run(keep="samples", progress=False)
     for name in ("bias", "sd", "rmse", "nit", "samples"):
         np.testing.assert_allclose(getattr(res, name), getattr(plain, name), rtol=1e-9, atol=1e-12)
