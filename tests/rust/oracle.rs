@@ -1,0 +1,22 @@
+//! An oracle: the formulas of docs/core.md written out a second time, in plain loops and dense algebra, held to all
+//! five estimators. It shares no code with the core beyond the types of its calls.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::disallowed_methods)]
+
+#[path = "oracle/dense.rs"]
+mod dense;
+#[path = "oracle/fast.rs"]
+mod fast;
+#[path = "oracle/joint.rs"]
+mod joint;
+#[path = "oracle/linear.rs"]
+mod linear;
+#[path = "oracle/response.rs"]
+mod response;
+#[path = "oracle/signals.rs"]
+mod signals;
+#[path = "oracle/study.rs"]
+mod study;
+#[path = "oracle/terms.rs"]
+mod terms;
+#[path = "oracle/tones.rs"]
+mod tones;
