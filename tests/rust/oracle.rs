@@ -4,6 +4,8 @@
 
 #[path = "oracle/dense.rs"]
 mod dense;
+#[path = "common/duffing.rs"]
+mod duffing;
 #[path = "oracle/fast.rs"]
 mod fast;
 #[path = "oracle/joint.rs"]

@@ -422,25 +422,24 @@ impl Problem {
             .flat_map(|m| [(m, false), (m, true)])
             .filter(|row| *row != (0, true))
             .collect();
-        let wave = |(m, im): (usize, bool), t: f64| {
-            let turned = C::turn(-(m as f64) * r.omega0() * t);
-            if im { turned.1 } else { turned.0 }
+        let wave = |(m, im): &(usize, bool)| -> Vec<f64> {
+            let turned = t.iter().map(|t| C::turn(-(*m as f64) * r.omega0() * t));
+            turned.map(|z| if *im { z.1 } else { z.0 }).collect()
         };
+        let waves: Vec<Vec<f64>> = rows.iter().map(wave).collect();
         for i in 0..q {
             let most =
                 r.variances[i].iter().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(*v));
-            let entry = |a: (usize, bool), b: (usize, bool)| {
-                let each = r.variances[i][r.lead..].iter().zip(t.iter().zip(&weights));
-                let sum: f64 = each
-                    .map(|(v, (t, w))| {
-                        let v = if v.is_finite() { *v } else { 1e8 * most };
-                        v * w * w * wave(a, *t) * wave(b, *t)
-                    })
-                    .sum();
-                C(sum, 0.0)
+            let power: Vec<f64> = r.variances[i][r.lead..]
+                .iter()
+                .zip(&weights)
+                .map(|(v, w)| w * w * if v.is_finite() { *v } else { 1e8 * most })
+                .collect();
+            let entry = |a: &Vec<f64>, b: &Vec<f64>| {
+                C(a.iter().zip(b).zip(&power).map(|((a, b), p)| a * b * p).sum(), 0.0)
             };
             let covariance: Vec<Vec<C>> =
-                rows.iter().map(|a| rows.iter().map(|b| entry(*a, *b)).collect()).collect();
+                waves.iter().map(|a| waves.iter().map(|b| entry(a, b)).collect()).collect();
             let white = whitener(&covariance);
             for column in out.iter_mut() {
                 let own: Vec<f64> = (0..rows.len()).map(|k| column[from + k * q + i]).collect();

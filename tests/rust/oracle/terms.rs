@@ -2,6 +2,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::dense::{C, Qr, dot, gradient, inverse, same_covariance, sandwich, whitener};
+use super::duffing::{self, op};
 use super::fast::{self, OPTIONS};
 use super::signals::noisy;
 use modfun::Status;
@@ -288,10 +289,6 @@ fn same(found: &TermsFit, oracle: &Oracle, want: &[f64], denoised: bool, what: &
     }
 }
 
-fn op(name: &str, value: f64, a: usize, b: usize) -> Written {
-    (name.to_owned(), value, a, b)
-}
-
 fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> TermsOptions {
     TermsOptions {
         equations,
@@ -376,29 +373,8 @@ const DUFFING: [(usize, usize, usize, Result<usize, f64>); 5] = [
     (0, 2, 0, Err(-1.0)),
 ];
 
-/// Channels y, u; signals y, y³ − 3σ²y, u; slopes 1 and 3y² − 3σ².
 fn duffing() -> Equations {
-    let formulas = [
-        op("input", 0.0, 0, 0),
-        op("input", 0.0, 1, 0),
-        op("input", 0.0, 2, 0),
-        op("whole", 3.0, 0, 0),
-        op("constant", -3.0, 0, 0),
-        op("multiply", 0.0, 4, 2),
-        op("multiply", 0.0, 5, 0),
-        op("add", 0.0, 3, 6),
-        op("constant", 1.0, 0, 0),
-        op("whole", 2.0, 0, 0),
-        op("constant", 3.0, 0, 0),
-        op("multiply", 0.0, 10, 9),
-        op("add", 0.0, 11, 5),
-    ];
-    let samples = (&formulas[..], vec![0, 7, 1, 8, 12], 3);
-    equations((vec![2], &DUFFING, 3), samples, (2, vec![0]), vec![(0, 0), (1, 0)])
-}
-
-fn drive(t: f64) -> f64 {
-    2.0 * (1.1 * t).sin() + 1.5 * (2.3 * t + 1.0).sin() + (0.45 * t).sin()
+    duffing::equations(Rule::Trapezoid)
 }
 
 /// Runge–Kutta's steps of a system from a state; samples of every state.
@@ -425,10 +401,7 @@ fn solved<const N: usize>(
 }
 
 fn oscillation(start: [f64; 2]) -> (Vec<f64>, Vec<f64>) {
-    let slope =
-        |t: f64, x: [f64; 2]| [x[1], drive(t) - 0.3 * x[1] - x[0] - 0.5 * x[0] * x[0] * x[0]];
-    let y = solved(slope, start).swap_remove(0);
-    (y, (0..COUNT).map(|k| drive(k as f64 * DT)).collect())
+    duffing::record(COUNT, DT, start)
 }
 
 /// Signals of the oscillator with slopes at `clean`.
