@@ -2,6 +2,8 @@
 //! five estimators. It shares no code with the core beyond the types of its calls.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::disallowed_methods)]
 
+#[path = "oracle/delays.rs"]
+mod delays;
 #[path = "oracle/dense.rs"]
 mod dense;
 #[path = "common/duffing.rs"]
@@ -12,8 +14,12 @@ mod fast;
 mod joint;
 #[path = "oracle/linear.rs"]
 mod linear;
+#[path = "oracle/record.rs"]
+mod record;
 #[path = "oracle/response.rs"]
 mod response;
+#[path = "oracle/sampled.rs"]
+mod sampled;
 #[path = "oracle/signals.rs"]
 mod signals;
 #[path = "oracle/study.rs"]
@@ -22,3 +28,5 @@ mod study;
 mod terms;
 #[path = "oracle/tones.rs"]
 mod tones;
+#[path = "oracle/weights.rs"]
+mod weights;

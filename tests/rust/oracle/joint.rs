@@ -3,12 +3,12 @@
 
 use super::dense::{gradient, same_covariance};
 use super::fast;
-use super::linear::{Columns, Problem, Record};
+use super::linear::{Columns, Problem};
+use super::record::{Between, Record};
 use super::signals::{System, noise, noisy, samples, smooth};
 use modfun::Status;
 use modfun::estimate::joint::{
-    Colour, Delay, JointFit, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel,
-    Path,
+    Delay, JointFit, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
 use modfun::estimate::{Band, FitOptions, Fitter, RecordView, Time};
 use modfun::quadrature::{Hold, Rule};
@@ -16,11 +16,11 @@ use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
 
 const TRENDS: [Trend; 3] = [Trend::None, Trend::Constant, Trend::Linear];
-const COUNT: usize = 257;
-const DT: f64 = 10.0 / 256.0;
+pub const COUNT: usize = 257;
+pub const DT: f64 = 10.0 / 256.0;
 
 /// Two outputs of second order, with one denominator or two, of two inputs.
-fn two(common: bool, sigma: f64, correlation: f64, count: usize, replicate: u64) -> Record {
+pub fn two(common: bool, sigma: f64, correlation: f64, count: usize, replicate: u64) -> Record {
     let systems = [
         System { a: vec![1.6, 9.0], b: vec![vec![2.0, 5.0], vec![0.0, 3.0]] },
         System {
@@ -45,7 +45,7 @@ fn two(common: bool, sigma: f64, correlation: f64, count: usize, replicate: u64)
     }
 }
 
-fn structure(common: bool) -> JointStructure {
+pub fn structure(common: bool) -> JointStructure {
     JointStructure {
         orders: vec![2, 2],
         common,
@@ -56,7 +56,7 @@ fn structure(common: bool) -> JointStructure {
     }
 }
 
-fn options(structure: JointStructure, method: Method, band: Band) -> JointOptions {
+pub fn options(structure: JointStructure, method: Method, band: Band) -> JointOptions {
     let inputs = structure.paths.len();
     JointOptions {
         structure: structure.checked().unwrap(),
@@ -71,7 +71,7 @@ fn options(structure: JointStructure, method: Method, band: Band) -> JointOption
     }
 }
 
-fn fit(o: &JointOptions, records: &[Record]) -> JointFit {
+pub fn fit(o: &JointOptions, records: &[Record]) -> JointFit {
     let sampling: Vec<(usize, Time<'_>)> = records
         .iter()
         .map(|r| match r.times.is_empty() {
@@ -96,7 +96,7 @@ fn fit(o: &JointOptions, records: &[Record]) -> JointFit {
 }
 
 /// The oracle's problem on the lines that a fit used, with Σ as given or as the fit found it.
-fn problem(o: &JointOptions, records: &[Record], found: &JointFit) -> Problem {
+pub fn problem(o: &JointOptions, records: &[Record], found: &JointFit) -> Problem {
     let s = &o.structure;
     let q = s.orders.len();
     let longest = s.longest_delay();
@@ -119,7 +119,11 @@ fn problem(o: &JointOptions, records: &[Record], found: &JointFit) -> Problem {
         numerators: s.numerators.clone(),
         fixed: s.fixed.clone(),
         delays: s.paths.iter().map(delay).collect(),
-        held_inputs: o.intersample[0].is_some(),
+        inputs: match o.intersample[0] {
+            None => Between::Samples,
+            Some(Hold::Zoh) => Between::Zoh,
+            Some(Hold::Foh) => Between::Foh,
+        },
         trend: o.trend,
         extended: o.extended,
         equation: o.noise.equation,
@@ -131,7 +135,7 @@ fn problem(o: &JointOptions, records: &[Record], found: &JointFit) -> Problem {
 
 /// Everything that a fit says, held to the oracle. Covariances agree but for `within`.
 #[track_caller]
-fn check(o: &JointOptions, records: &[Record], within: f64) -> JointFit {
+pub fn check(o: &JointOptions, records: &[Record], within: f64) -> JointFit {
     let found = fit(o, records);
     let problem = problem(o, records, &found);
     let what = format!("{:?} {:?} {:?}", o.method, o.trend, o.noise);
@@ -143,6 +147,16 @@ fn check(o: &JointOptions, records: &[Record], within: f64) -> JointFit {
     let cost = found.answer.cost;
     assert!((cost / worth.cost - 1.0).abs() < within, "{what}: cost {cost} for {}", worth.cost);
     assert!(worth.step.iter().all(|s| s.abs() < within), "{what}: {:?} left", worth.step);
+    let mut numbers = Vec::new();
+    for (own, lines) in found.residuals.iter().zip(&found.answer.lines) {
+        for m in 0..lines.count() {
+            numbers.extend(own.iter().map(|o| o[m].0));
+            numbers.extend(own.iter().map(|o| o[m].1).filter(|_| m + lines.first > 0));
+        }
+    }
+    assert_eq!(numbers.len(), worth.residual.len(), "{what}");
+    let apart = numbers.iter().zip(&worth.residual).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 10.0 * within, "{what}: residuals {apart} apart");
     same_covariance(
         &found.answer.cov_nonrobust,
         &worth.classical,
@@ -150,7 +164,8 @@ fn check(o: &JointOptions, records: &[Record], within: f64) -> JointFit {
         &format!("{what}: classical"),
     );
     same_covariance(&found.answer.cov_hc3, &worth.hc3, within, &format!("{what}: HC3"));
-    if by_model {
+    // Differences tell nothing where columns are nearly dependent.
+    if by_model && o.structure.orders.iter().all(|n| *n <= 4) {
         let p = theta.len();
         let bse: Vec<f64> = (0..p).map(|k| worth.classical[k][k].sqrt()).collect();
         let steps: Vec<f64> = bse.iter().map(|s| 1e-3 * s).collect();
@@ -187,6 +202,50 @@ fn equation_noise_is_weighted_by_its_covariance_alone() {
     }
 }
 
+/// Three outputs: what is written with two indices of outputs is told apart from its transpose.
+#[test]
+fn three_outputs_of_noisy_inputs_are_what_the_rows_say() {
+    let r = two(false, 0.05, 0.5, COUNT, 17);
+    let third = System { a: vec![3.0, 6.0], b: vec![vec![1.0, 1.0], vec![0.5, 2.0]] };
+    let clean = third.response(&|j, _, t| smooth(j, t), (COUNT, DT), &[0.1, 0.3]);
+    let y = vec![r.y[0].clone(), r.y[1].clone(), noisy(&clean, 0.05, 9, 17)];
+    let r = Record { y, ..r };
+    let s = JointStructure {
+        orders: vec![2; 3],
+        numerators: vec![vec![Some(1), Some(0)], vec![Some(0), Some(1)], vec![Some(1); 2]],
+        ..structure(false)
+    };
+    let sigma = vec![1.0, 0.3, 0.1, 0.3, 0.5, -0.2, 0.1, -0.2, 0.8];
+    for inputs in [None, Some(vec![0.4, 0.1, 0.1, 0.6])] {
+        for method in [Method::Awls, Method::Ml] {
+            let o = options(s.clone(), method, Band::Harmonics(18));
+            let noise = NoiseModel {
+                inputs: inputs.clone(),
+                outputs: Some(sigma.clone()),
+                ..o.noise.clone()
+            };
+            check(&JointOptions { noise, ..o }, std::slice::from_ref(&r), 1e-5);
+        }
+    }
+}
+
+#[test]
+fn ill_conditioned_columns_are_solved_by_orthogonal_factors() {
+    for order in [5, 6] {
+        for method in [Method::Awls, Method::Ml] {
+            let s = JointStructure {
+                orders: vec![order],
+                numerators: vec![vec![Some(order - 1)]],
+                paths: structure(true).paths[..1].to_vec(),
+                ..structure(true)
+            };
+            let o = options(s, method, Band::Edges(0.0, 25.0));
+            let o = JointOptions { noise: NoiseModel::output(), ..o };
+            check(&o, &[fast::record(order, 1, 513, 1e-4, 1)], 1e-4);
+        }
+    }
+}
+
 #[test]
 fn later_records_have_transients_of_their_own() {
     for common in [true, false] {
@@ -199,45 +258,6 @@ fn later_records_have_transients_of_their_own() {
             ];
             check(&o, &records, 1e-5);
         }
-    }
-}
-
-/// Σ̂ is (q/ν) Σ Re(e e*)/h of the residuals over A, all of it, and the fit stands still at it.
-#[test]
-fn an_unknown_covariance_is_that_of_the_residuals() {
-    for common in [true, false] {
-        let o = options(structure(common), Method::Ml, Band::Harmonics(18));
-        let o = JointOptions { noise: NoiseModel::output(), ..o };
-        let records = [two(common, 0.1, 0.8, COUNT, 3)];
-        let found = check(&o, &records, 1e-4);
-        let mut plain = problem(&o, &records, &found);
-        let theta = &found.answer.theta;
-        let t = plain.transients(theta, false);
-        plain.sigma = vec![vec![1.0, 0.0], vec![0.0, 1.0]];
-        let rows = plain.rows(theta, Some(&t), Columns::Data, false);
-        let mut sums = [[0.0; 2]; 2];
-        for pair in rows.residual.chunks(2) {
-            for i in 0..2 {
-                for j in 0..2 {
-                    sums[i][j] += pair[i] * pair[j];
-                }
-            }
-        }
-        let freedom = found.answer.degrees_of_freedom as f64;
-        for i in 0..2 {
-            for j in 0..2 {
-                let want = 2.0 / freedom * sums[i][j];
-                let size = (sums[0][0] * sums[1][1]).sqrt() * 2.0 / freedom;
-                let gap = (found.noise[2 * i + j] - want).abs();
-                assert!(
-                    gap < 1e-4 * size,
-                    "{common} ({i}, {j}): {} for {want}",
-                    found.noise[2 * i + j]
-                );
-            }
-        }
-        let correlation = found.noise[1] / (found.noise[0] * found.noise[3]).sqrt();
-        assert!(correlation > 0.5, "the test's noise is correlated, found {correlation}");
     }
 }
 
@@ -328,71 +348,6 @@ fn separate_outputs_of_independent_noise_are_single_fits() {
 }
 
 #[test]
-fn noise_of_inputs_and_given_colour_weigh_the_lines() {
-    for common in [true, false] {
-        for method in [Method::Awls, Method::Ml] {
-            let o = options(structure(common), method, Band::Harmonics(18));
-            let lines: Vec<f64> = (0..40).map(|m| 1.0 / (1.0 + 0.1 * f64::from(m))).collect();
-            let flat = vec![1.0; 40];
-            let coloured = vec![vec![lines.clone(), flat.clone(), flat, lines]];
-            let inputs = Some(vec![0.4, 0.1, 0.1, 0.6]);
-            for (inputs, spectra) in
-                [(inputs.clone(), vec![]), (None, coloured.clone()), (inputs, coloured)]
-            {
-                let noise = NoiseModel { inputs, spectra, ..o.noise.clone() };
-                let mut r = two(common, 0.05, 0.5, COUNT, 8);
-                for (k, u) in r.u.iter_mut().enumerate() {
-                    *u = noisy(u, 0.05, 2 + k as u32, 8);
-                }
-                check(&JointOptions { noise, ..o.clone() }, &[r], 1e-5);
-            }
-        }
-    }
-}
-
-/// Where the spectrum is that of an autoregression, a fitted colour brings it out.
-#[test]
-fn the_colour_of_noise_is_read_from_the_residuals() {
-    let count = 1025;
-    let r = fast::record(2, 1, count, 0.0, 9);
-    let e = noise(3, 9, count + 50);
-    let mut coloured = vec![0.0; count + 50];
-    for k in 1..count + 50 {
-        coloured[k] = 0.9 * coloured[k - 1] + 0.03 * e[k];
-    }
-    let y = r.y[0].iter().zip(&coloured[50..]).map(|(y, e)| y + e).collect();
-    let r = Record { y: vec![y], ..r };
-    let s = JointStructure {
-        orders: vec![2],
-        numerators: vec![vec![Some(1)]],
-        paths: structure(true).paths[..1].to_vec(),
-        ..structure(true)
-    };
-    let o = options(s, Method::Ml, Band::Harmonics(120));
-    let fitted = NoiseModel { colour: Colour::Fitted, ..NoiseModel::output() };
-    let power = |m: usize| {
-        let turned = std::f64::consts::TAU * m as f64 / (count - 1) as f64;
-        1.0 / (1.0 + 0.81 - 1.8 * turned.cos())
-    };
-    let spectra = vec![vec![(0..513).map(power).collect(), vec![1.0; 513]]];
-    let told = NoiseModel { spectra, ..NoiseModel::output() };
-    let [fitted, told, white] = [fitted, told, NoiseModel::output()]
-        .map(|noise| fit(&JointOptions { noise, ..o.clone() }, std::slice::from_ref(&r)).answer);
-    assert_eq!(fitted.status, Status::Ok);
-    let p = told.theta.len();
-    let bse = |a: &modfun::estimate::Answer, k: usize| a.cov_nonrobust[k * (p + 1)].sqrt();
-    let mut apart: f64 = 0.0;
-    for k in 0..p {
-        let ratio = bse(&fitted, k) / bse(&told, k);
-        assert!((0.75..1.33).contains(&ratio), "parameter {k}: {ratio}");
-        let gap = (fitted.theta[k] - told.theta[k]).abs() / bse(&told, k);
-        assert!(gap < 0.5, "parameter {k}: {gap} standard errors from the true colour's");
-        apart = apart.max((bse(&white, k) / bse(&told, k) - 1.0).abs());
-    }
-    assert!(apart > 0.4, "white weights say the same: {apart}");
-}
-
-#[test]
 fn held_coefficients_keep_their_values() {
     for common in [true, false] {
         let mut s = structure(common);
@@ -443,99 +398,6 @@ fn a_parameter_led_beyond_its_bound_stands_on_it() {
     assert_eq!(wide.answer.theta, open.theta);
 }
 
-/// Samples of uneven noise, and masked ones, at even instants and at uneven ones.
-#[test]
-fn uneven_samples_are_weighed_by_their_own_covariance() {
-    let s = JointStructure {
-        orders: vec![2],
-        numerators: vec![vec![Some(1)]],
-        paths: structure(true).paths[..1].to_vec(),
-        ..structure(true)
-    };
-    for uneven_times in [false, true] {
-        let mut r = fast::record(2, 1, 129, 0.1, 12);
-        r.variances =
-            vec![(0..129).map(|k| 1.0 + 3.0 * f64::from(k) / 128.0 + f64::from(k % 3)).collect()];
-        if uneven_times {
-            r.times = (0..129)
-                .map(|k| r.dt * (f64::from(k) + 0.3 * (0.7 * f64::from(k)).sin()))
-                .collect();
-        } else {
-            (40..46).for_each(|k| r.variances[0][k] = f64::INFINITY);
-        }
-        for method in [Method::Awls, Method::Ml] {
-            let o = options(s.clone(), method, Band::Harmonics(14));
-            let o = JointOptions { noise: NoiseModel::output(), ..o };
-            check(&o, &[r.clone()], 1e-4);
-        }
-    }
-}
-
-#[test]
-fn outputs_of_uneven_noise_share_a_covariance() {
-    let mut r = two(false, 0.05, 0.5, 129, 13);
-    let variance = |i: u32| (0..129).map(|k| 1.0 + f64::from((k + i) % 4)).collect();
-    r.variances = vec![variance(0), variance(2)];
-    let o = options(structure(false), Method::Awls, Band::Harmonics(14));
-    check(&o, &[r], 1e-4);
-}
-
-/// y = 5/(s² + 1.6s + 9) of a held input, late by τ.
-pub fn late(tau: f64, count: usize, sigma: f64, seed: u64) -> Record {
-    let levels = noise(5, seed, count);
-    let u: Vec<f64> = (0..count).map(|k| levels[k / 4]).collect();
-    let system = System { a: vec![1.6, 9.0], b: vec![vec![0.0, 5.0]] };
-    let value = |_: usize, _: usize, t: f64| u[(((t - tau) / DT + 1e-9).floor().max(0.0)) as usize];
-    let clean = system.response(&value, (count, DT), &[0.0, 0.0]);
-    Record { y: vec![noisy(&clean, sigma, 6, seed)], u: vec![u], dt: DT, ..Record::default() }
-}
-
-fn delayed(delay: Delay, method: Method, band: Band) -> JointOptions {
-    let s = JointStructure {
-        orders: vec![2],
-        common: true,
-        numerators: vec![vec![Some(0)]],
-        paths: vec![Path { input: 0, delay }],
-        fixed: vec![],
-        bounds: vec![],
-    };
-    let o = options(s, method, band);
-    JointOptions { noise: NoiseModel::output(), intersample: vec![Some(Hold::Zoh)], ..o }
-}
-
-#[test]
-fn known_delays_move_the_input() {
-    for tau in [0.0, 0.3, 0.4 * DT, 5.0 * DT] {
-        let o = delayed(Delay::Known(tau), Method::Ml, Band::Harmonics(25));
-        check(&o, &[late(tau, COUNT, 0.02, 14)], 1e-5);
-    }
-}
-
-/// From starts on both sides, and from afar, where only the search over the bounds finds the way.
-#[test]
-fn free_delays_are_found_and_stand_where_the_criterion_is_flat() {
-    let true_delay = 0.8;
-    for start in [0.0, 0.7, 1.0, 2.4] {
-        for method in [Method::Awls, Method::Ml] {
-            let delay = Delay::Free { start, min: 0.0, max: 2.5 };
-            let o = delayed(delay, method, Band::Edges(0.0, 18.0));
-            let found = check(&o, &[late(true_delay, 385, 0.02, 15)], 1e-3);
-            let tau = found.answer.theta[3];
-            let bse = found.answer.cov_nonrobust[15].sqrt();
-            assert!((tau - true_delay).abs() < 5.0 * bse && bse < 0.05, "{start}: {tau} ± {bse}");
-        }
-    }
-}
-
-#[test]
-fn the_default_band_seeks_delays_too() {
-    let o = delayed(Delay::Free { start: 2.4, min: 0.0, max: 2.5 }, Method::Ml, Band::Default);
-    let found = fit(&o, &[late(0.8, 385, 0.02, 16)]);
-    assert_eq!(found.answer.status, Status::Ok);
-    let bse = found.answer.cov_nonrobust[15].sqrt();
-    assert!((found.answer.theta[3] - 0.8).abs() < 5.0 * bse, "{}", found.answer.theta[3]);
-}
-
 /// The rule of one output, as tests of the fast path have it, chooses for one output here.
 #[test]
 fn the_default_band_is_that_of_the_fast_path() {
@@ -555,10 +417,4 @@ fn the_default_band_is_that_of_the_fast_path() {
         assert_eq!((a.wide, a.narrow, a.chosen), (b.wide, b.narrow, b.chosen));
         assert!(a.chosen < a.wide, "a test of a rule that never narrows");
     }
-}
-
-/// The fit of a free delay up to 2.5 s, for others to be held to.
-pub fn free_delay(r: &Record) -> modfun::estimate::Answer {
-    let delay = Delay::Free { start: 0.7, min: 0.0, max: 2.5 };
-    fit(&delayed(delay, Method::Ml, Band::Edges(0.0, 18.0)), std::slice::from_ref(r)).answer
 }

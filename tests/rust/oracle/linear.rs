@@ -1,27 +1,11 @@
-//! The linear problem written out: coefficients as plain sums, rows, criterion, covariances (docs/core.md).
+//! The linear problem written out: rows, criterion, covariances (docs/core.md).
 #![allow(clippy::needless_range_loop)]
 
 use super::dense::{C, Qr, dot, inverse, sandwich, whitener};
+use super::record::{Between, Record};
 use modfun::structure::Trend;
 
-/// One record and its lines.
-#[derive(Debug, Clone, Default)]
-pub struct Record {
-    pub y: Vec<Vec<f64>>,
-    pub u: Vec<Vec<f64>>,
-    pub dt: f64,
-    /// Samples before the window.
-    pub lead: usize,
-    pub lines: (usize, usize),
-    /// Power of the outputs' noise, then of the paths', on each line from 0 on; empty: white.
-    pub spectra: Vec<Vec<f64>>,
-    /// Variance of each sample of each output; empty: equal.
-    pub variances: Vec<Vec<f64>>,
-    /// Instants, where they are uneven.
-    pub times: Vec<f64>,
-}
-
-/// A problem: samples by the trapezoidal rule, inputs held between samples where `held_inputs`.
+/// A problem: outputs by the trapezoidal rule, inputs as they are between samples.
 #[derive(Debug, Clone)]
 pub struct Problem {
     pub orders: Vec<usize>,
@@ -32,7 +16,7 @@ pub struct Problem {
     pub fixed: Vec<Option<f64>>,
     /// Delay of each input; none: estimated.
     pub delays: Vec<Option<f64>>,
-    pub held_inputs: bool,
+    pub inputs: Between,
     pub trend: Trend,
     pub extended: bool,
     pub equation: bool,
@@ -60,67 +44,14 @@ pub struct Rows {
 
 /// What a problem says of an estimate.
 pub struct Worth {
+    /// Whitened residuals over their standard deviation, in the rows' order.
+    pub residual: Vec<f64>,
     pub cost: f64,
     pub degrees: usize,
     pub classical: Vec<Vec<f64>>,
     pub hc3: Vec<Vec<f64>>,
     /// The step that would still be taken, in standard errors.
     pub step: Vec<f64>,
-}
-
-impl Record {
-    /// Sample times from the window's start on, its length, and the trapezoidal weights over it.
-    fn window(&self) -> (Vec<f64>, f64, Vec<f64>) {
-        let n = self.y[0].len() - self.lead;
-        let t: Vec<f64> = match self.times.is_empty() {
-            true => (0..n).map(|k| k as f64 * self.dt).collect(),
-            false => self.times.iter().map(|t| t - self.times[0]).collect(),
-        };
-        let span = t[n - 1];
-        let weight = |k: usize| 0.5 * (t[(k + 1).min(n - 1)] - t[k.max(1) - 1]) / span;
-        let weights = (0..n).map(weight).collect();
-        (t, span, weights)
-    }
-
-    pub fn omega0(&self) -> f64 {
-        std::f64::consts::TAU / self.window().1
-    }
-
-    /// Variance of a coefficient under noise of variance one.
-    pub fn unit_variance(&self) -> f64 {
-        self.window().2.iter().map(|w| w * w).sum()
-    }
-
-    pub fn coefficient(&self, samples: &[f64], m: usize) -> C {
-        let (t, _, weights) = self.window();
-        let omega = m as f64 * self.omega0();
-        let each = samples[self.lead..].iter().zip(t.iter().zip(&weights));
-        each.fold(C::default(), |sum, (v, (t, w))| sum + C::turn(-omega * t) * (v * w))
-    }
-
-    /// Exact coefficient of a held input that is late by τ.
-    pub fn held(&self, samples: &[f64], m: usize, tau: f64) -> C {
-        let span = self.window().1;
-        let omega = m as f64 * self.omega0();
-        let mut sum = C::default();
-        for (j, v) in samples.iter().enumerate() {
-            let from = (j as f64 - self.lead as f64) * self.dt + tau;
-            let (a, b) = (from.max(0.0), (from + self.dt).min(span));
-            if b > a {
-                sum = sum
-                    + match m {
-                        0 => C((b - a) * v, 0.0),
-                        _ => (C::turn(-omega * b) - C::turn(-omega * a)) * C(0.0, *v / omega),
-                    };
-            }
-        }
-        sum * (1.0 / span)
-    }
-
-    pub fn line_numbers(&self, trend: Trend) -> std::ops::RangeInclusive<usize> {
-        let first = if trend == Trend::None { self.lines.0 } else { self.lines.0.max(1) };
-        first..=self.lines.1
-    }
 }
 
 impl Problem {
@@ -178,9 +109,10 @@ impl Problem {
     }
 
     fn input(&self, r: &Record, k: usize, m: usize, tau: f64) -> C {
-        match self.held_inputs {
-            true => r.held(&r.u[k], m, tau),
-            false => r.coefficient(&r.u[k], m),
+        match self.inputs {
+            Between::Samples => r.coefficient(&r.u[k], m),
+            Between::Zoh => r.held(&r.u[k], m, tau, false),
+            Between::Foh => r.held(&r.u[k], m, tau, true),
         }
     }
 
@@ -516,6 +448,13 @@ impl Problem {
             .enumerate()
             .map(|(k, row)| -dot(row, &right) / classical[k][k].sqrt())
             .collect();
-        Worth { cost, degrees, hc3: sandwich(&h, &meat), classical, step }
+        Worth {
+            residual: residual.iter().map(|r| r / variance.sqrt()).collect(),
+            cost,
+            degrees,
+            hc3: sandwich(&h, &meat),
+            classical,
+            step,
+        }
     }
 }
