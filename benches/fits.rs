@@ -4,7 +4,7 @@
 #[path = "programs.rs"]
 mod programs;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use modfun::simd::Isa;
 
 fn fits(c: &mut Criterion) {
@@ -14,7 +14,8 @@ fn fits(c: &mut Criterion) {
     for program in &programs::ALL {
         let mut work = (program.make)(isa);
         group.throughput(Throughput::Elements(program.pieces as u64));
-        group.bench_function(program.name, |b| b.iter(|| work(program.pieces)));
+        let id = BenchmarkId::new(program.name, program.piece);
+        group.bench_function(id, |b| b.iter(|| work(program.pieces)));
     }
     group.finish();
 }

@@ -244,6 +244,16 @@ fn ill_conditioned_columns_are_solved_by_orthogonal_factors() {
             check(&o, &[fast::record(order, 1, 513, 1e-4, 1)], 1e-4);
         }
     }
+    // Two poles and zeros too many: columns are told apart by the noise alone.
+    let s = JointStructure {
+        orders: vec![4],
+        numerators: vec![vec![Some(3)]],
+        paths: structure(true).paths[..1].to_vec(),
+        ..structure(true)
+    };
+    let o = options(s, Method::Wls, Band::Edges(0.0, 12.0));
+    let noise = NoiseModel { equation: true, ..NoiseModel::output() };
+    check(&JointOptions { noise, ..o }, &[fast::record(2, 1, 513, 1e-5, 1)], 1e-4);
 }
 
 #[test]

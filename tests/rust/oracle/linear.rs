@@ -276,13 +276,12 @@ impl Problem {
                             add(b_at[i][s] + j, -(C::power(omega, power) * hat[q + s]));
                         }
                     }
-                    let mut late = free.len();
-                    for s in (0..paths).filter(|s| self.delays[*s].is_none()) {
+                    let late = (0..paths).filter(|s| self.delays[*s].is_none());
+                    for (c, s) in (free.len()..).zip(late) {
                         let step = 1e-4 * r.dt;
                         let near = |by: f64| self.input(r, s, m, tau[s] + by);
                         let slope = (near(step) - near(-step)) * (0.5 / step);
-                        raw[i][late] = -(b[i][s] * slope);
-                        late += 1;
+                        raw[i][c] = -(b[i][s] * slope);
                     }
                 }
                 let dense = !r.variances.is_empty() && !flat;

@@ -16,11 +16,13 @@ pub struct Sampled {
     pub slopes: Vec<(usize, usize, Vec<f64>)>,
 }
 
+/// A term: equation, signal, order, parameter or number.
+pub type Gained = (usize, usize, usize, Result<usize, f64>);
+
 /// Σ g s^k E = T, g a number or a parameter.
 pub struct Oracle {
     pub orders: Vec<usize>,
-    /// Equation, signal, order, parameter or number.
-    pub terms: Vec<(usize, usize, usize, Result<usize, f64>)>,
+    pub terms: Vec<Gained>,
     pub levels: Vec<f64>,
     pub records: Vec<Sampled>,
     pub last: usize,

@@ -3,7 +3,7 @@
 use super::dense::{gradient, same_covariance};
 use super::duffing::{self, op};
 use super::fast::{self, OPTIONS};
-use super::sampled::{COUNT, DT, Oracle, Sampled, same};
+use super::sampled::{COUNT, DT, Gained, Oracle, Sampled, same};
 use super::signals::noisy;
 use modfun::Status;
 use modfun::estimate::terms::{
@@ -41,7 +41,7 @@ fn fit(o: &TermsOptions, dt: f64, records: &[Vec<&[f64]>]) -> TermsFit {
 
 /// Equations linear in so many parameters: terms as the oracle has them, samples as a tape.
 fn equations(
-    (orders, terms, parameters): (Vec<usize>, &[(usize, usize, usize, Result<usize, f64>)], usize),
+    (orders, terms, parameters): (Vec<usize>, &[Gained], usize),
     (formulas, results, signals): (&[Written], Vec<usize>, usize),
     (channels, noisy): (usize, Vec<usize>),
     sensitivities: Vec<(usize, usize)>,
@@ -92,7 +92,7 @@ fn equations(
 }
 
 /// y'' + ay' + by + cy³ = u.
-const DUFFING: [(usize, usize, usize, Result<usize, f64>); 5] = [
+const DUFFING: [Gained; 5] = [
     (0, 0, 2, Err(1.0)),
     (0, 0, 1, Ok(0)),
     (0, 0, 0, Ok(1)),
