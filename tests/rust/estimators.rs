@@ -6,6 +6,7 @@ mod common;
 
 use common::{ALL, Block, METHODS, answers, block, design, omega0, thetas};
 use modfun::Status;
+use modfun::estimate::{Options, Start, Wanted, Workspace, estimate};
 use modfun::simd::{Isa, LANES, Wide};
 use modfun::structure::{Method, Trend};
 use proptest::prelude::*;
@@ -187,10 +188,8 @@ fn both_paths_agree_with_orthogonal_factors() {
             let tolerance = if order <= 6 { 1e-6 } else { 1e-4 };
             let d = design(order, zeros, Method::Wls, Trend::None, last, omega0());
             let (theta, outcome) = thetas(&d, &block);
+            assert_eq!(outcome.status, [Status::Ok; LANES], "sigma {sigma}, order {order}");
             for (lane, theta) in theta.iter().enumerate() {
-                if outcome.status[lane] != Status::Ok {
-                    continue;
-                }
                 let want = wls_rows(&block, lane, order, zeros, last);
                 for (k, (a, b)) in theta.iter().zip(&want).enumerate() {
                     let size =
@@ -202,9 +201,28 @@ fn both_paths_agree_with_orthogonal_factors() {
                     );
                 }
             }
-            if order <= 2 {
-                assert_eq!(outcome.status, [Status::Ok; LANES], "sigma {sigma}, order {order}");
-            }
         }
+    }
+}
+
+/// Records on which whole steps of `ml` go round in circles or off: halved steps settle.
+#[test]
+fn halved_steps_settle_where_whole_ones_do_not() {
+    let options = Options { tol: 1e-9, maxiter: 100, wanted: Wanted::Cost };
+    for (order, zeros, last, sigma, seed, lane) in [
+        (1, 0, 16, 0.6, 3, 0),
+        (2, 1, 24, 2.0, 1, 7),
+        (2, 1, 40, 0.6, 2, 5),
+        (3, 0, 12, 0.6, 3, 0),
+        (3, 2, 60, 2.0, 2, 6),
+        (4, 3, 16, 1.0, 0, 5),
+    ] {
+        let d = design(order, zeros, Method::Ml, Trend::None, last, omega0());
+        let mut w = Workspace::new(&d);
+        common::load(&mut w, &d, &block(seed, 0, sigma, last));
+        let found = estimate(Isa::detect().unwrap(), &d, &mut w, ALL, Start::Wls, &options);
+        let nit = found.nit[lane];
+        assert_eq!(found.status[lane], Status::Ok, "order {order}, M + n = {last}: {nit} steps");
+        assert!(nit > 12, "order {order}, M + n = {last}: no step was halved in {nit}");
     }
 }

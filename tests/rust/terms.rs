@@ -1,98 +1,24 @@
 //! Fits of equations in the core: Duffing's oscillator, bits on every processor, and input that is none.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
+#[path = "common/duffing.rs"]
+mod duffing;
+
+use duffing::TRUE;
 use modfun::Status;
-use modfun::estimate::terms::{
-    Equations, Lag, Signal, Term, TermsBatch, TermsFitter, TermsOptions, TermsRecord,
-};
+use modfun::estimate::terms::{Equations, Lag, TermsBatch, TermsFitter, TermsOptions, TermsRecord};
 use modfun::estimate::{Answer, Band, Options, Time, Wanted};
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
-use modfun::spectrum::Kind;
 use modfun::structure::{Method, Trend};
-use modfun::tape::{Tape, Written};
 use modfun::threads::Control;
 
 const N: usize = 512;
 const DT: f64 = 20.0 / N as f64;
-const TRUE: [f64; 3] = [0.3, 1.0, 0.5];
 
-fn drive(t: f64) -> f64 {
-    2.0 * (1.1 * t).sin() + 1.5 * (2.3 * t + 1.0).sin() + (0.45 * t).sin()
-}
-
-/// y'' + .3y' + y + .5y³ = u from (.5, 0) by small Runge–Kutta steps.
 fn clean() -> (Vec<f64>, Vec<f64>) {
-    let slope = |t: f64, x: [f64; 2]| {
-        [x[1], drive(t) - TRUE[0] * x[1] - TRUE[1] * x[0] - TRUE[2] * x[0] * x[0] * x[0]]
-    };
-    let steps = 40;
-    let h = DT / f64::from(steps);
-    let (mut x, mut y) = ([0.5, 0.0], vec![0.5]);
-    for k in 0..N {
-        for j in 0..steps {
-            let t = k as f64 * DT + f64::from(j) * h;
-            let step = |a: [f64; 2], by: f64| [x[0] + by * a[0], x[1] + by * a[1]];
-            let k1 = slope(t, x);
-            let k2 = slope(t + h / 2.0, step(k1, h / 2.0));
-            let k3 = slope(t + h / 2.0, step(k2, h / 2.0));
-            let k4 = slope(t + h, step(k3, h));
-            for i in 0..2 {
-                x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
-            }
-        }
-        y.push(x[0]);
-    }
-    (y, (0..=N).map(|k| drive(k as f64 * DT)).collect())
-}
-
-fn op(name: &str, value: f64, a: usize, b: usize) -> Written {
-    (name.to_owned(), value, a, b)
-}
-
-/// Channels y, u; signals y, y³ − 3σ²y, u and the slopes 1, 3y² − 3σ².
-fn duffing() -> Equations {
-    let formulas = [
-        op("input", 0.0, 0, 0),
-        op("input", 0.0, 1, 0),
-        op("input", 0.0, 2, 0),
-        op("whole", 3.0, 0, 0),
-        op("constant", -3.0, 0, 0),
-        op("multiply", 0.0, 4, 2),
-        op("multiply", 0.0, 5, 0),
-        op("add", 0.0, 3, 6),
-        op("constant", 1.0, 0, 0),
-        op("whole", 2.0, 0, 0),
-        op("constant", 3.0, 0, 0),
-        op("multiply", 0.0, 10, 9),
-        op("add", 0.0, 11, 5),
-    ];
-    let coefficients = [
-        op("constant", 1.0, 0, 0),
-        op("input", 0.0, 0, 0),
-        op("input", 0.0, 1, 0),
-        op("input", 0.0, 2, 0),
-        op("constant", -1.0, 0, 0),
-    ];
-    let signal = Signal { kind: Kind::Rule(Rule::Gregory), lag: Lag::Known(0.0) };
-    let term = |signal, order| Term { equation: 0, signal, order };
-    Equations {
-        orders: vec![2],
-        signals: vec![signal; 3],
-        terms: vec![term(0, 2), term(0, 1), term(0, 0), term(1, 0), term(2, 0)],
-        coefficients: Tape::new(&coefficients, 3, vec![0, 1, 2, 3, 4, 0, 0, 0]).unwrap(),
-        slopes: vec![(1, 0), (2, 1), (3, 2)],
-        samples: Tape::new(&formulas, 6, vec![0, 7, 1, 8, 12]).unwrap(),
-        sensitivities: vec![(0, 0), (1, 0)],
-        signal_slopes: Vec::new(),
-        channels: 2,
-        noisy: vec![0],
-        parameters: 3,
-        starts: vec![None; 3],
-        bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); 3],
-        linear: true,
-    }
+    duffing::record(N + 1, DT, [0.5, 0.0])
 }
 
 fn fitter(band: Band, level: Option<f64>, isa: Isa) -> TermsFitter {
@@ -102,7 +28,7 @@ fn fitter(band: Band, level: Option<f64>, isa: Isa) -> TermsFitter {
 fn options(band: Band, level: Option<f64>) -> TermsOptions {
     let options = Options { tol: 1e-9, maxiter: 50, wanted: Wanted::Covariance };
     TermsOptions {
-        equations: duffing(),
+        equations: duffing::equations(Rule::Gregory),
         rule: Rule::Gregory,
         method: Method::Ml,
         flat: false,
@@ -184,7 +110,7 @@ fn values_that_are_no_signal_end_in_a_status() {
 #[test]
 fn equations_that_do_not_fit_together_are_refused() {
     let o = |change: &dyn Fn(&mut Equations)| {
-        let mut e = duffing();
+        let mut e = duffing::equations(Rule::Gregory);
         change(&mut e);
         e.check().unwrap_err().to_string()
     };
