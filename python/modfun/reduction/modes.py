@@ -36,6 +36,27 @@ class _Lines:
 
 
 @dataclass(frozen=True)
+class _Solved:
+    """Least squares of the target on the states, whose scaled rows are `rows` = QR."""
+
+    rows: F64
+    r: F64
+    size: F64
+    found: F64  # in units of the scaled rows
+    cost: float
+
+    @property
+    def orthonormal(self) -> F64:
+        """Q."""
+        from scipy.linalg import solve_triangular
+
+        pivots = np.abs(np.diag(self.r))
+        if pivots.min(initial=1.0) < 1e-8 * pivots.max(initial=0.0):  # R says too little of Q
+            return np.asarray(np.linalg.qr(self.rows)[0])
+        return np.asarray(solve_triangular(self.r, self.rows.T, trans="T", check_finite=False).T)
+
+
+@dataclass(frozen=True)
 class _Modes:
     """Real blocks of A (one state, or two of a pair), B, and the best C."""
 
@@ -70,15 +91,15 @@ class _Modes:
         return found
 
     @cached_property
-    def _solved(self) -> tuple[F64, F64, F64]:
-        """Orthonormal columns of the states, Cᵀ, and what is left of the target."""
+    def _solved(self) -> _Solved:
         rows = _real(self.lines.amplitude[:, None, None] * self.states.transpose(0, 2, 1))
         size = np.linalg.norm(rows, axis=0)
         size[size == 0] = 1.0
-        q, r = np.linalg.qr(rows / size)
-        inner = q.T @ self.lines.target
-        found = np.linalg.lstsq(r, inner, rcond=1e-14)[0] / size[:, None]
-        return q, found, self.lines.target - q @ inner
+        rows /= size
+        n = size.size
+        r: F64 = np.asarray(np.linalg.qr(np.hstack([rows, self.lines.target]), mode="r"))
+        found: F64 = np.asarray(np.linalg.lstsq(r[:n, :n], r[:n, n:], rcond=1e-14)[0])
+        return _Solved(rows, r[:n, :n], size, found, float(np.sum(r[n:, n:] ** 2)))
 
     @property
     def poles(self) -> C128:
@@ -90,34 +111,58 @@ class _Modes:
 
     @property
     def c(self) -> F64:
-        return self._solved[1].T
+        return (self._solved.found / self._solved.size[:, None]).T
 
-    @cached_property
+    @property
     def cost(self) -> float:
-        cost = float(np.sum(self._solved[2] ** 2))
-        return cost if np.isfinite(cost) else float("inf")
+        """Squares that are left of the target."""
+        return self._solved.cost if np.isfinite(self._solved.cost) else float("inf")
 
     def normal(self) -> tuple[F64, F64]:
-        """JᵀJ and Jᵀe over moves of the poles (A − uδᵀ) and of B; C follows."""
-        q, _, left = self._solved
-        n, inputs = self.b.shape
-        outputs = left.shape[1]
-        by_output = np.empty((self.lines.s.size, outputs, n), dtype=np.complex128)  # C (sI − A)⁻¹
+        """JᵀJ and Jᵀe over moves of the poles (A − uδᵀ) and of B; C follows.
+
+        For output i and input j the columns of J are d_i S_j for the poles, with S = (s − A)⁻¹B and
+        d = C(s − A)⁻¹u, and −C_i(s − A)⁻¹ for the column j of B, less their part in the span of S. J is never
+        put together: its products are those of matrices (omega, n).
+        """
+        solved, (n, inputs) = self._solved, self.b.shape
+        outputs, count = solved.found.shape[1], self.lines.s.size
+        amplitude = self.lines.amplitude[:, None]
+        q = _complex(solved.orthonormal, inputs)
+        left = _complex(self.lines.target - solved.rows @ solved.found, inputs)  # orthogonal to all of S
+        by_output = np.empty((outputs, count, n), dtype=np.complex128)  # C (sI − A)⁻¹
         for (first, size), x in zip(self.pairs, self.resolvent, strict=True):
             c = self.c[:, first : first + size]
-            by_output[:, :, first : first + size] = x[:, None, None] * c if size == 1 else c @ x
+            by_output[:, :, first : first + size] = (
+                c[:, None] * x[:, None] if size == 1 else (c @ x).transpose(1, 0, 2)
+            )
         drive = by_output @ self.drive
-        count = n + (n * inputs if inputs > 1 else 0)
-        gram, slope = np.zeros((count, count)), np.zeros(count)
-        for i in range(outputs):
-            moved = np.zeros((self.lines.s.size, inputs, count), dtype=np.complex128)
-            moved[:, :, :n] = drive[:, i, None, None] * self.states.transpose(0, 2, 1)
-            for j in range(inputs if inputs > 1 else 0):
-                moved[:, j, n + j * n : n + (j + 1) * n] = -by_output[:, i]
-            rows = _real(self.lines.amplitude[:, None, None] * moved)
-            rows -= q @ (q.T @ rows)
-            gram += rows.T @ rows
-            slope += rows.T @ left[:, i]
+        by_output *= -amplitude
+        moves = n * (1 + inputs if inputs > 1 else 1)
+        gram, slope, part = np.zeros((moves, moves)), np.zeros(moves), np.zeros((outputs, n, moves))
+        together = np.sqrt(np.sum(np.abs(drive) ** 2, axis=0))[:, None]
+        crossed = _real(np.sum(drive.conj()[:, :, None] * by_output, axis=0))
+        outward = [_real(one) for one in by_output]
+        own = sum(one.T @ one for one in outward)
+        for j in range(inputs):
+            states, ahead = amplitude * self.states[:, :, j], _real(q[:, j])
+            rows = _real(together * states)
+            gram[:n, :n] += rows.T @ rows
+            slope[:n] += (
+                _real(states).T @ _real(np.sum(drive.conj().T * left[:, j], axis=1, keepdims=True))[:, 0]
+            )
+            for i in range(outputs):
+                part[i, :, :n] += ahead.T @ _real(drive[i][:, None] * states)
+            if inputs > 1:
+                at = slice(n + j * n, n + (j + 1) * n)
+                gram[:n, at] = _real(states).T @ crossed
+                gram[at, :n] = gram[:n, at].T
+                gram[at, at] = own
+                for i in range(outputs):
+                    part[i, :, at] = ahead.T @ outward[i]
+                    slope[at] += outward[i].T @ _real(left[:, j, i : i + 1])[:, 0]
+        for one in part:
+            gram -= one.T @ one
         return gram, slope
 
     @property
@@ -225,6 +270,12 @@ def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:
         for first, size in blocks:
             own[first : first + size] = [[1.0]] if size == 1 else [[0.0], [1.0]]
     return _Modes(diagonal, own, tuple(blocks), lines)
+
+
+def _complex(rows: F64, inputs: int) -> C128:
+    """Real rows as (omega, input, column)."""
+    half = len(rows) // 2
+    return np.asarray(rows[:half] + 1j * rows[half:]).reshape(-1, inputs, rows.shape[1])
 
 
 def _real(rows: Any) -> F64:
