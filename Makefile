@@ -100,7 +100,7 @@ valgrind:
 	CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="valgrind --quiet --error-exitcode=9 --suppressions=$(CURDIR)/fuzz/valgrind.supp" \
 		cargo test --release --package modfun --test estimators --test joint --test terms -- --test-threads=1
 
-## Instructions of eleven programs (benches/programs.rs), held to benches/counts.toml; UPDATE=1 writes it.
+## Instructions of the programs of benches/programs.rs, held to benches/counts.toml; UPDATE=1 writes it.
 counts: .venv/created
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
 
