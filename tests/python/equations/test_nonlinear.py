@@ -467,7 +467,7 @@ def test_the_wild_noise_of_equations_is_grown_by_their_leverage():
     fit = duffing_fit()
     rec = fit.records[0]
     y, initial = fit.simulate(rec)
-    (e,) = wild(fit, (rec,), [(y, initial)], 0)(0)
+    ((e,),) = wild(fit, (rec,), [(y, initial)], 0)(range(1))
     low, high = fit.lines[0]
     band = np.abs(np.fft.rfft(e[0, :-1])[low : high + 1]) ** 2
     plain = np.abs(np.fft.rfft(np.append((rec.y - y)[0, 1:-1], 0.0))[low : high + 1]) ** 2
