@@ -232,14 +232,15 @@ impl JointShared {
         options: &Options,
     ) -> Result<Outcome, Error> {
         let d = &self.design;
-        let delayed = [Delayed {
+        let mut delayed = [Delayed {
             samples,
             kinds: &self.kinds,
             dt: self.dt,
             lead: self.lead,
             intervals: self.intervals,
+            tables: Vec::new(),
         }];
-        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &delayed, LANES);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &mut delayed, LANES);
         space.begin_delays(d);
         let start = match &self.start {
             Some(theta) => JointStart::Theta(theta),

@@ -97,8 +97,8 @@ impl JointFitter {
         // To choose a band, an estimate near the minimum will do.
         let maxiter = self.o.options.maxiter.min(TRIAL);
         let options = Options { wanted: Wanted::Cost, maxiter, ..self.o.options };
-        let delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
+        let mut delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
         let start = start.map_or(JointStart::Wls, JointStart::Theta);
         let outcome = estimate(self.isa, d, w, LIVE, start, &options, &mut refresh)?;
         let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
@@ -142,7 +142,7 @@ impl JointFitter {
             })
             .collect();
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
-        let delayed = self.delayed(records);
+        let mut delayed = self.delayed(records);
         let options = Options { wanted: Wanted::Cost, ..self.o.options };
         let few = Options { maxiter: self.o.options.maxiter.min(2 * TRIAL), ..options };
         let (mut best, mut lowest) = (None, f64::INFINITY);
@@ -158,7 +158,7 @@ impl JointFitter {
             }
             let live = std::array::from_fn(|lane| lane < count);
             let mut refresh =
-                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
+                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
             // First with the delays where they are, then on from there.
             estimate(self.isa, &d, &mut w, live, JointStart::Held, &few, &mut refresh)?;
             let outcome =

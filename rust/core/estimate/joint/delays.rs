@@ -6,7 +6,7 @@ use super::workspace::JointSpace;
 use crate::error::Error;
 use crate::quadrature::Hold;
 use crate::simd::{Isa, LANES};
-use crate::spectrum::{CoefficientPlan, Kind};
+use crate::spectrum::{Kind, Shifted};
 
 /// What one record's delayed inputs are made from.
 pub(crate) struct Delayed<'a> {
@@ -17,6 +17,28 @@ pub(crate) struct Delayed<'a> {
     pub dt: f64,
     pub lead: usize,
     pub intervals: usize,
+    /// Coefficients of the inputs with a free delay, as `samples`; made when first wanted.
+    pub tables: Vec<Vec<Shifted>>,
+}
+
+impl Delayed<'_> {
+    /// The coefficients of a path's input in a lane, up to line `highest`.
+    fn table(
+        &mut self,
+        isa: Isa,
+        path: usize,
+        lane: usize,
+        highest: usize,
+    ) -> Result<&mut Shifted, Error> {
+        self.tables.resize_with(self.samples.len(), Vec::new);
+        let (own, made) = (&self.samples[path], &mut self.tables[path]);
+        while made.len() < own.len() {
+            let room = (self.intervals, self.lead);
+            made.push(Shifted::new(isa, own[made.len()], self.kinds[path], room, highest)?);
+        }
+        let last = made.len() - 1;
+        Ok(&mut made[lane.min(last)])
+    }
 }
 
 /// Writes U(m; τ) and dU/dτ = −(iωU + (u(T−τ) − u(−τ))/T) at the delays of the first `lanes` lanes; the
@@ -25,11 +47,11 @@ pub(crate) fn refresh(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
-    records: &[Delayed<'_>],
+    records: &mut [Delayed<'_>],
     lanes: usize,
 ) -> Result<(), Error> {
     let (q, paths) = (d.outputs(), d.paths());
-    for (k, record) in records.iter().enumerate() {
+    for (k, record) in records.iter_mut().enumerate() {
         let (first, count) = (d.records[k].lines.first, d.records[k].x.len());
         let highest = d.records[k].lines.last;
         let omega0 = d.records[k].lines.omega0;
@@ -43,13 +65,11 @@ pub(crate) fn refresh(
                 let tau = w.iterates.theta.now[d.free.len() + at].0[from] * d.delay_scale;
                 let tau = if tau.is_finite() { tau.clamp(min, max) } else { min };
                 if from == lane {
+                    let steps = tau / record.dt;
+                    record.table(isa, *s, lane, highest)?.write(steps, &mut re, &mut im)?;
                     let own = &record.samples[*s];
                     let samples = own[lane.min(own.len() - 1)];
                     let kind = record.kinds[*s];
-                    let steps = tau / record.dt;
-                    let plan =
-                        CoefficientPlan::new(record.intervals, highest, kind, steps, record.lead)?;
-                    plan.run_in(isa, samples, &mut re, &mut im, &mut plan.scratch())?;
                     let at = |position: f64| value_at(samples, position, kind);
                     let start = record.lead as f64 - steps;
                     let rise = (at(start + record.intervals as f64) - at(start)) / duration;
@@ -89,7 +109,7 @@ fn value_at(samples: &[f64], position: f64, kind: Kind) -> f64 {
             // A hair before a sample its value holds already.
             samples[if part > 1.0 - 1e-9 { cell + 1 } else { cell }]
         }
-        Kind::Hold(_) => part.mul_add(samples[cell + 1] - samples[cell], samples[cell]),
+        Kind::Hold(_) => samples[cell] + part * (samples[cell + 1] - samples[cell]),
         Kind::Rule(_) => {
             // Lagrange through four samples around.
             let from = cell.saturating_sub(1).min((last + 1).saturating_sub(4));
@@ -99,7 +119,7 @@ fn value_at(samples: &[f64], position: f64, kind: Kind) -> f64 {
                 let own = (0..points)
                     .filter(|j| *j != i)
                     .fold(1.0, |p, j| p * (x - j as f64) / (i as f64 - j as f64));
-                samples[from + i].mul_add(own, sum)
+                sum + samples[from + i] * own
             })
         }
     }

@@ -248,8 +248,8 @@ impl JointFitter {
         let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
         let mut w = self.space(&d, loaded);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
+        let mut delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
         let mut start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         if rule.is_some() && theta.is_some() {
             // The way from the wide band may end in another minimum than that from `wls`.
@@ -368,6 +368,7 @@ impl JointFitter {
             dt: plan.dt,
             lead: plan.window.lead,
             intervals: plan.window.intervals,
+            tables: Vec::new(),
         };
         records.iter().zip(&self.records).map(one).collect()
     }
