@@ -51,6 +51,20 @@ impl Lu {
                 self.factors[j * n + i] = *value;
             }
         }
+        self.factor_own();
+    }
+
+    /// Factors a matrix given column by column.
+    ///
+    /// # Panics
+    /// Where it has another size.
+    pub fn factor_columns(&mut self, matrix: &[f64]) {
+        self.factors.copy_from_slice(matrix);
+        self.factor_own();
+    }
+
+    fn factor_own(&mut self) {
+        let n = self.size;
         let factors = MatMut::from_column_major_slice_mut(&mut self.factors, n, n);
         let memory = MemStack::new(&mut self.memory);
         let (rows, places) = (&mut self.rows, &mut self.places);

@@ -60,7 +60,7 @@ impl JointBatch<'_> {
 impl JointFitter {
     /// What the records of a batch share: lines as given, or as found on one record.
     pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<JointShared, Error> {
-        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.uneven.is_empty();
+        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.whiteners.is_empty();
         let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
             return Err(Error::Spec(
@@ -72,7 +72,7 @@ impl JointFitter {
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
         let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
-        let design = self.design(&ranges, &loaded.units, &self.o.noise)?;
+        let design = self.design(&ranges, &loaded.units, &self.o.noise, false)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
         Ok(JointShared {
             design: Arc::new(design),

@@ -2,10 +2,11 @@
 
 use super::design::JointDesign;
 use super::structure::Delay;
+use super::tile::Across;
 use super::workspace::JointSpace;
 use crate::error::Error;
 use crate::quadrature::Hold;
-use crate::simd::{Isa, LANES};
+use crate::simd::{Isa, LANES, numbers_mut};
 use crate::spectrum::{Kind, Shifted};
 
 /// What one record's delayed inputs are made from.
@@ -42,7 +43,7 @@ impl Delayed<'_> {
 }
 
 /// Writes U(m; τ) and dU/dτ = −(iωU + (u(T−τ) − u(−τ))/T) at the delays of the first `lanes` lanes; the
-/// other lanes get those of the last.
+/// other lanes get those of the last. Of a single problem the lanes hold lines.
 pub(crate) fn refresh(
     isa: Isa,
     d: &JointDesign,
@@ -52,7 +53,7 @@ pub(crate) fn refresh(
 ) -> Result<(), Error> {
     let (q, paths) = (d.outputs(), d.paths());
     for (k, record) in records.iter_mut().enumerate() {
-        let (first, count) = (d.records[k].lines.first, d.records[k].x.len());
+        let (first, count) = (d.records[k].lines.first, d.records[k].count);
         let highest = d.records[k].lines.last;
         let omega0 = d.records[k].lines.omega0;
         let duration = record.intervals as f64 * record.dt;
@@ -60,7 +61,7 @@ pub(crate) fn refresh(
         for (at, s) in d.free_delays.iter().enumerate() {
             let Delay::Free { min, max, .. } = d.structure.paths[*s].delay else { continue };
             let unit = d.units[q + s];
-            for lane in 0..LANES {
+            for lane in 0..if w.across == Across::Lines { 1 } else { LANES } {
                 let from = lane.min(lanes - 1);
                 let tau = w.iterates.theta.now[d.free.len() + at].0[from] * d.delay_scale;
                 let tau = if tau.is_finite() { tau.clamp(min, max) } else { min };
@@ -73,15 +74,22 @@ pub(crate) fn refresh(
                     let at = |position: f64| value_at(samples, position, kind);
                     let start = record.lead as f64 - steps;
                     let rise = (at(start + record.intervals as f64) - at(start)) / duration;
-                    for m in first..first + count {
-                        let omega = m as f64 * omega0;
-                        let to = (q + s) * count + m - first;
-                        let slope = (q + paths + s) * count + m - first;
-                        let r = &mut w.records[k];
-                        r.re[to].0[lane] = re[m] / unit;
-                        r.im[to].0[lane] = im[m] / unit;
-                        r.re[slope].0[lane] = (omega * im[m] - rise) / unit * d.delay_scale;
-                        r.im[slope].0[lane] = -omega * re[m] / unit * d.delay_scale;
+                    let (across, r) = (w.across, &mut w.records[k]);
+                    let lines = r.lines;
+                    let (to_re, to_im) = (numbers_mut(&mut r.re), numbers_mut(&mut r.im));
+                    // Of one lane, or of lines one after another.
+                    let place = |signal: usize, m: usize| match across {
+                        Across::Replicates => (signal * lines + m) * LANES + lane,
+                        Across::Lines => signal * lines * LANES + m,
+                    };
+                    for m in 0..count {
+                        let omega = (first + m) as f64 * omega0;
+                        let (x, y) = (re[first + m], im[first + m]);
+                        let (to, slope) = (place(q + s, m), place(q + paths + s, m));
+                        to_re[to] = x / unit;
+                        to_im[to] = y / unit;
+                        to_re[slope] = (omega * y - rise) / unit * d.delay_scale;
+                        to_im[slope] = -omega * x / unit * d.delay_scale;
                     }
                 } else {
                     let r = &mut w.records[k];

@@ -3,7 +3,7 @@
 use super::colour;
 use super::design::{Colour, JointDesign};
 use super::rows::rows;
-use super::step::{line_weight, step};
+use super::step::step;
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
@@ -18,13 +18,13 @@ use crate::structure::Method;
 use crate::threads::stopped;
 
 /// Alternations of θ with Σ and the colour, and most steps of θ in one.
-const ROUNDS: usize = 40;
+pub(super) const ROUNDS: usize = 40;
 const STEPS: usize = 10;
 /// Largest change of Σ (as correlations) and of the colour's root after which nothing is left to do.
 const SETTLED: f64 = 1e-6;
-const COLOUR_SETTLED: f64 = 1e-4;
+pub(super) const COLOUR_SETTLED: f64 = 1e-4;
 /// Smallest variance of an output, and of what the others leave of it.
-const FLOOR: f64 = 1e-14;
+pub(super) const FLOOR: f64 = 1e-14;
 const OWN: f64 = 1e-8;
 
 /// What keeps the coefficients of delayed inputs at the current delays; called when they have changed.
@@ -255,7 +255,7 @@ fn alternate(
 
 impl JointSpace {
     /// Σ as given, or one; no colour but what is given.
-    fn begin_noise(&mut self, d: &JointDesign) {
+    pub(crate) fn begin_noise(&mut self, d: &JointDesign) {
         let q = d.outputs();
         for i in 0..q {
             for j in 0..q {
@@ -273,8 +273,10 @@ impl JointSpace {
             match rd.output_roots.is_empty() {
                 true => r.colour.fill(Wide::splat(1.0)),
                 false => {
-                    for (to, root) in r.colour.iter_mut().zip(&rd.output_roots) {
-                        *to = Wide::splat(*root);
+                    for m in 0..r.lines {
+                        for i in 0..q {
+                            r.colour[m * q + i] = self.across.root(rd, i, m);
+                        }
                     }
                 }
             }
@@ -283,7 +285,7 @@ impl JointSpace {
 
     /// Inverse of the lower Cholesky factor of Σ, lane by lane; called from vector code, so that no scalar
     /// multiply-add may stand here.
-    fn take_root(&mut self, q: usize) {
+    pub(crate) fn take_root(&mut self, q: usize) {
         let JointSpace { sigma, root, triangle: l, .. } = self;
         for lane in 0..LANES {
             for j in 0..q {
@@ -331,7 +333,7 @@ impl Kernel for Covariance<'_> {
             for range in tiles(w.records[k].limit, d.tile) {
                 rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
                 for (t, m) in range.enumerate() {
-                    let weight = L::splat(line_weight(d, k, m, RowWeights::Adapted));
+                    let weight = L::splat(d.records[k].weight[m]);
                     let lines = w.records[k].lines;
                     for i in 0..q {
                         let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);

@@ -22,16 +22,17 @@ mod batch;
 mod colour;
 mod default_band;
 mod delays;
-mod dense;
 mod design;
 mod fitter;
 mod iterate;
 mod qr_step;
 mod rows;
+mod single;
 mod step;
 mod structure;
 mod tile;
 mod uncertainty;
+mod whitener;
 mod workspace;
 
 pub use batch::JointBatch;

@@ -2,7 +2,7 @@
 
 use super::design::JointDesign;
 use super::rows::rows;
-use super::step::{line_weight, move_of};
+use super::step::move_of;
 use super::workspace::{JointSpace, QrSpace};
 use crate::estimate::iterate::Rule;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -64,12 +64,12 @@ fn factor(
                 factors,
             });
             for (t, m) in range.enumerate() {
-                let root = line_weight(d, k, m, weights).sqrt();
+                let root = d.records[k].weight[m].sqrt();
                 for row in t * q..(t + 1) * q {
                     for part in 0..2 {
                         let JointSpace { left, right, qr, .. } = w;
-                        let of = if part == 0 { &right.re } else { &right.im };
-                        let by = if part == 0 { &left.re } else { &left.im };
+                        let of = &right.all[part * right.part..];
+                        let by = &left.all[part * left.part..];
                         for c in 0..width {
                             qr.right[c] = of[row * width + c].0[lane] * root;
                         }
