@@ -88,6 +88,11 @@ impl JointFitter {
         Ok(Choice { ranges, rule: Some(rule), theta })
     }
 
+    /// Options of a fit that need not come to its end.
+    pub(crate) fn few_steps(&self) -> Options {
+        Options { maxiter: self.o.options.maxiter.min(TRIAL), ..self.o.options }
+    }
+
     /// Cost that fits may be compared by, infinite where there is no estimate; and whether the way led `near` another
     /// estimate, where it ends.
     fn trial(
@@ -98,8 +103,7 @@ impl JointFitter {
         near: Option<&[f64]>,
     ) -> Result<(f64, bool), Error> {
         // To choose a band, an estimate near the minimum will do.
-        let maxiter = self.o.options.maxiter.min(TRIAL);
-        let options = Options { maxiter, ..self.o.options };
+        let options = self.few_steps();
         let mut delayed = self.delayed(records);
         let d = single.d;
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);

@@ -5,7 +5,7 @@ use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
 use super::iterate::JointStart;
 use super::single::{Covariances, Ended, Single};
 use super::structure::{Delay, JointStructure};
-use super::whitener::{Instants, Whitener};
+use super::whitener::{Whitener, whiteners};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::Options;
@@ -16,7 +16,7 @@ use crate::estimate::fitter::binary_unit;
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
-use crate::simd::{Isa, Wide, numbers_mut};
+use crate::simd::{Isa, Wide};
 use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
 use std::sync::Arc;
@@ -122,7 +122,7 @@ pub struct JointFitter {
 
 /// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
 pub(crate) struct Loaded {
-    spectra: Spectra,
+    pub spectra: Spectra,
     pub units: Vec<f64>,
 }
 
@@ -262,7 +262,15 @@ impl JointFitter {
             other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
             let found = best.estimates();
             let near = (ended.status == Status::Ok).then_some(&found[..]);
-            let again = other.estimate(JointStart::Wls, &self.o.options, near, &mut refresh)?;
+            // It has the steps of a trial to come lower; only then is it followed to its end.
+            let few = self.few_steps();
+            let mut again = other.estimate(JointStart::Wls, &few, near, &mut refresh)?;
+            let lower = !again.near && other.criterion() < best.criterion();
+            if again.status == Status::MaxIter && lower {
+                let theta: Vec<f64> = other.w.theta(&d, 0).collect();
+                let start = JointStart::Theta(&theta);
+                again = other.estimate(start, &self.o.options, near, &mut refresh)?;
+            }
             let cost = |single: &Single<'_>, ended: &Ended| match ended.status {
                 Status::Ok => single.criterion(),
                 _ => f64::INFINITY,
@@ -367,14 +375,8 @@ impl JointFitter {
     pub(crate) fn single<'d>(&self, d: &'d JointDesign, loaded: &Loaded) -> Single<'d> {
         let mut single = Single::new(self.isa, d);
         for (k, spectra) in loaded.spectra.iter().enumerate() {
-            let from = d.records[k].lines.first..d.records[k].lines.last + 1;
             for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.units).enumerate() {
-                let (to_re, to_im) = single.w.signal_mut(k, signal);
-                for (to, from) in [(to_re, &re[from.clone()]), (to_im, &im[from.clone()])] {
-                    for (to, from) in numbers_mut(to).iter_mut().zip(from) {
-                        *to = from / unit;
-                    }
-                }
+                single.load(k, signal, (re, im), *unit);
             }
         }
         single.w.begin_delays(d);
@@ -403,7 +405,7 @@ impl JointFitter {
     ) -> JointFit {
         let q = d.outputs();
         let freedom = d.degrees_of_freedom();
-        let Covariances { mut nonrobust, mut hc3, normal, residuals, full } = single.covariances();
+        let (Covariances { nonrobust, hc3, normal, residuals, .. }, status) = single.answer(ended);
         let w = &single.w;
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
@@ -412,20 +414,6 @@ impl JointFitter {
         let noise =
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
         let p = d.parameters();
-        let lost = |cov: &[f64]| (0..p).any(|k| cov[k * (p + 1)].is_nan());
-        let mut status = ended.status;
-        if status != Status::NonFinite && (!full || lost(&nonrobust) || lost(&hc3)) {
-            status = Status::Rank;
-        }
-        if matches!(status, Status::Rank | Status::NonFinite) {
-            nonrobust.fill(f64::NAN);
-            hc3.fill(f64::NAN);
-        }
-        for cov in [&mut nonrobust, &mut hc3] {
-            for (k, value) in cov.iter_mut().enumerate() {
-                *value *= d.parameter_scale(k / p) * d.parameter_scale(k % p);
-            }
-        }
         let over = |(re, im): &(f64, f64)| (re / plain_sigma, im / plain_sigma);
         JointFit {
             answer: Answer {
@@ -460,48 +448,4 @@ impl JointSpace {
             }
         }
     }
-}
-
-/// Whiteners of the lines `first` to `last` of each output, from the variances of its samples.
-fn whiteners(
-    variances: &[Vec<f64>],
-    (samples, time): (usize, Time<'_>),
-    window: Window,
-    rule: Rule,
-    (first, last): Range,
-) -> Result<Vec<Arc<Whitener>>, Error> {
-    let intervals = window.intervals;
-    let mut turns = Vec::new();
-    let (instants, weights): (Instants<'_>, Vec<f64>) = match time {
-        Time::Even(_) => (
-            Instants::Even(intervals),
-            rule.weights(intervals)?.iter().map(|w| w / intervals as f64).collect(),
-        ),
-        Time::Uneven(t) => {
-            let span = t[samples - 1] - t[0];
-            turns.extend(t.iter().map(|x| (x - t[0]) / span));
-            let weights = rule.uneven_weights(t)?.iter().map(|w| w / span).collect();
-            (Instants::Uneven(&turns), weights)
-        }
-    };
-    let mut all: Vec<Arc<Whitener>> = Vec::new();
-    for (i, v) in variances.iter().enumerate() {
-        if v.len() != samples || v.iter().any(|x| *x <= 0.0 || x.is_nan()) {
-            return Err(Error::Data(format!(
-                "fitting with uneven noise: {} variances for {samples} samples, all above zero",
-                v.len()
-            )));
-        }
-        if v[window.lead..].iter().filter(|x| x.is_finite()).count() < 8 {
-            return Err(Error::Data(
-                "fitting: fewer than 8 samples of an output are left unmasked".into(),
-            ));
-        }
-        let own = match variances[..i].iter().position(|other| other == v) {
-            Some(same) => Arc::clone(&all[same]),
-            None => Arc::new(Whitener::new(&v[window.lead..], &weights, &instants, first, last)?),
-        };
-        all.push(own);
-    }
-    Ok(all)
 }

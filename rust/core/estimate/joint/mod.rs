@@ -25,6 +25,7 @@ mod delays;
 mod design;
 mod fitter;
 mod iterate;
+mod line_noise;
 mod qr_step;
 mod rows;
 mod single;

@@ -4,12 +4,12 @@
 //! each step's own θ once θ has settled with Σ = 1, so that the criterion of `ml` is log det Σ̂ all the way.
 
 mod information;
+mod rows;
 mod system;
 
 use super::colour;
 use super::design::{Colour, JointDesign};
 use super::iterate::{COLOUR_SETTLED, FLOOR, JointStart, ROUNDS, Refresh};
-use super::rows::rows;
 use super::tile::Block;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
@@ -17,7 +17,7 @@ use crate::estimate::Options;
 use crate::estimate::iterate::Rule;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 use crate::structure::Method;
 use crate::threads::stopped;
 use system::{Found, System};
@@ -86,6 +86,17 @@ impl<'d> Single<'d> {
             dependent: false,
             work: Vec::new(),
             w,
+        }
+    }
+
+    /// Writes the coefficients of a record's signal, given from line 0 on, in units of `unit`.
+    pub fn load(&mut self, record: usize, signal: usize, (re, im): (&[f64], &[f64]), unit: f64) {
+        let lines = self.d.records[record].lines;
+        let (to_re, to_im) = self.w.signal_mut(record, signal);
+        for (to, from) in [(to_re, re), (to_im, im)] {
+            for (to, from) in numbers_mut(to).iter_mut().zip(&from[lines.first..=lines.last]) {
+                *to = from / unit;
+            }
         }
     }
 
@@ -275,58 +286,6 @@ impl<'d> Single<'d> {
         }
     }
 
-    /// Writes the rows of record `k`; on the left stand those of the data where nothing is denoised.
-    fn write(&mut self, k: usize, weights: RowWeights, factors: LeftColumns) {
-        let d = self.d;
-        let rd = &d.records[k];
-        let groups = rd.used.div_ceil(LANES);
-        self.w.clear_rest(groups);
-        self.isa.run(WriteRows {
-            design: d,
-            space: &mut self.w,
-            record: k,
-            groups,
-            weights,
-            factors,
-        });
-        let data = factors == LeftColumns::Data;
-        let dense = !rd.dense.is_empty() && weights == RowWeights::Adapted;
-        if dense {
-            self.whiten(k, data);
-        }
-        if data {
-            let JointSpace { left, right, .. } = &mut self.w;
-            left.all.copy_from_slice(&right.all);
-        }
-    }
-
-    /// Whitens the rows of record `k` where its samples are uneven.
-    fn whiten(&mut self, k: usize, data: bool) {
-        let Single { d, w, blocks, work, .. } = self;
-        let (rd, groups) = (&d.records[k], w.residual.part);
-        let part = 2 * groups;
-        for block in blocks.iter() {
-            for (at, i) in block.outputs.iter().enumerate() {
-                let whitener = &rd.dense[*i];
-                let place = |slot: usize| block.from + slot * block.height + at * part;
-                for slot in 0..=block.columns.len() {
-                    let own = place(slot)..place(slot) + part;
-                    whitener.whiten(&mut w.right.all[own.clone()], groups, rd.used, work);
-                    if data || slot == block.columns.len() {
-                        continue;
-                    }
-                    if d.denoised[block.columns[slot]] {
-                        whitener.whiten(&mut w.left.all[own], groups, rd.used, work);
-                    } else {
-                        w.left.all[own.clone()].copy_from_slice(&w.right.all[own]);
-                    }
-                }
-                let own = i * part..(i + 1) * part;
-                whitener.whiten(&mut w.residual.all[own], groups, rd.used, work);
-            }
-        }
-    }
-
     /// Σ̂ of the residuals that were formed last, and its inverse.
     fn take_covariance(&mut self) {
         let q = self.d.outputs();
@@ -459,26 +418,6 @@ impl<'d> Single<'d> {
     /// What fits on the same lines are compared by.
     pub fn criterion(&self) -> f64 {
         self.w.criterion(self.d, 0)
-    }
-}
-
-/// Writes the rows of a record.
-struct WriteRows<'a> {
-    design: &'a JointDesign,
-    space: &'a mut JointSpace,
-    record: usize,
-    groups: usize,
-    weights: RowWeights,
-    factors: LeftColumns,
-}
-
-impl Kernel for WriteRows<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let WriteRows { design: d, space: w, record, groups, weights, factors } = self;
-        let whole = d.noise.inputs.is_some();
-        rows::<L>(d, w, record, 0..groups, weights, factors, whole);
     }
 }
 

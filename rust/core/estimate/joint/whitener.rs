@@ -1,18 +1,22 @@
 //! Covariance of the lines where samples differ in variance: gaps, outliers, changing noise (dense, fixed).
 
 use crate::error::Error;
+use crate::estimate::band::Range;
+use crate::estimate::fit::Time;
+use crate::estimate::window::Window;
 use crate::linalg::large::Cholesky;
 use crate::math::sin_cos_turns_1;
 use crate::quadrature::Rule;
 use crate::simd::{LANES, Wide, numbers, numbers_mut};
 use crate::spectrum::{CoefficientPlan, Kind};
+use std::sync::Arc;
 
 /// Standard deviation of a sample that counts for nothing, over the largest of the others: its value drops
 /// out to nine digits.
 const IGNORED: f64 = 1e4;
 
 /// When the samples of a window were taken.
-pub(crate) enum Instants<'a> {
+enum Instants<'a> {
     /// Evenly, in so many intervals.
     Even(usize),
     /// Each at a phase in turns per harmonic.
@@ -31,7 +35,7 @@ pub(crate) struct Whitener {
 impl Whitener {
     /// From each sample's variance (infinite: ignored) and its quadrature weight over the window's length, for the
     /// lines `first` to `last`.
-    pub fn new(
+    fn new(
         variances: &[f64],
         weights: &[f64],
         instants: &Instants<'_>,
@@ -93,6 +97,50 @@ impl Whitener {
             }
         }
     }
+}
+
+/// Whiteners of the lines `first` to `last` of each output, from the variances of its samples.
+pub(crate) fn whiteners(
+    variances: &[Vec<f64>],
+    (samples, time): (usize, Time<'_>),
+    window: Window,
+    rule: Rule,
+    (first, last): Range,
+) -> Result<Vec<Arc<Whitener>>, Error> {
+    let intervals = window.intervals;
+    let mut turns = Vec::new();
+    let (instants, weights): (Instants<'_>, Vec<f64>) = match time {
+        Time::Even(_) => (
+            Instants::Even(intervals),
+            rule.weights(intervals)?.iter().map(|w| w / intervals as f64).collect(),
+        ),
+        Time::Uneven(t) => {
+            let span = t[samples - 1] - t[0];
+            turns.extend(t.iter().map(|x| (x - t[0]) / span));
+            let weights = rule.uneven_weights(t)?.iter().map(|w| w / span).collect();
+            (Instants::Uneven(&turns), weights)
+        }
+    };
+    let mut all: Vec<Arc<Whitener>> = Vec::new();
+    for (i, v) in variances.iter().enumerate() {
+        if v.len() != samples || v.iter().any(|x| *x <= 0.0 || x.is_nan()) {
+            return Err(Error::Data(format!(
+                "fitting with uneven noise: {} variances for {samples} samples, all above zero",
+                v.len()
+            )));
+        }
+        if v[window.lead..].iter().filter(|x| x.is_finite()).count() < 8 {
+            return Err(Error::Data(
+                "fitting: fewer than 8 samples of an output are left unmasked".into(),
+            ));
+        }
+        let own = match variances[..i].iter().position(|other| other == v) {
+            Some(same) => Arc::clone(&all[same]),
+            None => Arc::new(Whitener::new(&v[window.lead..], &weights, &instants, first, last)?),
+        };
+        all.push(own);
+    }
+    Ok(all)
 }
 
 /// Q(d) = Σ p e^{−2πi d t/T} over samples, d = 0..=`highest`.

@@ -6,12 +6,13 @@
 //! of a row of the Q's.
 
 use super::super::uncertainty::LEVERAGE;
-use super::Single;
 use super::system::{dot, independent};
+use super::{Ended, Single};
+use crate::error::Status;
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
 use crate::simd::{LANES, numbers};
 
-/// Both covariances of θ in the workspace's units, and its normal matrix; row major.
+/// Both covariances of θ and its normal matrix, in the workspace's units; row major.
 pub(crate) struct Covariances {
     pub nonrobust: Vec<f64>,
     pub hc3: Vec<f64>,
@@ -162,16 +163,39 @@ impl Single<'_> {
         Factored { triangle, inverse, spans, full }
     }
 
+    /// Covariances in the user's units, and the outcome with what they tell: without rank they are no numbers.
+    pub fn answer(&mut self, ended: Ended) -> (Covariances, Status) {
+        let mut found = self.covariances();
+        let p = self.d.parameters();
+        let lost = |cov: &[f64]| (0..p).any(|k| cov[k * (p + 1)].is_nan());
+        let mut status = ended.status;
+        if status != Status::NonFinite
+            && (!found.full || lost(&found.nonrobust) || lost(&found.hc3))
+        {
+            status = Status::Rank;
+        }
+        let scale = |k: usize| self.d.parameter_scale(k);
+        for cov in [&mut found.nonrobust, &mut found.hc3] {
+            if matches!(status, Status::Rank | Status::NonFinite) {
+                cov.fill(f64::NAN);
+            }
+            for (k, value) in cov.iter_mut().enumerate() {
+                *value *= scale(k / p) * scale(k % p);
+            }
+        }
+        (found, status)
+    }
+
     /// Both covariances and the residuals at the estimate.
-    pub fn covariances(&mut self) -> Covariances {
+    fn covariances(&mut self) -> Covariances {
         let columns = self.columns();
         let d = self.d;
         let (q, nt, p) = (d.outputs(), d.transient.len(), d.parameters());
         let limits: Vec<usize> = d.records.iter().map(|r| r.used).collect();
         let found = self.factored(&columns, &limits, true);
         let (order, m) = (self.order(), self.moving());
-        let lines: usize = limits.iter().sum();
-        // Sums over the rows of each line, weighted by their residuals over one less their leverage.
+        let lines: usize = limits.iter().map(|limit| 2 * limit).sum();
+        // Sums over the outputs of each line, Re and Im apart, weighted by residuals over one less the leverage.
         let mut gains = vec![0.0; lines * m];
         let (mut residuals, mut from) = (Vec::new(), 0);
         for ((own, limit), (span, rows)) in columns.iter().zip(&limits).zip(&found.spans) {
@@ -192,7 +216,7 @@ impl Single<'_> {
                     .collect();
                 for a in 0..m {
                     let column = &span[(nt + a) * leverage.len()..][rows.clone()];
-                    let to = &mut gains[a * lines + from..][..*limit];
+                    let to = &mut gains[a * lines + from + part % 2 * limit..][..*limit];
                     for ((to, by), x) in to.iter_mut().zip(&by).zip(column) {
                         *to += by * x;
                     }
@@ -202,7 +226,7 @@ impl Single<'_> {
                 }
             }
             residuals.push(record);
-            from += limit;
+            from += 2 * limit;
         }
         let (mut meat, mut half, mut hc3) = (vec![0.0; m * m], vec![0.0; m * m], vec![0.0; m * m]);
         transposed_product(&gains, &gains, lines, (m, m), &mut meat);
