@@ -291,10 +291,15 @@ impl JointDesign {
         self.records.iter().map(used).collect()
     }
 
+    /// Whether Σ_y comes from the residuals.
+    pub(crate) fn estimates_covariance(&self) -> bool {
+        self.noise.outputs.is_none() && self.outputs() > 1 && self.noise.inputs.is_none()
+    }
+
     /// Whether Σ_y or the colour come from the residuals.
     pub(crate) fn alternates(&self) -> bool {
-        let unknown = self.noise.outputs.is_none() && self.outputs() > 1;
-        self.noise.inputs.is_none() && (unknown || self.noise.colour == Colour::Fitted)
+        let coloured = self.noise.colour == Colour::Fitted && self.noise.inputs.is_none();
+        coloured || self.estimates_covariance()
     }
 
     /// Unit of a weighted residual of output `i`.

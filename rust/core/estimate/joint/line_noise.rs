@@ -1,7 +1,7 @@
 //! The noise of one line: its covariance S, and W that whitens its rows, W S W* = 1.
 
+use super::complex::{Complex, add, conj, get, put, zero};
 use super::design::JointDesign;
-use super::rows::{Complex, add, conj, get, put, zero};
 use super::workspace::JointSpace;
 use crate::covariance::variance;
 use crate::simd::Lanes;

@@ -1,7 +1,6 @@
 //! The estimate of one record, or of several as one problem: eight lines in the lanes, steps by orthogonal factors.
 //!
-//! Steps and their stopping are those of a batch (`super::iterate`), but for Σ: here it is that of the residuals of
-//! each step's own θ once θ has settled with Σ = 1, so that the criterion of `ml` is log det Σ̂ all the way.
+//! Steps and their stopping are those of a batch (`super::iterate`).
 
 mod information;
 mod rows;
@@ -9,7 +8,7 @@ mod system;
 
 use super::colour;
 use super::design::{Colour, JointDesign};
-use super::iterate::{COLOUR_SETTLED, FLOOR, JointStart, ROUNDS, Refresh};
+use super::iterate::{COLOUR_SETTLED, FLOOR, JointStart, LONGER, ROUNDS, Refresh};
 use super::tile::Block;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
@@ -24,8 +23,6 @@ use system::{Found, System};
 
 pub(crate) use information::Covariances;
 
-/// Steps with Σ from the residuals, over those with Σ = 1.
-const LONGER: usize = 4;
 /// Standard errors within which two estimates are one: another way to it need not be followed further.
 const NEAR: f64 = 1e-3;
 
@@ -118,7 +115,7 @@ impl<'d> Single<'d> {
         };
         let limit = o.tol * o.tol;
         let run = Run { rule, most: o.maxiter, limit, held: false, fresh: false, near: None };
-        let estimated = d.noise.outputs.is_none() && d.outputs() > 1 && d.noise.inputs.is_none();
+        let estimated = d.estimates_covariance();
         let known = match start {
             JointStart::Theta(theta) => {
                 for (k, (to, value)) in self.w.iterates.theta.now.iter_mut().zip(theta).enumerate()

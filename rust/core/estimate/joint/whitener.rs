@@ -73,9 +73,15 @@ impl Whitener {
         Ok(Whitener { factor: Cholesky::new(covariance, size), first_is_real: first == 0 })
     }
 
-    /// Whitens columns of `lines` lines, each Re and then Im, groups of eight lines; what fills up the last group
-    /// becomes zero. `work` is for the rows in order.
-    pub fn whiten(&self, columns: &mut [Wide], groups: usize, lines: usize, work: &mut Vec<f64>) {
+    /// Whitens the columns of `lines` lines that start at some blocks of `all`, each Re and then Im, groups of eight
+    /// lines; what fills up the last group becomes zero. `work` is for the rows in order.
+    pub fn whiten(
+        &self,
+        all: &mut [Wide],
+        starts: &[usize],
+        (groups, lines): (usize, usize),
+        work: &mut Vec<f64>,
+    ) {
         let rows = (2 * lines - usize::from(self.first_is_real)).min(self.factor.size());
         let part = groups * LANES;
         // Re of line 0 stands alone.
@@ -85,12 +91,13 @@ impl Whitener {
             row => (row + skip) / 2 + (row + skip) % 2 * part,
         };
         work.clear();
-        for column in numbers(columns).chunks_exact(2 * part) {
+        for start in starts {
+            let column = &numbers(all)[start * LANES..][..2 * part];
             work.extend((0..rows).map(|row| column[place(row)]));
         }
         self.factor.whiten(work, rows);
-        let columns = numbers_mut(columns).chunks_exact_mut(2 * part);
-        for (column, own) in columns.zip(work.chunks_exact(rows.max(1))) {
+        for (start, own) in starts.iter().zip(work.chunks_exact(rows.max(1))) {
+            let column = &mut numbers_mut(all)[start * LANES..][..2 * part];
             column.fill(0.0);
             for (row, value) in own.iter().enumerate() {
                 column[place(row)] = *value;

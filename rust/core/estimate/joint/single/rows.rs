@@ -38,24 +38,26 @@ impl Single<'_> {
         let Single { d, w, blocks, work, .. } = self;
         let (rd, groups) = (&d.records[k], w.residual.part);
         let part = 2 * groups;
+        let size = (groups, rd.used);
         for block in blocks.iter() {
             for (at, i) in block.outputs.iter().enumerate() {
                 let whitener = &rd.dense[*i];
                 let place = |slot: usize| block.from + slot * block.height + at * part;
-                for slot in 0..=block.columns.len() {
-                    let own = place(slot)..place(slot) + part;
-                    whitener.whiten(&mut w.right.all[own.clone()], groups, rd.used, work);
-                    if data || slot == block.columns.len() {
-                        continue;
-                    }
-                    if d.denoised[block.columns[slot]] {
-                        whitener.whiten(&mut w.left.all[own], groups, rd.used, work);
-                    } else {
-                        w.left.all[own.clone()].copy_from_slice(&w.right.all[own]);
-                    }
+                let right: Vec<usize> = (0..=block.columns.len()).map(place).collect();
+                whitener.whiten(&mut w.right.all, &right, size, work);
+                whitener.whiten(&mut w.residual.all, &[i * part], size, work);
+                if data {
+                    continue;
                 }
-                let own = i * part..(i + 1) * part;
-                whitener.whiten(&mut w.residual.all[own], groups, rd.used, work);
+                let denoised = |slot: &usize| d.denoised[block.columns[*slot]];
+                let (own, others): (Vec<usize>, Vec<usize>) =
+                    (0..block.columns.len()).partition(denoised);
+                let left: Vec<usize> = own.into_iter().map(place).collect();
+                whitener.whiten(&mut w.left.all, &left, size, work);
+                for start in others.into_iter().map(place) {
+                    let own = start..start + part;
+                    w.left.all[own.clone()].copy_from_slice(&w.right.all[own]);
+                }
             }
         }
     }
