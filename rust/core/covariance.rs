@@ -9,12 +9,12 @@ use crate::simd::{Lanes, Wide};
 /// an undamped mode stays finite. Relative to the line itself, so that wide bands keep their weights.
 pub(crate) const FLOOR: f64 = 1e-9;
 
-/// A polynomial with descending coefficients at s = ix; `monic`: a leading one stands before them.
+/// A polynomial with descending coefficients at s = ix, x the same in all lanes or not; `monic`: a leading one stands before them.
 ///
 /// Even and odd powers by Horner's rule in −x²: real and imaginary part.
 #[inline(always)]
-pub(crate) fn polynomial<L: Lanes>(monic: bool, descending: &[Wide], x: f64) -> (L, L) {
-    let square = L::splat(-x * x);
+pub(crate) fn polynomial<L: Lanes>(monic: bool, descending: &[Wide], x: L) -> (L, L) {
+    let square = -x * x;
     let degree = descending.len();
     let mut parts = [L::splat(0.0); 2];
     if monic {
@@ -27,13 +27,12 @@ pub(crate) fn polynomial<L: Lanes>(monic: bool, descending: &[Wide], x: f64) -> 
         let c = L::load(c);
         parts[part] = if starts { c } else { parts[part].mul_add(square, c) };
     }
-    (parts[0], parts[1] * L::splat(x))
+    (parts[0], parts[1] * x)
 }
 
-/// |A|² as the variance of a line uses it: never below the floor that its size sets.
+/// |A|² as the variance of a line uses it: never below the floor that its size at `x` sets.
 #[inline(always)]
-pub(crate) fn variance<L: Lanes>(a: (L, L), denominator: &[Wide], size_x: f64) -> L {
-    let x = L::splat(size_x);
+pub(crate) fn variance<L: Lanes>(a: (L, L), denominator: &[Wide], x: L) -> L {
     let mut size = L::splat(1.0);
     for c in denominator {
         size = size.mul_add(x, L::load(c).abs());
@@ -53,8 +52,8 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> (f64, f64, f64) {
             let c = [Wide::splat(3.0), Wide::splat(8.0)];
-            let a = polynomial::<L>(true, &c, self.0);
-            let v = variance::<L>(a, &c, self.0);
+            let a = polynomial::<L>(true, &c, L::splat(self.0));
+            let v = variance::<L>(a, &c, L::splat(self.0));
             let mut out = [Wide::ZERO; 3];
             a.0.store(&mut out[0]);
             a.1.store(&mut out[1]);
@@ -76,9 +75,9 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> f64 {
             let c = [Wide::ZERO, Wide::splat(1.0)];
-            let a = polynomial::<L>(true, &c, 1.0);
+            let a = polynomial::<L>(true, &c, L::splat(1.0));
             let mut out = Wide::ZERO;
-            variance::<L>(a, &c, 1.0).store(&mut out);
+            variance::<L>(a, &c, L::splat(1.0)).store(&mut out);
             out.0[0]
         }
     }

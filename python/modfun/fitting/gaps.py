@@ -41,12 +41,10 @@ def bridged(rec: Record) -> tuple[F64, F64]:
                 f"{rec.t[edges[longest] + 1]:.6g} s on; what lies around it are records of their own: fit "
                 "them together, mf.fit([rec.window(...), rec.window(...)], model)"
             )
-        for k in np.flatnonzero(~good):
-            at = int(np.searchsorted(known, k))
-            near, far = (_around(known, at, count) for count in (NEAR, FAR))
-            first = _through(rec.t[near], rec.y[i, near], rec.t[k])
-            y[i, k] = _through(rec.t[far], rec.y[i, far], rec.t[k])
-            off[i, k] = abs(y[i, k] - first)
+        gaps = np.flatnonzero(~good)
+        first = _through(rec.t, rec.y[i], known, gaps, NEAR)
+        y[i, gaps] = _through(rec.t, rec.y[i], known, gaps, FAR)
+        off[i, gaps] = np.abs(y[i, gaps] - first)
     # What flies off tells nothing: the neighbours' range is all that can be said.
     wild = ~np.isfinite(y) | (np.abs(y - rec.y) > np.ptp(rec.y, axis=1, keepdims=True))
     y, off = np.where(wild, rec.y, y), np.where(wild, np.inf, off)
@@ -72,15 +70,14 @@ def variances(rec: Record, off: F64, order: int) -> F64 | None:
     return np.ascontiguousarray(found)
 
 
-def _around(known: NDArray[np.intp], at: int, count: int) -> NDArray[np.intp]:
-    first = min(max(at - count // 2, 0), max(known.size - count, 0))
-    return known[first : first + count]
-
-
-def _through(t: F64, y: F64, at: float) -> float:
-    """Value of the polynomial through some points, by Lagrange's formula."""
-    apart = at - t
-    between = t[:, None] - t
-    np.fill_diagonal(between, 1.0)
-    weights = np.array([np.prod(np.delete(apart, k)) for k in range(t.size)]) / between.prod(axis=1)
-    return float(weights @ y)
+def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], count: int) -> F64:
+    """Values at `gaps` of the polynomials through their nearest `known` samples, by Lagrange's formula."""
+    count = min(count, known.size)
+    first = np.clip(np.searchsorted(known, gaps) - count // 2, 0, known.size - count)
+    around = known[first[:, None] + np.arange(count)]
+    apart = t[gaps][:, None] - t[around]
+    between = t[around][:, :, None] - t[around][:, None, :]
+    same = np.eye(count, dtype=bool)
+    others = np.where(same, 1.0, np.broadcast_to(apart[:, None, :], between.shape)).prod(axis=2)
+    weights = others / np.where(same, 1.0, between).prod(axis=2)
+    return np.asarray((weights * y[around]).sum(axis=1))

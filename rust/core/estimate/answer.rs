@@ -4,7 +4,6 @@ use super::band::BandRule;
 use crate::error::Status;
 use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
-use crate::simd::Wide;
 
 /// Estimates of one fit with their covariances, and how it ended.
 #[derive(Debug, Clone)]
@@ -40,9 +39,9 @@ impl Answer {
     }
 }
 
-/// A normal matrix of lane 0, of so many parameters, with its rows and columns scaled to a unit diagonal.
-pub(crate) fn unit_diagonal(normal: &[Wide], parameters: usize) -> Vec<f64> {
+/// A normal matrix of so many parameters, with its rows and columns scaled to a unit diagonal.
+pub(crate) fn unit_diagonal(normal: impl Fn(usize) -> f64, parameters: usize) -> Vec<f64> {
     let p = parameters;
-    let root: Vec<f64> = (0..p).map(|k| normal[k * p + k].0[0].sqrt()).collect();
-    (0..p * p).map(|k| normal[k].0[0] / (root[k / p] * root[k % p])).collect()
+    let root: Vec<f64> = (0..p).map(|k| normal(k * (p + 1)).sqrt()).collect();
+    (0..p * p).map(|k| normal(k) / (root[k / p] * root[k % p])).collect()
 }

@@ -349,7 +349,7 @@ impl Fitter {
                 theta: w.theta(d, 0).collect(),
                 cov_nonrobust: w.cov_nonrobust(d, 0),
                 cov_hc3: w.cov_hc3(d, 0),
-                gram: unit_diagonal(&w.gram, d.parameters()),
+                gram: unit_diagonal(|k| w.gram[k].0[0], d.parameters()),
                 cost: w.cost(0) * d.cost_unit() * d.cost_unit(),
                 degrees_of_freedom,
                 status: outcome.status[0],

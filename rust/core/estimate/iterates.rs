@@ -3,7 +3,7 @@
 use crate::simd::{LANES, Lanes, Wide};
 
 /// Unknowns at the current iterate, where a step leads, and at the best iterate so far.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Iterate {
     pub now: Vec<Wide>,
     pub next: Vec<Wide>,
@@ -18,7 +18,7 @@ impl Iterate {
 }
 
 /// All unknowns of a problem: θ, and the coefficients of each record's transient.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Iterates {
     pub theta: Iterate,
     pub transients: Vec<Iterate>,

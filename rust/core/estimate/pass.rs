@@ -244,8 +244,8 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
     let (a_re, a_im) = (&mut w.a_re[..part], &mut w.a_im[..part]);
     let inverse_square = &mut w.inverse_square[..part];
     for i in 0..part {
-        let a = polynomial::<L>(true, denominator, x[i]);
-        let inverse = L::splat(1.0) / variance::<L>(a, denominator, size_x[i]);
+        let a = polynomial::<L>(true, denominator, L::splat(x[i]));
+        let inverse = L::splat(1.0) / variance::<L>(a, denominator, L::splat(size_x[i]));
         if !flat {
             (L::splat(weight[i]) * inverse).store(&mut lambda[i]);
         }
@@ -282,7 +282,7 @@ fn denoise<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, range: Range<usize
         let at = (1 + input) * r.lines + range.start;
         let (u_re, u_im) = (&r.re[at..][..part], &r.im[at..][..part]);
         for i in 0..part {
-            let b = polynomial::<L>(false, numerator, x[i]);
+            let b = polynomial::<L>(false, numerator, L::splat(x[i]));
             let (p, q) = (L::load(&u_re[i]), L::load(&u_im[i]));
             b.1.mul_add(q, (-b.0).mul_add(p, L::load(&re[i]))).store(&mut re[i]);
             (-b.1).mul_add(p, (-b.0).mul_add(q, L::load(&im[i]))).store(&mut im[i]);

@@ -306,7 +306,7 @@ impl Slider for JointFitter {
 
     fn check(&self) -> Result<(), Error> {
         let units = vec![1.0; self.records[0].plans.len()];
-        self.design(&[self.records[0].range], &units, &self.o.noise).map(drop)
+        self.design(&[self.records[0].range], &units, &self.o.noise, true).map(drop)
     }
 
     fn parameters(&self) -> usize {

@@ -8,7 +8,7 @@ pub(crate) fn condition_bound(gram: &[f64], p: usize) -> f64 {
     let mut trace = 0.0;
     for i in 0..p {
         for j in 0..=i {
-            let dot = (0..j).fold(l[i * p + j], |s, k| (-l[i * p + k]).mul_add(l[j * p + k], s));
+            let dot = (0..j).fold(l[i * p + j], |s, k| s - l[i * p + k] * l[j * p + k]);
             l[i * p + j] = if i == j { dot.sqrt() } else { dot / l[j * p + j] };
         }
         let pivot = l[i * p + i];
@@ -18,9 +18,9 @@ pub(crate) fn condition_bound(gram: &[f64], p: usize) -> f64 {
         }
         for j in 0..=i {
             let unit = if i == j { 1.0 } else { 0.0 };
-            let dot = (j..i).fold(unit, |s: f64, k| (-l[i * p + k]).mul_add(inverse[k * p + j], s));
+            let dot = (j..i).fold(unit, |s: f64, k| s - l[i * p + k] * inverse[k * p + j]);
             inverse[i * p + j] = dot / pivot;
-            trace = (dot / pivot).mul_add(dot / pivot, trace);
+            trace += dot / pivot * (dot / pivot);
         }
     }
     (p as f64 * trace).sqrt()

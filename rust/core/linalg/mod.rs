@@ -4,4 +4,5 @@ pub mod columns;
 pub(crate) mod condition;
 pub mod dense;
 pub mod lanes;
+pub(crate) mod large;
 pub mod qr;

@@ -5,7 +5,7 @@
 //! every processor and allocate nothing inside a replicate.
 
 /// Factors of the stacked rows seen so far: J = QR, and the part of Qᵀ\[Γ, g\] that R needs.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Absorber {
     columns: usize,
     /// Leading `columns` rows: R and QᵀΓ; behind them the tile's rows. Column major.

@@ -7,7 +7,7 @@ use crate::Error;
 use crate::simd::{Lanes, Wide};
 
 /// Samples through which a rule's signal is interpolated at a fractional delay.
-const TAPS: usize = 6;
+pub(super) const TAPS: usize = 6;
 
 /// How many records travel together: what one of their samples is in memory and in registers.
 pub(super) trait Records: Copy {
@@ -57,19 +57,26 @@ pub(super) struct Between<'a, R: Records> {
 impl Taps {
     pub(super) fn new(samples: usize, ahead: f64) -> Result<Taps, Error> {
         if samples < TAPS {
-            return Err(Error::Data(format!(
-                "a delay that is no whole number of samples is interpolated through {TAPS} samples, the record has {samples}; round the delay or declare the signal \"zoh\" or \"foh\""
-            )));
+            return Err(too_few(samples));
         }
-        let row = |place: usize| {
-            let x = place as f64 + ahead;
-            std::array::from_fn(|i| {
-                let others = (0..TAPS).filter(|&j| j != i);
-                others.map(|j| (x - j as f64) / (i as f64 - j as f64)).product()
-            })
-        };
+        let row = |place: usize| between(place, ahead);
         Ok(Taps { last: samples - TAPS, rows: (0..TAPS).map(row).collect() })
     }
+}
+
+/// What six samples weigh in the value so far behind the one at `place`, by Lagrange's formula.
+pub(super) fn between(place: usize, ahead: f64) -> [f64; TAPS] {
+    let x = place as f64 + ahead;
+    std::array::from_fn(|i| {
+        let others = (0..TAPS).filter(|&j| j != i);
+        others.map(|j| (x - j as f64) / (i as f64 - j as f64)).product()
+    })
+}
+
+pub(super) fn too_few(samples: usize) -> Error {
+    Error::Data(format!(
+        "a delay that is no whole number of samples is interpolated through {TAPS} samples, the record has {samples}; round the delay or declare the signal \"zoh\" or \"foh\""
+    ))
 }
 
 impl Records for One {

@@ -1,11 +1,12 @@
-//! Many joint fits at once: eight records a block, blocks over threads, the same bits as one by one.
+//! Many joint fits at once: eight records a block, or one where problems are large; blocks over threads.
 
 use std::sync::Arc;
 
 use super::delays::{self, Delayed};
 use super::design::JointDesign;
-use super::fitter::{JointFitter, JointRecord, JointRecordPlan};
+use super::fitter::{JointFitter, JointRecord, JointRecordPlan, Loaded};
 use super::iterate::{JointStart, estimate};
+use super::single::Single;
 use super::workspace::JointSpace;
 use crate::error::Error;
 use crate::estimate::band::Choice;
@@ -14,6 +15,9 @@ use crate::estimate::{Many, Options, Outcome, Wanted};
 use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::threads::{self, Control};
+
+/// Unknowns above which one record fills the lanes better than eight.
+const LARGE: usize = 24;
 
 /// What all replicates share: lines, design, how samples become coefficients, where a delay starts.
 pub(crate) struct JointShared {
@@ -60,7 +64,7 @@ impl JointBatch<'_> {
 impl JointFitter {
     /// What the records of a batch share: lines as given, or as found on one record.
     pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<JointShared, Error> {
-        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.uneven.is_empty();
+        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.whiteners.is_empty();
         let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
             return Err(Error::Spec(
@@ -72,7 +76,7 @@ impl JointFitter {
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
         let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
-        let design = self.design(&ranges, &loaded.units, &self.o.noise)?;
+        let design = self.design(&ranges, &loaded.units, &self.o.noise, false)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
         Ok(JointShared {
             design: Arc::new(design),
@@ -117,10 +121,18 @@ impl JointFitter {
         let chooser = (0..batch.records).find(sound).unwrap_or(0);
         let shared = self.shared(&batch.record(chooser, inputs))?;
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let make = || shared.worker();
-        let work = |w: &mut Worker, chunk: usize| {
+        let large = shared.design.size() > LARGE;
+        let make = || shared.worker(self.isa, large);
+        let work = |w: &mut Worker<'_>, chunk: usize| {
             let mut out = Many::default();
             let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(batch.records));
+            if let Some(single) = &mut w.single {
+                for r in (from..to).take_while(|_| !threads::stopped()) {
+                    let spectra = self.load(&[batch.record(r, inputs)])?;
+                    self.fit_in(single, &shared, &batch.record(r, inputs), &spectra, &mut out)?;
+                }
+                return Ok(out);
+            }
             for first in (from..to).step_by(LANES) {
                 if threads::stopped() {
                     break;
@@ -168,8 +180,10 @@ impl JointFitter {
     }
 }
 
-/// One worker's memory for blocks of records.
-struct Worker {
+/// One worker's memory for blocks of records, or for one at a time where problems are large.
+#[derive(Default)]
+struct Worker<'d> {
+    single: Option<Single<'d>>,
     space: JointSpace,
     scratch: Vec<Scratch>,
     samples: Vec<Wide>,
@@ -177,10 +191,46 @@ struct Worker {
     im: Vec<Wide>,
 }
 
+impl JointFitter {
+    /// Fits one record of a batch by itself, on the lines and in the units of all.
+    fn fit_in(
+        &self,
+        single: &mut Single<'_>,
+        shared: &JointShared,
+        record: &JointRecord<'_>,
+        loaded: &Loaded,
+        out: &mut Many,
+    ) -> Result<(), Error> {
+        let d = single.d;
+        for (signal, ((re, im), unit)) in loaded.spectra[0].iter().zip(&d.units).enumerate() {
+            single.load(0, signal, (re, im), *unit);
+        }
+        single.w.begin_delays(d);
+        let mut delayed = self.delayed(std::slice::from_ref(record));
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
+        let start = shared.start.as_deref().map_or(JointStart::Wls, JointStart::Theta);
+        let ended = single.estimate(start, &self.o.options, None, &mut refresh)?;
+        let (found, status) = single.answer(ended);
+        let p = d.parameters();
+        out.theta.extend(single.w.theta(d, 0));
+        out.bse_nonrobust.extend((0..p).map(|k| found.nonrobust[k * (p + 1)].sqrt()));
+        out.bse_hc3.extend((0..p).map(|k| found.hc3[k * (p + 1)].sqrt()));
+        out.status.push(status);
+        out.push_cost(d, &single.w, 0);
+        out.nit.push(ended.nit);
+        Ok(())
+    }
+}
+
 impl JointShared {
-    fn worker(&self) -> Worker {
+    fn worker(&self, isa: Isa, large: bool) -> Worker<'_> {
+        if large {
+            let single = Some(Single::new(isa, &self.design));
+            return Worker { single, ..Worker::default() };
+        }
         let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
         Worker {
+            single: None,
             space: JointSpace::new(&self.design),
             scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
             samples: vec![Wide::ZERO; samples],
@@ -232,14 +282,15 @@ impl JointShared {
         options: &Options,
     ) -> Result<Outcome, Error> {
         let d = &self.design;
-        let delayed = [Delayed {
+        let mut delayed = [Delayed {
             samples,
             kinds: &self.kinds,
             dt: self.dt,
             lead: self.lead,
             intervals: self.intervals,
+            tables: Vec::new(),
         }];
-        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &delayed, LANES);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &mut delayed, LANES);
         space.begin_delays(d);
         let start = match &self.start {
             Some(theta) => JointStart::Theta(theta),
@@ -256,12 +307,16 @@ impl Many {
         self.bse_nonrobust.extend(JointSpace::bse(&w.cov_nonrobust, d, lane));
         self.bse_hc3.extend(JointSpace::bse(&w.cov_hc3, d, lane));
         self.status.push(outcome.status[lane]);
-        // Of one output in units of its square.
+        self.push_cost(d, w, lane);
+        self.nit.push(outcome.nit[lane]);
+    }
+
+    /// Adds a lane's cost: of one output in units of its square.
+    fn push_cost(&mut self, d: &JointDesign, w: &JointSpace, lane: usize) {
         let unit = match d.outputs() {
             1 => w.sigma[0].0[lane] * d.residual_unit(0) * d.residual_unit(0),
             _ => 1.0,
         };
         self.cost.push(w.progress.cost.0[lane] * unit);
-        self.nit.push(outcome.nit[lane]);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::design::JointDesign;
 use super::rows::rows;
+use super::tile::Across;
 use super::workspace::JointSpace;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::tiles;
@@ -36,22 +37,23 @@ pub(crate) fn refit(
     let raised = rows as f64 / d.degrees_of_freedom().max(1) as f64;
     let top =
         d.records.iter().fold(0.0, |most: f64, r| most.max(r.x.last().copied().unwrap_or(0.0)));
-    let lines: usize = w.records.iter().map(|r| r.lines).sum();
+    let lines: usize = d.records.iter().map(|r| r.count).sum();
     let mut changed = [0.0; LANES];
     for lane in (0..LANES).filter(|k| live[*k]) {
         for i in 0..q {
             let most = if round < FREE_ROUNDS { MOST } else { w.colour_orders[lane * q + i] };
             let mut covariance = [0.0; MOST + 1];
-            for ((r, rd), power) in w.records.iter().zip(&d.records).zip(&power) {
-                for m in 0..r.lines {
+            for (rd, power) in d.records.iter().zip(&power) {
+                for m in 0..rd.count {
                     let by = if m < rd.used { raised } else { 1.0 };
                     // The ends of the band count half; what is left out below line 1 looks like it.
-                    let end = m + 1 == r.lines;
+                    let end = m + 1 == rd.count;
                     let below = if m == 0 && rd.lines.first > 0 { 1.5 } else { 1.0 };
                     let weight = by * if end { 0.5 } else { below };
                     for (lag, sum) in covariance.iter_mut().enumerate().take(most + 1) {
                         let (_, cos) = sin_cos_turns_1(0.5 * lag as f64 * rd.x[m] / top);
-                        *sum += weight * power[m * q + i].0[lane] * cos;
+                        let (block, at) = w.across.place(m, lane);
+                        *sum += weight * power[block * q + i].0[at] * cos;
                     }
                 }
             }
@@ -59,7 +61,7 @@ pub(crate) fn refit(
             let taps = levinson(&covariance, lines, fixed);
             w.colour_orders[lane * q + i] = taps.1;
             for (r, rd) in w.records.iter_mut().zip(&d.records) {
-                for m in 0..r.lines {
+                for m in 0..rd.count {
                     let (mut re, mut im) = (1.0, 0.0);
                     for (k, tap) in taps.0.iter().enumerate().take(taps.1) {
                         let turns = 0.5 * (k + 1) as f64 * rd.x[m] / top;
@@ -67,8 +69,9 @@ pub(crate) fn refit(
                         re += tap * cos;
                         im -= tap * sin;
                     }
-                    let root = f64::mul_add(re, re, im * im).sqrt();
-                    let own = &mut r.colour[m * q + i].0[lane];
+                    let root = f64::sqrt(re * re + im * im);
+                    let (block, at) = w.across.place(m, lane);
+                    let own = &mut r.colour[block * q + i].0[at];
                     changed[lane] = f64::max(changed[lane], (root - *own).abs() / root);
                     *own = root;
                 }
@@ -90,20 +93,19 @@ fn levinson(
     let mut error = covariance[0];
     let (mut best, mut lowest) = ((taps, 0), count * ln_1(error.max(f64::MIN_POSITIVE)));
     for order in 1..=fixed.unwrap_or(most) {
-        let sum = (1..order)
-            .fold(covariance[order], |s, k| taps[k - 1].mul_add(covariance[order - k], s));
+        let sum =
+            (1..order).fold(covariance[order], |s, k| s + taps[k - 1] * covariance[order - k]);
         let reflection = -sum / error;
         if reflection.abs() >= 1.0 || reflection.is_nan() {
             break;
         }
         let before = taps;
         for k in 1..order {
-            taps[k - 1] = reflection.mul_add(before[order - k - 1], before[k - 1]);
+            taps[k - 1] = before[k - 1] + reflection * before[order - k - 1];
         }
         taps[order - 1] = reflection;
-        error *= (-reflection).mul_add(reflection, 1.0);
-        let criterion =
-            count.mul_add(ln_1(error.max(f64::MIN_POSITIVE)), order as f64 * ln_1(count));
+        error *= 1.0 - reflection * reflection;
+        let criterion = count * ln_1(error.max(f64::MIN_POSITIVE)) + order as f64 * ln_1(count);
         if fixed.is_some() || criterion < lowest {
             (best, lowest) = ((taps, order), criterion);
         }
@@ -124,13 +126,20 @@ impl Kernel for Periodogram<'_> {
     fn run<L: Lanes>(self) {
         let Periodogram { design: d, space: w, power } = self;
         let q = d.outputs();
+        w.beyond = true;
         for (k, own) in power.iter_mut().enumerate() {
-            for range in tiles(w.records[k].lines, d.tile) {
+            let tile = if w.across == Across::Lines { w.residual.part } else { d.tile };
+            for range in tiles(w.records[k].lines, tile) {
                 rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
                 for (t, m) in range.enumerate() {
-                    let weight = L::splat(d.records[k].weight[m] * 0.5);
+                    // Rows of single problems are weighted.
+                    let weight = match w.across {
+                        Across::Replicates => d.records[k].weight[m] * 0.5,
+                        Across::Lines => 0.5,
+                    };
+                    let weight = L::splat(weight);
                     for i in 0..q {
-                        let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);
+                        let (re, im) = w.residual.get::<L>(w.residual.at(i, 0, t));
                         let root = L::load(&w.records[k].colour[m * q + i]);
                         let size = weight * re.mul_add(re, im * im) / (root * root);
                         size.store(&mut own[m * q + i]);
@@ -138,6 +147,7 @@ impl Kernel for Periodogram<'_> {
                 }
             }
         }
+        w.beyond = false;
     }
 }
 

@@ -1,15 +1,14 @@
 //! The default band of joint fits: lines chosen as for one output, delays sought on them, and where to start from.
 
 use super::delays;
-use super::design::{Colour, JointDesign, NoiseModel};
+use super::design::{Colour, NoiseModel};
 use super::fitter::{JointFitter, JointRecord, Loaded};
 use super::iterate::{JointStart, estimate};
+use super::single::Single;
 use super::structure::Delay;
-use super::uncertainty::Information;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
-use crate::estimate::fitter::LIVE;
 use crate::estimate::{Options, Wanted};
 use crate::simd::LANES;
 use crate::structure::Method;
@@ -46,67 +45,73 @@ impl JointFitter {
             false => self.search(loaded, records, ranges, &white),
         };
         let first = search(&given)?;
-        let d = self.design(&given, &loaded.units, &white)?;
-        let mut w = self.space(&d, loaded);
-        let (first_cost, theta) = self.trial(&d, &mut w, records, first.as_deref())?;
+        let d = self.design(&given, &loaded.units, &white, true)?;
+        let mut best = self.single(&d, loaded);
+        let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
         let mut rule = BandRule {
             wide: last(&given),
             narrow: last(&narrow),
             costs: [first_cost, f64::INFINITY],
             chosen: last(&given),
         };
-        let mut best = theta;
+        let mut found = first_cost.is_finite();
         let second = match narrow == given {
             true => None,
             // Too few lines for the unknowns are no failure of the wide fit.
-            false => match self.design(&narrow, &loaded.units, &white) {
+            false => match self.design(&narrow, &loaded.units, &white, true) {
                 Ok(few) => {
-                    let mut space = self.space(&few, loaded);
+                    let mut few = self.single(&few, loaded);
                     let start = search(&narrow)?;
-                    self.trial(&few, &mut space, records, start.as_deref())?.1
+                    let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
+                    cost.is_finite().then(|| few.w.theta(few.d, 0).collect::<Vec<f64>>())
                 }
                 Err(_) => None,
             },
         };
         if let Some(start) = second {
-            let (cost, again) = self.trial(&d, &mut w, records, Some(&start))?;
-            rule.costs[1] = cost;
-            if cost < first_cost + SAME * first_cost.abs() {
-                best = again;
-            } else if let Some(theta) = &best {
-                // The workspace must stand at the estimate that is kept.
-                self.trial(&d, &mut w, records, Some(theta))?;
+            let mut other = self.single(&d, loaded);
+            let near = found.then(|| best.estimates());
+            let (cost, same) = self.trial(&mut other, records, Some(&start), near.as_deref())?;
+            rule.costs[1] = if same { first_cost } else { cost };
+            if same {
+                // What it would come to stands already.
+            } else if cost < first_cost - SAME * first_cost.abs() || !found {
+                found |= cost.is_finite();
+                best = other;
             }
         }
-        let ranges = match best {
-            Some(_) => self.narrowest(&d, &mut w, &given),
-            None => given,
+        let (ranges, theta) = match found {
+            true => (self.narrowest(&mut best, &given), Some(best.w.theta(&d, 0).collect())),
+            false => (given, None),
         };
         rule.chosen = last(&ranges);
-        Ok(Choice { ranges, rule: Some(rule), theta: best })
+        Ok(Choice { ranges, rule: Some(rule), theta })
     }
 
-    /// Cost that fits may be compared by, and the estimate if there is one.
+    /// Options of a fit that need not come to its end.
+    pub(crate) fn few_steps(&self) -> Options {
+        Options { maxiter: self.o.options.maxiter.min(TRIAL), ..self.o.options }
+    }
+
+    /// Cost that fits may be compared by, infinite where there is no estimate; and whether the way led `near` another
+    /// estimate, where it ends.
     fn trial(
         &self,
-        d: &JointDesign,
-        w: &mut JointSpace,
+        single: &mut Single<'_>,
         records: &[JointRecord<'_>],
         start: Option<&[f64]>,
-    ) -> Result<(f64, Option<Vec<f64>>), Error> {
+        near: Option<&[f64]>,
+    ) -> Result<(f64, bool), Error> {
         // To choose a band, an estimate near the minimum will do.
-        let maxiter = self.o.options.maxiter.min(TRIAL);
-        let options = Options { wanted: Wanted::Cost, maxiter, ..self.o.options };
-        let delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &delayed, 1);
+        let options = self.few_steps();
+        let mut delayed = self.delayed(records);
+        let d = single.d;
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
         let start = start.map_or(JointStart::Wls, JointStart::Theta);
-        let outcome = estimate(self.isa, d, w, LIVE, start, &options, &mut refresh)?;
-        let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
-        let cost = w.criterion(d, 0);
-        Ok(match usable && cost.is_finite() {
-            true => (cost, Some(w.theta(d, 0).collect())),
-            false => (f64::INFINITY, None),
-        })
+        let ended = single.estimate(start, &options, near, &mut refresh)?;
+        let cost = single.criterion();
+        let usable = matches!(ended.status, Status::Ok | Status::MaxIter) && cost.is_finite();
+        Ok((if usable { cost } else { f64::INFINITY }, ended.near))
     }
 
     /// Estimates from many delays at once, one a lane; the best one's parameters.
@@ -117,7 +122,8 @@ impl JointFitter {
         ranges: &[Range],
         noise: &NoiseModel,
     ) -> Result<Option<Vec<f64>>, Error> {
-        let d = self.design(ranges, &loaded.units, noise)?;
+        // Starts are good enough without what is known of worse samples.
+        let d = self.design(ranges, &loaded.units, noise, false)?;
         let mut w = self.space(&d, loaded);
         let free = &d.free_delays;
         // So many of each that all combinations stay within the trials.
@@ -142,7 +148,7 @@ impl JointFitter {
             })
             .collect();
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
-        let delayed = self.delayed(records);
+        let mut delayed = self.delayed(records);
         let options = Options { wanted: Wanted::Cost, ..self.o.options };
         let few = Options { maxiter: self.o.options.maxiter.min(2 * TRIAL), ..options };
         let (mut best, mut lowest) = (None, f64::INFINITY);
@@ -158,7 +164,7 @@ impl JointFitter {
             }
             let live = std::array::from_fn(|lane| lane < count);
             let mut refresh =
-                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, LANES);
+                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
             // First with the delays where they are, then on from there.
             estimate(self.isa, &d, &mut w, live, JointStart::Held, &few, &mut refresh)?;
             let outcome =
@@ -175,21 +181,17 @@ impl JointFitter {
     }
 
     /// The fewest lines whose standard errors at equal σ stay within the tolerance.
-    fn narrowest(&self, d: &JointDesign, w: &mut JointSpace, wide: &[Range]) -> Vec<Range> {
+    fn narrowest(&self, single: &mut Single<'_>, wide: &[Range]) -> Vec<Range> {
+        let d = single.d;
         let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
-        let p = d.parameters();
+        let columns = single.columns();
         fewest_lines(&omega0, wide, |ranges| {
-            for ((r, range), rd) in w.records.iter_mut().zip(ranges).zip(&d.records) {
-                r.limit = (range.1 + 1).saturating_sub(rd.lines.first).min(rd.used);
-            }
-            if d.freedom(w.records.iter().map(|r| r.limit)) == 0 {
-                return None;
-            }
-            self.isa.run(Information { design: d, space: w });
-            if w.trusted.0[0] == 0.0 {
-                super::qr_step::inverse(self.isa, d, w, 0);
-            }
-            Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
+            let each = d.records.iter().zip(ranges);
+            let limits: Vec<usize> = each
+                .map(|(rd, range)| (range.1 + 1).saturating_sub(rd.lines.first).min(rd.used))
+                .collect();
+            let enough = d.freedom(limits.iter().copied()) > 0;
+            enough.then(|| single.variances(&columns, &limits))
         })
     }
 }

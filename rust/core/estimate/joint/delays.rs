@@ -2,11 +2,12 @@
 
 use super::design::JointDesign;
 use super::structure::Delay;
+use super::tile::Across;
 use super::workspace::JointSpace;
 use crate::error::Error;
 use crate::quadrature::Hold;
-use crate::simd::{Isa, LANES};
-use crate::spectrum::{CoefficientPlan, Kind};
+use crate::simd::{Isa, LANES, numbers_mut};
+use crate::spectrum::{Kind, Shifted};
 
 /// What one record's delayed inputs are made from.
 pub(crate) struct Delayed<'a> {
@@ -17,20 +18,42 @@ pub(crate) struct Delayed<'a> {
     pub dt: f64,
     pub lead: usize,
     pub intervals: usize,
+    /// Coefficients of the inputs with a free delay, as `samples`; made when first wanted.
+    pub tables: Vec<Vec<Shifted>>,
+}
+
+impl Delayed<'_> {
+    /// The coefficients of a path's input in a lane, up to line `highest`.
+    fn table(
+        &mut self,
+        isa: Isa,
+        path: usize,
+        lane: usize,
+        highest: usize,
+    ) -> Result<&mut Shifted, Error> {
+        self.tables.resize_with(self.samples.len(), Vec::new);
+        let (own, made) = (&self.samples[path], &mut self.tables[path]);
+        while made.len() < own.len() {
+            let room = (self.intervals, self.lead);
+            made.push(Shifted::new(isa, own[made.len()], self.kinds[path], room, highest)?);
+        }
+        let last = made.len() - 1;
+        Ok(&mut made[lane.min(last)])
+    }
 }
 
 /// Writes U(m; τ) and dU/dτ = −(iωU + (u(T−τ) − u(−τ))/T) at the delays of the first `lanes` lanes; the
-/// other lanes get those of the last.
+/// other lanes get those of the last. Of a single problem the lanes hold lines.
 pub(crate) fn refresh(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
-    records: &[Delayed<'_>],
+    records: &mut [Delayed<'_>],
     lanes: usize,
 ) -> Result<(), Error> {
     let (q, paths) = (d.outputs(), d.paths());
-    for (k, record) in records.iter().enumerate() {
-        let (first, count) = (d.records[k].lines.first, d.records[k].x.len());
+    for (k, record) in records.iter_mut().enumerate() {
+        let (first, count) = (d.records[k].lines.first, d.records[k].count);
         let highest = d.records[k].lines.last;
         let omega0 = d.records[k].lines.omega0;
         let duration = record.intervals as f64 * record.dt;
@@ -38,30 +61,35 @@ pub(crate) fn refresh(
         for (at, s) in d.free_delays.iter().enumerate() {
             let Delay::Free { min, max, .. } = d.structure.paths[*s].delay else { continue };
             let unit = d.units[q + s];
-            for lane in 0..LANES {
+            for lane in 0..if w.across == Across::Lines { 1 } else { LANES } {
                 let from = lane.min(lanes - 1);
                 let tau = w.iterates.theta.now[d.free.len() + at].0[from] * d.delay_scale;
                 let tau = if tau.is_finite() { tau.clamp(min, max) } else { min };
                 if from == lane {
+                    let steps = tau / record.dt;
+                    record.table(isa, *s, lane, highest)?.write(steps, &mut re, &mut im)?;
                     let own = &record.samples[*s];
                     let samples = own[lane.min(own.len() - 1)];
                     let kind = record.kinds[*s];
-                    let steps = tau / record.dt;
-                    let plan =
-                        CoefficientPlan::new(record.intervals, highest, kind, steps, record.lead)?;
-                    plan.run_in(isa, samples, &mut re, &mut im, &mut plan.scratch())?;
                     let at = |position: f64| value_at(samples, position, kind);
                     let start = record.lead as f64 - steps;
                     let rise = (at(start + record.intervals as f64) - at(start)) / duration;
-                    for m in first..first + count {
-                        let omega = m as f64 * omega0;
-                        let to = (q + s) * count + m - first;
-                        let slope = (q + paths + s) * count + m - first;
-                        let r = &mut w.records[k];
-                        r.re[to].0[lane] = re[m] / unit;
-                        r.im[to].0[lane] = im[m] / unit;
-                        r.re[slope].0[lane] = (omega * im[m] - rise) / unit * d.delay_scale;
-                        r.im[slope].0[lane] = -omega * re[m] / unit * d.delay_scale;
+                    let (across, r) = (w.across, &mut w.records[k]);
+                    let lines = r.lines;
+                    let (to_re, to_im) = (numbers_mut(&mut r.re), numbers_mut(&mut r.im));
+                    // Of one lane, or of lines one after another.
+                    let place = |signal: usize, m: usize| match across {
+                        Across::Replicates => (signal * lines + m) * LANES + lane,
+                        Across::Lines => signal * lines * LANES + m,
+                    };
+                    for m in 0..count {
+                        let omega = (first + m) as f64 * omega0;
+                        let (x, y) = (re[first + m], im[first + m]);
+                        let (to, slope) = (place(q + s, m), place(q + paths + s, m));
+                        to_re[to] = x / unit;
+                        to_im[to] = y / unit;
+                        to_re[slope] = (omega * y - rise) / unit * d.delay_scale;
+                        to_im[slope] = -omega * x / unit * d.delay_scale;
                     }
                 } else {
                     let r = &mut w.records[k];
@@ -89,7 +117,7 @@ fn value_at(samples: &[f64], position: f64, kind: Kind) -> f64 {
             // A hair before a sample its value holds already.
             samples[if part > 1.0 - 1e-9 { cell + 1 } else { cell }]
         }
-        Kind::Hold(_) => part.mul_add(samples[cell + 1] - samples[cell], samples[cell]),
+        Kind::Hold(_) => samples[cell] + part * (samples[cell + 1] - samples[cell]),
         Kind::Rule(_) => {
             // Lagrange through four samples around.
             let from = cell.saturating_sub(1).min((last + 1).saturating_sub(4));
@@ -99,7 +127,7 @@ fn value_at(samples: &[f64], position: f64, kind: Kind) -> f64 {
                 let own = (0..points)
                     .filter(|j| *j != i)
                     .fold(1.0, |p, j| p * (x - j as f64) / (i as f64 - j as f64));
-                samples[from + i].mul_add(own, sum)
+                sum + samples[from + i] * own
             })
         }
     }

@@ -1,10 +1,12 @@
 //! The plan of a joint problem: lines, columns and scales; nothing in it depends on the samples.
 
-use super::dense::Whitener;
 use super::structure::{JointSignal, JointStructure, Term};
+use super::whitener::Whitener;
 use crate::error::Error;
 use crate::modulation::{Column, Lines, transient_columns};
+use crate::simd::LANES;
 use crate::structure::{Method, Trend};
+use std::sync::Arc;
 
 /// Lines of one pass: their rows stay in a near cache.
 const TILE: usize = 16;
@@ -54,19 +56,30 @@ pub(crate) struct RecordDesign {
     pub lines: Lines,
     /// How many of them the fit uses at most; those above tell the colour of the noise.
     pub used: usize,
+    /// Lines there are; the tables below go on, up to a multiple of eight, with the last one's numbers.
+    pub count: usize,
     pub x: Vec<f64>,
     pub size_x: Vec<f64>,
-    /// x^k of each line, k = 0..=highest.
+    /// x^k of all lines, k = 0..=highest.
     pub powers: Vec<f64>,
     /// 1/(h · unit variance).
     pub weight: Vec<f64>,
-    /// Values of the transient columns on each line.
+    /// Root of the weight of lines in use; zero of others.
+    pub root_weight: Vec<f64>,
+    /// Values of each transient column on all lines.
     pub transient: Vec<f64>,
-    /// 1/√PSD of outputs, and PSD of paths, on each line; empty where white.
+    /// 1/√PSD of outputs, and PSD of paths, on all lines; empty where white.
     pub output_roots: Vec<f64>,
     pub path_spectra: Vec<f64>,
     /// Whitens the lines where samples are uneven in variance, one an output.
-    pub dense: Vec<Whitener>,
+    pub dense: Vec<Arc<Whitener>>,
+}
+
+impl RecordDesign {
+    /// Length of a table: lines, filled up to a multiple of eight.
+    pub fn stride(&self) -> usize {
+        self.x.len()
+    }
 }
 
 /// A transient column of an output.
@@ -89,11 +102,12 @@ pub struct JointDesign {
     pub(crate) held: Vec<Term>,
     pub(crate) free: Vec<usize>,
     pub(crate) free_delays: Vec<usize>,
+    /// Outputs whose equations each unknown, and last the target, stand in; and whether they are made of an output.
+    pub(crate) reach: Vec<Vec<usize>>,
+    pub(crate) denoised: Vec<bool>,
     /// First coefficient of denominators, and of numerators [output × path].
     pub(crate) denominators: Vec<usize>,
     pub(crate) numerators: Vec<usize>,
-    /// Powers of x kept a line.
-    pub(crate) highest: usize,
     pub(crate) tile: usize,
     /// Coefficients in the user's units are those in units of the band edge times this; then delays.
     pub(crate) scale: Vec<f64>,
@@ -108,7 +122,7 @@ pub struct JointDesign {
 pub(crate) struct RecordLines {
     pub lines: Lines,
     pub used: usize,
-    pub dense: Vec<Whitener>,
+    pub dense: Vec<Arc<Whitener>>,
 }
 
 impl JointDesign {
@@ -174,26 +188,29 @@ impl JointDesign {
         let free = structure.free();
         let of = |k: &usize| terms.iter().filter(|t| t.coefficient == *k).copied().collect();
         let (denominators, numerators) = structure.places();
-        let dense = laid.iter().any(|r| !r.dense.is_empty());
-        let most = laid.iter().map(|r| r.x.len()).max().unwrap_or(0);
+        let most = laid.iter().map(|r| r.count).max().unwrap_or(0);
+        let columns: Vec<Vec<Term>> = free.iter().map(of).collect();
+        let free_delays = structure.free_delays();
+        let (reach, denoised) = columns_reach(structure, noise, &transient, &columns, &free_delays);
         Ok(JointDesign {
             structure: structure.clone(),
             method,
             noise: noise.clone(),
             records: laid,
             transient,
-            columns: free.iter().map(of).collect(),
+            columns,
+            reach,
+            denoised,
             held: terms
                 .iter()
                 .filter(|t| structure.fixed[t.coefficient].is_some())
                 .copied()
                 .collect(),
             free,
-            free_delays: structure.free_delays(),
+            free_delays,
             denominators,
             numerators: numerators.concat(),
-            highest,
-            tile: if dense { most } else { most.min(TILE) },
+            tile: most.min(TILE),
             scale,
             delay_scale: 1.0 / band_edge,
             units,
@@ -274,10 +291,15 @@ impl JointDesign {
         self.records.iter().map(used).collect()
     }
 
+    /// Whether Σ_y comes from the residuals.
+    pub(crate) fn estimates_covariance(&self) -> bool {
+        self.noise.outputs.is_none() && self.outputs() > 1 && self.noise.inputs.is_none()
+    }
+
     /// Whether Σ_y or the colour come from the residuals.
     pub(crate) fn alternates(&self) -> bool {
-        let unknown = self.noise.outputs.is_none() && self.outputs() > 1;
-        self.noise.inputs.is_none() && (unknown || self.noise.colour == Colour::Fitted)
+        let coloured = self.noise.colour == Colour::Fitted && self.noise.inputs.is_none();
+        coloured || self.estimates_covariance()
     }
 
     /// Unit of a weighted residual of output `i`.
@@ -306,8 +328,10 @@ fn record_design(
     let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
     let used = (lines.first + used).saturating_sub(first);
     let lines = Lines { first, ..lines };
-    let x_of = |m: usize| m as f64 * lines.omega0 / band_edge;
-    let x: Vec<f64> = (first..=lines.last).map(x_of).collect();
+    let count = lines.last + 1 - first;
+    let padded = first..first + count.next_multiple_of(LANES);
+    let x_of = |m: usize| m.min(lines.last) as f64 * lines.omega0 / band_edge;
+    let x: Vec<f64> = padded.clone().map(x_of).collect();
     let power = |x: f64, k: usize| (0..k).fold(1.0, |p, _| p * x);
     let value = |x: f64, c: &Column| {
         c.sign * if c.power < 0 { -1.0 / x } else { power(x, c.power.max(0) as usize) }
@@ -316,16 +340,19 @@ fn record_design(
         if spectra.is_empty() {
             return Vec::new();
         }
-        let at = |m: usize| spectra[channels.clone()].iter().map(move |s| f(s[m]));
-        (first..=lines.last).flat_map(at).collect()
+        let at = |s: usize| padded.clone().map(move |m| f(spectra[s][m.min(lines.last)]));
+        channels.flat_map(at).collect()
     };
+    let weight: Vec<f64> =
+        padded.clone().map(|m| if m == 0 { 1.0 } else { 2.0 } / lines.unit_variance).collect();
+    let counts = |(m, weight): (usize, &f64)| if m < used { weight.sqrt() } else { 0.0 };
     RecordDesign {
-        powers: x.iter().flat_map(|x| (0..=highest).map(move |k| power(*x, k))).collect(),
-        transient: x.iter().flat_map(|x| transient.iter().map(|t| value(*x, &t.column))).collect(),
+        count,
+        powers: (0..=highest).flat_map(|k| x.iter().map(move |x| power(*x, k))).collect(),
+        transient: transient.iter().flat_map(|t| x.iter().map(|x| value(*x, &t.column))).collect(),
         size_x: x.iter().map(|x| x.max(x_of(1))).collect(),
-        weight: (first..=lines.last)
-            .map(|m| if m == 0 { 1.0 } else { 2.0 } / lines.unit_variance)
-            .collect(),
+        root_weight: weight.iter().enumerate().map(counts).collect(),
+        weight,
         output_roots: of(0..outputs, |s| 1.0 / s.sqrt()),
         path_spectra: of(outputs..spectra.len().max(outputs), |s| s),
         lines,
@@ -333,4 +360,36 @@ fn record_design(
         x,
         dense,
     }
+}
+
+/// Outputs whose equations each unknown (transients, coefficients, delays) and last the target stand in, and whether
+/// its column changes where the signals are denoised.
+fn columns_reach(
+    structure: &JointStructure,
+    noise: &NoiseModel,
+    transient: &[TransientColumn],
+    columns: &[Vec<Term>],
+    free_delays: &[usize],
+) -> (Vec<Vec<usize>>, Vec<bool>) {
+    let (mut reach, mut denoised) = (Vec::new(), Vec::new());
+    for t in transient {
+        reach.push(vec![t.output]);
+        denoised.push(false);
+    }
+    for terms in columns {
+        let mut outputs: Vec<usize> = terms.iter().map(|t| t.output).collect();
+        outputs.sort_unstable();
+        outputs.dedup();
+        reach.push(outputs);
+        let noisy = |t: &Term| t.signal == JointSignal::Output || noise.inputs.is_some();
+        denoised.push(terms.iter().any(noisy));
+    }
+    for s in free_delays {
+        let acts = |i: &usize| structure.numerators[*i][*s].is_some();
+        reach.push((0..structure.orders.len()).filter(acts).collect());
+        denoised.push(false);
+    }
+    reach.push((0..structure.orders.len()).collect());
+    denoised.push(true);
+    (reach, denoised)
 }

@@ -1,24 +1,25 @@
 //! A joint structure and a way of sampling made ready, and a fit of its records with everything a user sees.
 
 use super::delays::{self, Delayed};
-use super::dense::Whitener;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
-use super::iterate::{JointStart, estimate};
+use super::iterate::JointStart;
+use super::single::{Covariances, Ended, Single};
 use super::structure::{Delay, JointStructure};
-use super::uncertainty::Residuals;
+use super::whitener::{Whitener, whiteners};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::Options;
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
-use crate::estimate::fitter::{LIVE, binary_unit};
+use crate::estimate::fitter::binary_unit;
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
-use crate::estimate::{Options, Wanted};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
 use crate::simd::{Isa, Wide};
 use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
+use std::sync::Arc;
 
 /// Everything that says how records are fitted jointly.
 #[derive(Debug, Clone)]
@@ -107,8 +108,8 @@ pub(crate) struct JointRecordPlan {
     /// As given, else up to the widest line of the default rule.
     pub range: Range,
     pub narrow: usize,
-    /// Variance of each sample of each output, its phase and its quadrature weight over the length.
-    pub uneven: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
+    /// Of each output whose samples are uneven in variance, up to the highest line.
+    pub whiteners: Vec<Arc<Whitener>>,
 }
 
 /// Everything about joint fits of one kind that their samples do not change.
@@ -121,7 +122,7 @@ pub struct JointFitter {
 
 /// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
 pub(crate) struct Loaded {
-    spectra: Spectra,
+    pub spectra: Spectra,
     pub units: Vec<f64>,
 }
 
@@ -204,18 +205,21 @@ impl JointFitter {
                     highest + 1
                 )));
             }
-            let uneven = match variances.get(k) {
+            let first = if o.trend == Trend::None { range.0 } else { range.0.max(1) };
+            let whiteners = match variances.get(k) {
                 Some(all) if !all.is_empty() && all.len() != outputs => {
                     return Err(Error::Data(format!(
                         "fitting with uneven noise: variances of {} outputs for {outputs}",
                         all.len()
                     )));
                 }
-                Some(all) if !all.is_empty() => uneven(all, *samples, *time, window, o.rule)?,
+                Some(all) if !all.is_empty() => {
+                    whiteners(all, (*samples, *time), window, o.rule, (first, range.1))?
+                }
                 _ => Vec::new(),
             };
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
-            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
+            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, whiteners })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         Ok(JointFitter { o, isa, records, kinds })
@@ -245,28 +249,38 @@ impl JointFitter {
 
     fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
         let Choice { ranges, rule, theta } = self.choose(loaded, records)?;
-        let d = self.design(&ranges, &loaded.units, &self.o.noise)?;
-        let mut w = self.space(&d, loaded);
-        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &delayed, 1);
-        let mut start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
+        let d = self.design(&ranges, &loaded.units, &self.o.noise, true)?;
+        let mut delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
+        let start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
+        let mut best = self.single(&d, loaded);
+        let mut ended = best.estimate(start, &self.o.options, None, &mut refresh)?;
         if rule.is_some() && theta.is_some() {
             // The way from the wide band may end in another minimum than that from `wls`.
-            let brief = Options { wanted: Wanted::Cost, ..options };
-            let mut cost = |start| -> Result<f64, Error> {
-                let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &brief, &mut refresh)?;
-                let usable = outcome.status[0] == Status::Ok;
-                Ok(if usable { w.criterion(&d, 0) } else { f64::INFINITY })
-            };
-            let from_wide = cost(start)?;
+            let mut other = self.single(&d, loaded);
             // Delays stand where that ended.
-            if cost(JointStart::Wls)? < from_wide - SAME * from_wide.abs() {
-                start = JointStart::Wls;
+            other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
+            let found = best.estimates();
+            let near = (ended.status == Status::Ok).then_some(&found[..]);
+            // It has the steps of a trial to come lower; only then is it followed to its end.
+            let few = self.few_steps();
+            let mut again = other.estimate(JointStart::Wls, &few, near, &mut refresh)?;
+            let lower = !again.near && other.criterion() < best.criterion();
+            if again.status == Status::MaxIter && lower {
+                let theta: Vec<f64> = other.w.theta(&d, 0).collect();
+                let start = JointStart::Theta(&theta);
+                again = other.estimate(start, &self.o.options, near, &mut refresh)?;
+            }
+            let cost = |single: &Single<'_>, ended: &Ended| match ended.status {
+                Status::Ok => single.criterion(),
+                _ => f64::INFINITY,
+            };
+            let from_wide = cost(&best, &ended);
+            if !again.near && cost(&other, &again) < from_wide - SAME * from_wide.abs() {
+                (best, ended) = (other, again);
             }
         }
-        let outcome = estimate(self.isa, &d, &mut w, LIVE, start, &options, &mut refresh)?;
-        Ok(self.finished(&d, &mut w, outcome.status[0], outcome.nit[0], rule))
+        Ok(self.finished(&d, &mut best, ended, rule))
     }
 
     /// Coefficients of all channels of all records.
@@ -303,12 +317,13 @@ impl JointFitter {
         Ok(Loaded::new(spectra))
     }
 
-    /// The problem on some lines.
+    /// The problem on some lines; `whitened`: with what is known of samples that are worse than others.
     pub(crate) fn design(
         &self,
         ranges: &[Range],
         units: &[f64],
         noise: &NoiseModel,
+        whitened: bool,
     ) -> Result<JointDesign, Error> {
         let o = &self.o;
         let record = |((first, last), r): (&Range, &JointRecordPlan)| {
@@ -316,7 +331,6 @@ impl JointFitter {
                 Colour::Fitted => r.plans[0].harmonics(),
                 Colour::Given => *last,
             };
-            let from = if o.trend == Trend::None { *first } else { (*first).max(1) };
             RecordLines {
                 lines: Lines {
                     first: *first,
@@ -325,11 +339,7 @@ impl JointFitter {
                     unit_variance: r.plans[0].unit_variance(),
                 },
                 used: last + 1 - first,
-                dense: r
-                    .uneven
-                    .iter()
-                    .map(|(v, turns, weights)| Whitener::new(v, weights, turns, from, *last))
-                    .collect(),
+                dense: if whitened { r.whiteners.clone() } else { Vec::new() },
             }
         };
         let records = ranges.iter().zip(&self.records).map(record).collect();
@@ -361,6 +371,18 @@ impl JointFitter {
         w
     }
 
+    /// A single problem that holds the coefficients, eight lines in the lanes.
+    pub(crate) fn single<'d>(&self, d: &'d JointDesign, loaded: &Loaded) -> Single<'d> {
+        let mut single = Single::new(self.isa, d);
+        for (k, spectra) in loaded.spectra.iter().enumerate() {
+            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.units).enumerate() {
+                single.load(k, signal, (re, im), *unit);
+            }
+        }
+        single.w.begin_delays(d);
+        single
+    }
+
     pub(crate) fn delayed<'a>(&'a self, records: &[JointRecord<'a>]) -> Vec<Delayed<'a>> {
         let one = |(record, plan): (&JointRecord<'a>, &JointRecordPlan)| Delayed {
             samples: self.o.structure.paths.iter().map(|p| vec![record.u[p.input]]).collect(),
@@ -368,39 +390,41 @@ impl JointFitter {
             dt: plan.dt,
             lead: plan.window.lead,
             intervals: plan.window.intervals,
+            tables: Vec::new(),
         };
         records.iter().zip(&self.records).map(one).collect()
     }
 
+    /// What a user sees of an estimate.
     fn finished(
         &self,
         d: &JointDesign,
-        w: &mut JointSpace,
-        status: Status,
-        nit: u32,
+        single: &mut Single<'_>,
+        ended: Ended,
         band_rule: Option<BandRule>,
     ) -> JointFit {
         let q = d.outputs();
         let freedom = d.degrees_of_freedom();
+        let (Covariances { nonrobust, hc3, normal, residuals, .. }, status) = single.answer(ended);
+        let w = &single.w;
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
         let plain_sigma = scale.sqrt();
-        let mut residuals = Vec::new();
-        self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
-        let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
         let unit = |i: usize| d.residual_unit(i);
         let noise =
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
+        let p = d.parameters();
+        let over = |(re, im): &(f64, f64)| (re / plain_sigma, im / plain_sigma);
         JointFit {
             answer: Answer {
                 theta: w.theta(d, 0).collect(),
-                cov_nonrobust: JointSpace::covariance(&w.cov_nonrobust, d, 0),
-                cov_hc3: JointSpace::covariance(&w.cov_hc3, d, 0),
-                gram: unit_diagonal(&w.gram, d.parameters()),
+                cov_nonrobust: nonrobust,
+                cov_hc3: hc3,
+                gram: unit_diagonal(|k| normal[k], p),
                 cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
                 degrees_of_freedom: freedom,
                 status,
-                nit,
+                nit: ended.nit,
                 lines: d.lines(),
                 band_rule,
             },
@@ -424,44 +448,4 @@ impl JointSpace {
             }
         }
     }
-}
-
-/// Variances on the window, phases in turns per harmonic, and weights over the length, an output.
-#[allow(clippy::type_complexity)]
-fn uneven(
-    variances: &[Vec<f64>],
-    samples: usize,
-    time: Time<'_>,
-    window: Window,
-    rule: Rule,
-) -> Result<Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>, Error> {
-    let intervals = window.intervals;
-    let (turns, weights): (Vec<f64>, Vec<f64>) = match time {
-        Time::Even(_) => (
-            (0..=intervals).map(|k| k as f64 / intervals as f64).collect(),
-            rule.weights(intervals)?.iter().map(|w| w / intervals as f64).collect(),
-        ),
-        Time::Uneven(t) => {
-            let span = t[samples - 1] - t[0];
-            (
-                t.iter().map(|x| (x - t[0]) / span).collect(),
-                rule.uneven_weights(t)?.iter().map(|w| w / span).collect(),
-            )
-        }
-    };
-    let one = |v: &Vec<f64>| {
-        if v.len() != samples || v.iter().any(|x| *x <= 0.0 || x.is_nan()) {
-            return Err(Error::Data(format!(
-                "fitting with uneven noise: {} variances for {samples} samples, all above zero",
-                v.len()
-            )));
-        }
-        if v[window.lead..].iter().filter(|x| x.is_finite()).count() < 8 {
-            return Err(Error::Data(
-                "fitting: fewer than 8 samples of an output are left unmasked".into(),
-            ));
-        }
-        Ok((v[window.lead..].to_vec(), turns.clone(), weights.clone()))
-    };
-    variances.iter().map(one).collect()
 }

@@ -1,9 +1,9 @@
-//! The loop of a joint problem: steps until none moves, then Σ and the colour of the noise from the residuals, and again.
+//! The loop of a batch: steps until none moves, then with Σ from each step's residuals, and again for each new colour.
 
 use super::colour;
 use super::design::{Colour, JointDesign};
 use super::rows::rows;
-use super::step::{line_weight, step};
+use super::step::step;
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
@@ -17,14 +17,14 @@ use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
 
-/// Alternations of θ with Σ and the colour, and most steps of θ in one.
-const ROUNDS: usize = 40;
-const STEPS: usize = 10;
-/// Largest change of Σ (as correlations) and of the colour's root after which nothing is left to do.
-const SETTLED: f64 = 1e-6;
-const COLOUR_SETTLED: f64 = 1e-4;
+/// Alternations of θ with the colour.
+pub(super) const ROUNDS: usize = 40;
+/// Steps with Σ from the residuals, over those with Σ = 1.
+pub(super) const LONGER: usize = 4;
+/// Largest change of the colour's root after which nothing is left to do.
+pub(super) const COLOUR_SETTLED: f64 = 1e-4;
 /// Smallest variance of an output, and of what the others leave of it.
-const FLOOR: f64 = 1e-14;
+pub(super) const FLOOR: f64 = 1e-14;
 const OWN: f64 = 1e-8;
 
 /// What keeps the coefficients of delayed inputs at the current delays; called when they have changed.
@@ -71,7 +71,8 @@ pub(crate) fn estimate(
             w.iterates.theta.now[..d.free.len()].fill(Wide::ZERO);
             w.spread_theta(d);
             refresh(w)?;
-            iterate(isa, d, w, Rule::Wls, o, true, refresh)?;
+            let run = Run { rule: Rule::Wls, most: 1, limit: 0.0, held: true, fresh: false };
+            iterate(isa, d, w, run, refresh)?;
         }
     }
     let rule = match d.method {
@@ -80,17 +81,17 @@ pub(crate) fn estimate(
         // `wls` has taken its one step.
         Method::Ls | Method::Wls => Rule::Wls,
     };
+    let run = Run { rule, most: o.maxiter, limit: o.tol * o.tol, held, fresh: false };
     if rule != Rule::Wls {
-        iterate(isa, d, w, rule, o, held, refresh)?;
+        iterate(isa, d, w, run, refresh)?;
         if d.alternates() {
-            alternate(isa, d, w, live, rule, o, held, refresh)?;
+            settle_noise(isa, d, w, live, run, refresh)?;
         }
     } else {
         w.progress.active = Wide::ZERO;
-        if d.alternates() {
-            let mut changed = Wide::ZERO;
-            isa.run(Covariance { design: d, space: w, changed: &mut changed });
-        }
+    }
+    if d.estimates_covariance() {
+        isa.run(Covariance { design: d, space: w, of: live });
     }
     if o.wanted != Wanted::Theta {
         uncertainty::finish(isa, d, w, live, o.wanted == Wanted::Covariance);
@@ -130,12 +131,22 @@ enum Came {
     NewDelays,
 }
 
+/// How one run of steps goes.
+#[derive(Clone, Copy)]
+struct Run {
+    rule: Rule,
+    most: usize,
+    limit: f64,
+    /// Delays stay.
+    held: bool,
+    /// Σ is that of each step's residuals.
+    fresh: bool,
+}
+
 struct Iteration<'a> {
     design: &'a JointDesign,
     space: &'a mut JointSpace,
-    rule: Rule,
-    held: bool,
-    limit: f64,
+    run: Run,
     left: &'a mut usize,
     mended: &'a mut bool,
 }
@@ -144,11 +155,18 @@ impl Kernel for Iteration<'_> {
     type Output = Came;
     #[inline(always)]
     fn run<L: Lanes>(self) -> Came {
-        let Iteration { design: d, space: w, rule, held, limit, left, mended } = self;
-        let limit = L::splat(limit);
+        let Iteration { design: d, space: w, run, left, mended } = self;
+        let Run { rule, held, fresh, .. } = run;
+        let limit = L::splat(run.limit);
         while *left > 0 && L::load(&w.progress.active).any() && !stopped() {
             if !*mended {
+                if fresh {
+                    covariance::<L>(d, w, L::load(&w.progress.active));
+                }
                 step::<L>(d, w, rule.weights(), rule.factors(), held);
+                if fresh {
+                    w.progress.cost = determinant::<L>(d, w);
+                }
                 if unsound::<L>(&w.progress, &w.trusted).any() {
                     return Came::SmallPivots;
                 }
@@ -168,29 +186,19 @@ impl Kernel for Iteration<'_> {
     }
 }
 
-/// Iterates the active lanes at most `maxiter` times.
+/// Iterates the active lanes at most so many times.
 fn iterate(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
-    rule: Rule,
-    o: &Options,
-    held: bool,
+    run: Run,
     refresh: &mut Refresh<'_>,
 ) -> Result<(), Error> {
-    let mut left = if rule == Rule::Wls { 1 } else { o.maxiter };
+    let mut left = run.most;
     let mut mended = false;
     loop {
-        let came = isa.run(Iteration {
-            design: d,
-            space: w,
-            rule,
-            held,
-            limit: o.tol * o.tol,
-            left: &mut left,
-            mended: &mut mended,
-        });
-        match came {
+        let (left, mended) = (&mut left, &mut mended);
+        match isa.run(Iteration { design: d, space: w, run, left, mended }) {
             Came::Home => return Ok(()),
             Came::NewDelays => refresh(w)?,
             Came::SmallPivots => {
@@ -199,54 +207,54 @@ fn iterate(
                     if sound || w.progress.active.0[lane] == 0.0 {
                         continue;
                     }
-                    let full = super::qr_step::solve(isa, d, w, lane, rule, held);
+                    let full = super::qr_step::solve(isa, d, w, lane, run.rule, run.held);
                     w.dependent[lane] = !full;
-                    if !full && rule == Rule::Wls {
+                    if !full && run.rule == Rule::Wls {
                         // Dependent columns in the start: nothing to iterate from.
                         w.progress.active.0[lane] = 0.0;
                     }
                 }
-                mended = true;
+                *mended = true;
             }
         }
     }
 }
 
-/// Σ and the colour from the residuals, θ again, until neither changes.
-#[allow(clippy::too_many_arguments)]
-fn alternate(
+/// Goes on from θ at Σ = 1 and white noise, with Σ and the colour that the residuals show.
+fn settle_noise(
     isa: Isa,
     d: &JointDesign,
     w: &mut JointSpace,
     live: [bool; LANES],
-    rule: Rule,
-    o: &Options,
-    held: bool,
+    run: Run,
     refresh: &mut Refresh<'_>,
 ) -> Result<(), Error> {
     let mut going: [bool; LANES] =
         std::array::from_fn(|k| live[k] && w.progress.cost.0[k].is_finite() && !w.dependent[k]);
-    let unsettled = w.progress.active;
-    let few = Options { maxiter: o.maxiter.min(STEPS), ..*o };
-    for round in 0..ROUNDS.min(o.maxiter) {
-        let mut changed = Wide::ZERO;
-        let mut recoloured = [0.0; LANES];
-        if d.noise.colour == Colour::Fitted {
-            recoloured = colour::refit(isa, d, w, round, going);
-        }
-        isa.run(Covariance { design: d, space: w, changed: &mut changed });
-        for k in 0..LANES {
-            // Steps that did not settle go on with the new Σ.
-            let still = changed.0[k] <= SETTLED && recoloured[k] <= COLOUR_SETTLED;
-            going[k] &= !(still && w.progress.active.0[k] == 0.0);
-        }
-        if !going.contains(&true) {
-            break;
-        }
+    let (unsettled, before) = (w.progress.active, w.progress.nit);
+    let run = Run { fresh: d.estimates_covariance(), ..run };
+    w.progress.nit = Wide::ZERO;
+    if d.noise.colour == Colour::Given {
         w.progress.again(Wide(going.map(f64::from)));
-        iterate(isa, d, w, rule, &few, held, refresh)?;
+        let most = run.most.saturating_mul(LONGER);
+        iterate(isa, d, w, Run { most, ..run }, refresh)?;
+        going = w.progress.active.0.map(|active| active > 0.0);
+    } else {
+        for round in 0..ROUNDS.min(run.most) {
+            let recoloured = colour::refit(isa, d, w, round, going);
+            for k in 0..LANES {
+                let still = recoloured[k] <= COLOUR_SETTLED && w.progress.active.0[k] == 0.0;
+                going[k] &= round == 0 || !(still || w.dependent[k]);
+            }
+            if !going.contains(&true) {
+                break;
+            }
+            w.progress.again(Wide(going.map(f64::from)));
+            iterate(isa, d, w, run, refresh)?;
+        }
     }
     for k in 0..LANES {
+        w.progress.nit.0[k] += before.0[k];
         let lost = live[k] && unsettled.0[k] > 0.0 && !w.progress.cost.0[k].is_finite();
         w.progress.active.0[k] = f64::from(going[k] || lost);
     }
@@ -255,7 +263,7 @@ fn alternate(
 
 impl JointSpace {
     /// Σ as given, or one; no colour but what is given.
-    fn begin_noise(&mut self, d: &JointDesign) {
+    pub(crate) fn begin_noise(&mut self, d: &JointDesign) {
         let q = d.outputs();
         for i in 0..q {
             for j in 0..q {
@@ -273,8 +281,10 @@ impl JointSpace {
             match rd.output_roots.is_empty() {
                 true => r.colour.fill(Wide::splat(1.0)),
                 false => {
-                    for (to, root) in r.colour.iter_mut().zip(&rd.output_roots) {
-                        *to = Wide::splat(*root);
+                    for m in 0..r.lines {
+                        for i in 0..q {
+                            r.colour[m * q + i] = self.across.root(rd, i, m);
+                        }
                     }
                 }
             }
@@ -283,7 +293,7 @@ impl JointSpace {
 
     /// Inverse of the lower Cholesky factor of Σ, lane by lane; called from vector code, so that no scalar
     /// multiply-add may stand here.
-    fn take_root(&mut self, q: usize) {
+    pub(crate) fn take_root(&mut self, q: usize) {
         let JointSpace { sigma, root, triangle: l, .. } = self;
         for lane in 0..LANES {
             for j in 0..q {
@@ -306,66 +316,71 @@ impl JointSpace {
     }
 }
 
-/// Σ̂ from the weighted residuals of the lines in use; how much it changed.
+/// Σ̂ from the weighted residuals of the lines in use, in some lanes.
 struct Covariance<'a> {
     design: &'a JointDesign,
     space: &'a mut JointSpace,
-    changed: &'a mut Wide,
+    of: [bool; LANES],
 }
 
 impl Kernel for Covariance<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Covariance { design: d, space: w, changed } = self;
-        if d.outputs() == 1 || d.noise.outputs.is_some() {
-            return;
-        }
-        let q = d.outputs();
-        let used = w.records.iter().map(|r| r.limit);
-        let each = L::splat(q as f64 / d.freedom(used).max(1) as f64);
-        w.sigma_before.copy_from_slice(&w.sigma);
-        super::step::clear::<L>(&mut w.sigma);
-        super::step::clear::<L>(&mut w.hat[0][..q]);
-        for k in 0..w.records.len() {
-            for range in tiles(w.records[k].limit, d.tile) {
-                rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
-                for (t, m) in range.enumerate() {
-                    let weight = L::splat(line_weight(d, k, m, RowWeights::Adapted));
-                    let lines = w.records[k].lines;
-                    for i in 0..q {
-                        let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);
-                        for j in 0..=i {
-                            let (x, y) = super::step::pair::<L>(&w.residual, t * q + j);
-                            let sum = &mut w.sigma[i * q + j];
-                            let own = re.mul_add(x, im * y) * weight;
-                            own.mul_add(each, L::load(sum)).store(sum);
-                        }
-                        let r = &w.records[k];
-                        let y = (L::load(&r.re[i * lines + m]), L::load(&r.im[i * lines + m]));
-                        let power = L::splat(d.records[k].weight[m]) * y.0.mul_add(y.0, y.1 * y.1);
-                        power.mul_add(each, L::load(&w.hat[0][i])).store(&mut w.hat[0][i]);
+        covariance::<L>(self.design, self.space, L::load(&Wide(self.of.map(f64::from))));
+    }
+}
+
+/// Σ̂ at the current θ and T, in the lanes `of`; the others keep theirs.
+#[inline(always)]
+fn covariance<L: Lanes>(d: &JointDesign, w: &mut JointSpace, of: L) {
+    let q = d.outputs();
+    let used = w.records.iter().map(|r| r.limit);
+    let each = L::splat(q as f64 / d.freedom(used).max(1) as f64);
+    w.sigma_before.copy_from_slice(&w.sigma);
+    super::step::clear::<L>(&mut w.sigma);
+    super::step::clear::<L>(&mut w.hat[0][..q]);
+    for k in 0..w.records.len() {
+        for range in tiles(w.records[k].limit, d.tile) {
+            rows::<L>(d, w, k, range.clone(), RowWeights::Adapted, LeftColumns::Data, false);
+            for (t, m) in range.enumerate() {
+                let weight = L::splat(d.records[k].weight[m]);
+                let lines = w.records[k].lines;
+                for i in 0..q {
+                    let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);
+                    for j in 0..=i {
+                        let (x, y) = super::step::pair::<L>(&w.residual, t * q + j);
+                        let sum = &mut w.sigma[i * q + j];
+                        let own = re.mul_add(x, im * y) * weight;
+                        own.mul_add(each, L::load(sum)).store(sum);
                     }
+                    let r = &w.records[k];
+                    let y = (L::load(&r.re[i * lines + m]), L::load(&r.im[i * lines + m]));
+                    let power = weight * y.0.mul_add(y.0, y.1 * y.1);
+                    power.mul_add(each, L::load(&w.hat[0][i])).store(&mut w.hat[0][i]);
                 }
             }
         }
-        for i in 0..q {
-            let least = L::load(&w.hat[0][i]) * L::splat(FLOOR);
-            L::load(&w.sigma[i * q + i]).max(least).store(&mut w.sigma[i * q + i]);
-            for j in 0..i {
-                w.sigma[j * q + i] = w.sigma[i * q + j];
-            }
-        }
-        let mut most = L::splat(0.0);
-        for i in 0..q {
-            for j in 0..=i {
-                let size = L::load(&w.sigma[i * q + i]) * L::load(&w.sigma[j * q + j]);
-                let gap = L::load(&w.sigma[i * q + j]) - L::load(&w.sigma_before[i * q + j]);
-                let own = gap.abs() / size.sqrt();
-                most = own.select_lt(most, most, own);
-            }
-        }
-        most.store(changed);
-        w.take_root(q);
     }
+    for i in 0..q {
+        let least = L::load(&w.hat[0][i]) * L::splat(FLOOR);
+        L::load(&w.sigma[i * q + i]).max(least).store(&mut w.sigma[i * q + i]);
+        for j in 0..i {
+            w.sigma[j * q + i] = w.sigma[i * q + j];
+        }
+    }
+    for (sigma, before) in w.sigma.iter_mut().zip(&w.sigma_before) {
+        of.choose(L::load(sigma), L::load(before)).store(sigma);
+    }
+    w.take_root(q);
+}
+
+/// √det Σ̂: falls where log det Σ̂ does.
+#[inline(always)]
+fn determinant<L: Lanes>(d: &JointDesign, w: &JointSpace) -> Wide {
+    let q = d.outputs();
+    let product = (0..q).fold(L::splat(1.0), |p, i| p * L::load(&w.root[i * (q + 1)]));
+    let mut all = Wide::ZERO;
+    (L::splat(1.0) / product).store(&mut all);
+    all
 }

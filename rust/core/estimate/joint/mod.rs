@@ -8,7 +8,8 @@
 //! ```
 //!
 //! by the steps of one output: `wls` with S = 1, `awls` with S of the last estimate, `ml` with J for Γ on the left.
-//! An unknown Σ_y alternates with θ. With e_i = r_i/A_i, q outputs and ν degrees of freedom,
+//! Once θ has settled with Σ_y = 1, an unknown Σ_y is that of each step's own residuals. With e_i = r_i/A_i, q outputs
+//! and ν degrees of freedom,
 //!
 //! ```text
 //! Σ̂_ij = (q/ν) Σ_m Re(e_i e_j*) / h_m,
@@ -20,18 +21,21 @@
 
 mod batch;
 mod colour;
+mod complex;
 mod default_band;
 mod delays;
-mod dense;
 mod design;
 mod fitter;
 mod iterate;
+mod line_noise;
 mod qr_step;
 mod rows;
+mod single;
 mod step;
 mod structure;
 mod tile;
 mod uncertainty;
+mod whitener;
 mod workspace;
 
 pub use batch::JointBatch;

@@ -2,7 +2,7 @@
 
 use super::design::JointDesign;
 use super::rows::rows;
-use super::step::{line_weight, move_of};
+use super::step::move_of;
 use super::workspace::{JointSpace, QrSpace};
 use crate::estimate::iterate::Rule;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -64,12 +64,12 @@ fn factor(
                 factors,
             });
             for (t, m) in range.enumerate() {
-                let root = line_weight(d, k, m, weights).sqrt();
+                let root = d.records[k].weight[m].sqrt();
                 for row in t * q..(t + 1) * q {
                     for part in 0..2 {
                         let JointSpace { left, right, qr, .. } = w;
-                        let of = if part == 0 { &right.re } else { &right.im };
-                        let by = if part == 0 { &left.re } else { &left.im };
+                        let of = &right.all[part * right.part..];
+                        let by = &left.all[part * left.part..];
                         for c in 0..width {
                             qr.right[c] = of[row * width + c].0[lane] * root;
                         }
@@ -87,7 +87,7 @@ fn factor(
         let QrSpace { record, all, kept, .. } = &mut w.qr;
         record.absorb();
         for i in 0..nt {
-            let norm = (0..=i).fold(0.0, |s, r| record.r(r, i).mul_add(record.r(r, i), s));
+            let norm = (0..=i).fold(0.0, |s, r| s + record.r(r, i) * record.r(r, i));
             full &= record.r(i, i).abs() > RANK * norm.sqrt();
             for j in 0..=size {
                 kept[(k * nt + i) * width + j] =
@@ -100,7 +100,7 @@ fn factor(
         all.absorb();
     }
     for j in 0..p {
-        let norm = (0..=j).fold(0.0, |s, r| w.qr.all.r(r, j).mul_add(w.qr.all.r(r, j), s));
+        let norm = (0..=j).fold(0.0, |s, r| s + w.qr.all.r(r, j) * w.qr.all.r(r, j));
         full &= w.qr.all.r(j, j).abs() > RANK * norm.sqrt();
     }
     full
@@ -157,10 +157,10 @@ pub(crate) fn solve(
             let row = &kept[(k * nt + i) * (size + 1)..][..size + 1];
             let mut sum = row[size];
             for j in 0..p {
-                sum = (-row[nt + j]).mul_add(solution[j], sum);
+                sum -= row[nt + j] * solution[j];
             }
             for (own, t) in row[..nt].iter().zip(&transient.next).skip(i + 1) {
-                sum = (-own).mul_add(t.0[lane], sum);
+                sum -= own * t.0[lane];
             }
             transient.next[i].0[lane] = sum / row[i];
         }
@@ -195,16 +195,14 @@ pub(crate) fn inverse(isa: Isa, d: &JointDesign, w: &mut JointSpace, lane: usize
     for c in 0..p {
         for i in (0..p).rev() {
             let one = if i == c { 1.0 } else { 0.0 };
-            let sum = (i + 1..p)
-                .fold(one, |s: f64, j| (-all.r(i, j)).mul_add(square[j * (p + 1) + c], s));
+            let sum = (i + 1..p).fold(one, |s: f64, j| s - all.r(i, j) * square[j * (p + 1) + c]);
             square[i * (p + 1) + c] = sum / all.r(i, i);
         }
     }
     for i in 0..p {
         for j in 0..p {
             let (a, b) = (&square[i * (p + 1)..][..p], &square[j * (p + 1)..][..p]);
-            w.inverse[i * p + j].0[lane] =
-                a.iter().zip(b).fold(0.0, |s: f64, (x, y)| x.mul_add(*y, s));
+            w.inverse[i * p + j].0[lane] = a.iter().zip(b).fold(0.0, |s: f64, (x, y)| s + x * y);
         }
     }
     full

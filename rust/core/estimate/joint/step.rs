@@ -162,7 +162,7 @@ pub(crate) fn record_system<L: Lanes>(
     for range in tiles(w.records[k].limit, d.tile) {
         rows::<L>(d, w, k, range.clone(), weights, factors, true);
         for (t, m) in range.clone().enumerate() {
-            let weight = L::splat(line_weight(d, k, m, weights));
+            let weight = L::splat(d.records[k].weight[m]);
             for i in 0..q {
                 let (re, im) = pair::<L>(&w.residual, t * q + i);
                 cost = weight.mul_add(re.mul_add(re, im * im), cost);
@@ -170,7 +170,7 @@ pub(crate) fn record_system<L: Lanes>(
                 target = weight.mul_add(re.mul_add(re, im * im), target);
             }
         }
-        scale_left::<L>(d, w, k, range.clone(), weights, factors);
+        scale_left::<L>(d, w, k, range.clone(), factors);
         accumulate::<L>(&w.left, &w.right, range.len() * q, size, &mut w.records[k].matrix);
     }
     target.store(&mut w.target_size);
@@ -180,16 +180,9 @@ pub(crate) fn record_system<L: Lanes>(
     cost
 }
 
-/// 1/(h · unit variance) of a line; one where whiteners hold it.
-#[inline(always)]
-pub(crate) fn line_weight(d: &JointDesign, k: usize, m: usize, weights: RowWeights) -> f64 {
-    let rd = &d.records[k];
-    if rd.dense.is_empty() || weights == RowWeights::Flat { rd.weight[m] } else { 1.0 }
-}
-
 #[inline(always)]
 pub(crate) fn pair<L: Lanes>(rows: &Rows, at: usize) -> (L, L) {
-    (L::load(&rows.re[at]), L::load(&rows.im[at]))
+    rows.get(at)
 }
 
 /// The left factor times the weights of the lines; of the data itself where nothing is denoised.
@@ -199,18 +192,16 @@ fn scale_left<L: Lanes>(
     w: &mut JointSpace,
     k: usize,
     range: std::ops::Range<usize>,
-    weights: RowWeights,
     factors: LeftColumns,
 ) {
     let (q, width) = (d.outputs(), d.size() + 1);
     let JointSpace { left, right, .. } = w;
     let data = factors == LeftColumns::Data;
     for (t, m) in range.enumerate() {
-        let weight = L::splat(line_weight(d, k, m, weights));
+        let weight = L::splat(d.records[k].weight[m]);
         for at in t * q * width..(t + 1) * q * width {
             let (re, im) = if data { pair::<L>(right, at) } else { pair::<L>(left, at) };
-            (re * weight).store(&mut left.re[at]);
-            (im * weight).store(&mut left.im[at]);
+            left.set(at, (re * weight, im * weight));
         }
     }
 }
@@ -219,6 +210,7 @@ fn scale_left<L: Lanes>(
 #[inline(always)]
 fn accumulate<L: Lanes>(left: &Rows, right: &Rows, count: usize, size: usize, matrix: &mut [Wide]) {
     let width = size + 1;
+    let (all_re, all_im) = right.all.split_at(right.part);
     for a in 0..size {
         let mut from = 0;
         while from < width {
@@ -230,7 +222,7 @@ fn accumulate<L: Lanes>(left: &Rows, right: &Rows, count: usize, size: usize, ma
             for row in 0..count {
                 let (re, im) = pair::<L>(left, row * width + a);
                 let at = row * width + from;
-                let (right_re, right_im) = (&right.re[at..at + wide], &right.im[at..at + wide]);
+                let (right_re, right_im) = (&all_re[at..at + wide], &all_im[at..at + wide]);
                 for b in 0..wide {
                     acc[b] = re.mul_add(L::load(&right_re[b]), acc[b]);
                     acc[b] = im.mul_add(L::load(&right_im[b]), acc[b]);

@@ -14,7 +14,7 @@
 use super::design::JointDesign;
 use super::qr_step;
 use super::rows::rows;
-use super::step::{clear, line_weight, pair, record_system};
+use super::step::{clear, pair, record_system};
 use super::workspace::JointSpace;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
@@ -23,7 +23,7 @@ use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
 /// Leaves (1 − h) of a row that determines a parameter alone above zero.
-const LEVERAGE: f64 = 1e-6;
+pub(super) const LEVERAGE: f64 = 1e-6;
 
 impl JointDesign {
     /// RowWeights that belong to the estimate.
@@ -174,7 +174,7 @@ impl Kernel for Covariances<'_> {
                 // Denoised on both sides, or data: `right` holds them.
                 rows::<L>(d, w, k, range.clone(), weights, factors, true);
                 for (t, m) in range.enumerate() {
-                    let weight = L::splat(line_weight(d, k, m, weights));
+                    let weight = L::splat(d.records[k].weight[m]);
                     clear::<L>(&mut w.z[0]);
                     clear::<L>(&mut w.z[1]);
                     for i in 0..q {
@@ -249,38 +249,6 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
         for a in 0..p {
             let own = &mut w.z[part][a];
             by.mul_add(L::load(&w.row[part][a]), L::load(own)).store(own);
-        }
-    }
-}
-
-/// Weighted residuals of every line in use, output by output: unit variance times σ.
-pub(crate) struct Residuals<'a> {
-    pub design: &'a JointDesign,
-    pub space: &'a mut JointSpace,
-    /// Records × outputs × lines × (Re, Im).
-    pub out: &'a mut Vec<Vec<Vec<[Wide; 2]>>>,
-}
-
-impl Kernel for Residuals<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let (d, w) = (self.design, self.space);
-        let q = d.outputs();
-        for k in 0..w.records.len() {
-            let mut all = vec![vec![[Wide::ZERO; 2]; w.records[k].limit]; q];
-            for range in tiles(w.records[k].limit, d.tile) {
-                rows::<L>(d, w, k, range.clone(), d.final_weights(), LeftColumns::Data, true);
-                for (t, m) in range.enumerate() {
-                    let root = L::splat(line_weight(d, k, m, d.final_weights()).sqrt());
-                    for (i, own) in all.iter_mut().enumerate() {
-                        let (re, im) = pair::<L>(&w.residual, t * q + i);
-                        (re * root).store(&mut own[m][0]);
-                        (im * root).store(&mut own[m][1]);
-                    }
-                }
-            }
-            self.out.push(all);
         }
     }
 }

@@ -1,14 +1,14 @@
 //! Scratch of a joint problem: coefficients of eight replicates and everything a pass writes.
 
-use super::design::JointDesign;
-use super::tile::Rows;
+use super::design::{JointDesign, RecordDesign};
+use super::tile::{Across, Block, Rows};
 use crate::estimate::iterates::{Iterates, Progress};
 use crate::linalg::qr::Absorber;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
 
 /// One record of eight replicates.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct JointRecordSpace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
@@ -26,7 +26,7 @@ pub(crate) struct JointRecordSpace {
 }
 
 /// Scratch of a step by orthogonal factors.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct QrSpace {
     pub record: Absorber,
     pub all: Absorber,
@@ -63,8 +63,13 @@ impl QrSpace {
 }
 
 /// Scratch for one [`JointDesign`].
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct JointSpace {
+    pub(crate) across: Across,
+    /// Whether lines beyond those in use are wanted, too.
+    pub(crate) beyond: bool,
+    /// Whether W is diagonal, so that outputs without a column need no zeros: rows of single records.
+    pub(crate) apart: bool,
     pub(crate) records: Vec<JointRecordSpace>,
     /// Columns the step weighs by, of the data, whitened; and the whitened residual.
     pub(crate) left: Rows,
@@ -120,21 +125,18 @@ impl JointSpace {
         let nt = d.transient.len();
         let wide = |n: usize| vec![Wide::ZERO; n];
         let pair = |n: usize| [wide(n), wide(n)];
-        let rows = |columns: usize| Rows {
-            re: wide(d.tile * q * columns),
-            im: wide(d.tile * q * columns),
-        };
+        let rows = |columns: usize| Rows::tiled(d.tile, q, columns);
         let records = d
             .records
             .iter()
             .map(|r| JointRecordSpace {
-                re: wide((q + 2 * paths) * r.x.len()),
-                im: wide((q + 2 * paths) * r.x.len()),
+                re: wide((q + 2 * paths) * r.count),
+                im: wide((q + 2 * paths) * r.count),
                 matrix: wide(size * (size + 1)),
                 projection: wide(nt * p),
                 transient_inverse: wide(nt * nt),
-                colour: vec![Wide::splat(1.0); r.x.len() * q],
-                lines: r.x.len(),
+                colour: vec![Wide::splat(1.0); r.count * q],
+                lines: r.count,
                 limit: r.used,
             })
             .collect();
@@ -143,30 +145,12 @@ impl JointSpace {
             left: rows(size + 1),
             right: rows(size + 1),
             residual: rows(1),
-            a: pair(q),
-            b: pair(q * paths),
-            white: pair(q * q),
-            factor: pair(q * q),
-            hat: pair(q + paths),
-            column: pair(q),
-            back: pair(q),
-            root: wide(q * q),
-            sigma: wide(q * q),
             sigma_before: wide(q * q),
-            triangle: vec![0.0; q * q],
-            colour_orders: vec![0; LANES * q],
-            coefficients: wide(d.structure.coefficients()),
-            iterates: Iterates::new(p, nt, d.records.len()),
-            progress: Progress::default(),
-            dependent: [false; LANES],
             diagonal: wide(size),
             global: wide(p * (p + 1)),
             global_work: wide(p * (p + 1)),
-            pinned: wide(p),
             unknowns: wide(size),
-            target_size: Wide::ZERO,
             column_size: wide(p),
-            trusted: Wide::ZERO,
             square: wide(nt.max(p) * nt.max(p)),
             work: wide(size * (size + 1)),
             gram: wide(p * p),
@@ -177,10 +161,88 @@ impl JointSpace {
             z: pair(p),
             row: pair(p),
             qr: QrSpace::new(d),
+            ..JointSpace::shared(d, Across::Replicates, false)
         }
     }
 
-    /// Where the coefficients of one record and signal (outputs, paths, derivatives of paths) are written.
+    /// What both kinds of workspaces have.
+    fn shared(d: &JointDesign, across: Across, apart: bool) -> JointSpace {
+        let (q, paths, p) = (d.outputs(), d.paths(), d.parameters());
+        let wide = |n: usize| vec![Wide::ZERO; n];
+        let pair = |n: usize| [wide(n), wide(n)];
+        JointSpace {
+            across,
+            apart,
+            a: pair(q),
+            b: pair(q * paths),
+            white: pair(q * q),
+            factor: pair(q * q),
+            hat: pair(q + paths),
+            column: pair(q),
+            back: pair(q),
+            root: wide(q * q),
+            sigma: wide(q * q),
+            triangle: vec![0.0; q * q],
+            colour_orders: vec![0; LANES * q],
+            coefficients: wide(d.structure.coefficients()),
+            iterates: Iterates::new(p, d.transient.len(), d.records.len()),
+            pinned: wide(p),
+            ..JointSpace::default()
+        }
+    }
+
+    /// Room for one design with eight lines in the lanes, and the blocks of its rows: steps of batches want more.
+    pub(crate) fn single(d: &JointDesign) -> (JointSpace, Vec<Block>) {
+        let (q, paths) = (d.outputs(), d.paths());
+        let wide = |n: usize| vec![Wide::ZERO; n];
+        let record = |r: &RecordDesign| {
+            let lines = r.stride() / LANES;
+            JointRecordSpace {
+                re: wide((q + 2 * paths) * lines),
+                im: wide((q + 2 * paths) * lines),
+                colour: vec![Wide::splat(1.0); lines * q],
+                lines,
+                limit: lines,
+                ..JointRecordSpace::default()
+            }
+        };
+        // Where inputs are noisy each line has a Σ of its own, which mixes all outputs.
+        let apart = d.noise.inputs.is_none() || q == 1;
+        let blocks: Vec<Vec<usize>> = match apart {
+            true => (0..q).map(|i| vec![i]).collect(),
+            false => vec![(0..q).collect()],
+        };
+        let reach = match apart {
+            true => d.reach.clone(),
+            false => vec![(0..q).collect(); d.size() + 1],
+        };
+        // At least as many rows as columns, zeros where a record has too few lines.
+        let most = d.records.iter().map(|r| r.used.div_ceil(LANES)).max().unwrap_or(0);
+        let groups = most.max(d.size().div_ceil(2 * LANES));
+        let (rows, laid) = Rows::stacked(groups, q, &blocks, &reach);
+        let space = JointSpace {
+            records: d.records.iter().map(record).collect(),
+            left: rows.clone(),
+            right: rows,
+            residual: Rows::single(groups, q),
+            ..JointSpace::shared(d, Across::Lines, apart)
+        };
+        (space, laid)
+    }
+
+    /// Zeros behind the first `groups` of eight lines of all rows.
+    pub(crate) fn clear_rest(&mut self, groups: usize) {
+        for rows in [&mut self.left, &mut self.right, &mut self.residual] {
+            if groups < rows.part {
+                for own in rows.all.chunks_exact_mut(rows.part) {
+                    own[groups..].fill(Wide::ZERO);
+                }
+            }
+        }
+    }
+
+    /// Where the coefficients of one record and signal (outputs, paths, derivatives of paths) are written; of a
+    /// single problem eight lines a block.
     pub(crate) fn signal_mut(
         &mut self,
         record: usize,
@@ -232,13 +294,6 @@ impl JointSpace {
     ) -> impl Iterator<Item = f64> + 'a {
         let p = d.parameters();
         (0..p).map(move |k| cov[k * (p + 1)].0[lane].sqrt() * d.parameter_scale(k))
-    }
-
-    /// A covariance of one lane in the user's units, row major.
-    pub(crate) fn covariance(cov: &[Wide], d: &JointDesign, lane: usize) -> Vec<f64> {
-        let p = d.parameters();
-        let at = |k: usize| cov[k].0[lane] * d.parameter_scale(k / p) * d.parameter_scale(k % p);
-        (0..p * p).map(at).collect()
     }
 
     /// What fits on the same lines are compared by: the weighted sum of squares where Σ is known, else
