@@ -245,15 +245,20 @@ impl JointDesign {
         self.free.get(k).map_or(self.delay_scale, |c| self.scale[*c])
     }
 
-    /// Bounds of parameter k in the workspace's units.
-    pub(crate) fn parameter_bounds(&self, k: usize) -> (f64, f64) {
-        let (low, high) = match self.free.get(k) {
+    /// Bounds of parameter k as the user gave them.
+    pub(crate) fn given_bounds(&self, k: usize) -> (f64, f64) {
+        match self.free.get(k) {
             Some(c) => self.structure.bounds[*c],
             None => match self.structure.paths[self.free_delays[k - self.free.len()]].delay {
                 super::Delay::Free { min, max, .. } => (min, max),
                 super::Delay::Known(delay) => (delay, delay),
             },
-        };
+        }
+    }
+
+    /// Bounds of parameter k in the workspace's units.
+    pub(crate) fn parameter_bounds(&self, k: usize) -> (f64, f64) {
+        let (low, high) = self.given_bounds(k);
         // A unit beyond the range of numbers has no bounds: ∞/∞ and 0/0.
         let own = |bound: f64, none: f64| match bound / self.parameter_scale(k) {
             x if x.is_nan() => none,

@@ -267,12 +267,13 @@ impl JointSpace {
 
     /// Estimates of one lane in the user's units.
     pub fn theta<'a>(&'a self, d: &'a JointDesign, lane: usize) -> impl Iterator<Item = f64> + 'a {
-        self.iterates
-            .theta
-            .now
-            .iter()
-            .enumerate()
-            .map(move |(k, t)| t.0[lane] * d.parameter_scale(k))
+        self.iterates.theta.now.iter().enumerate().map(move |(k, t)| {
+            let value = t.0[lane] * d.parameter_scale(k);
+            // On a bound it is the bound, whatever the units have rounded.
+            let (low, high) = d.given_bounds(k);
+            let near = |bound: &f64| (value - bound).abs() <= 4.0 * f64::EPSILON * bound.abs();
+            [low, high].into_iter().find(|bound| bound.is_finite() && near(bound)).unwrap_or(value)
+        })
     }
 
     /// Parameter `k` of every lane in the user's units.
