@@ -21,7 +21,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("modulation", &["error", "spectrum", "structure"]),
     ("covariance", &["error", "simd", "spectrum"]),
     ("model", &["error", "linalg", "math"]),
-    ("simulate", &["error", "model", "quadrature", "threads"]),
+    ("simulate", &["error", "model", "quadrature", "simd", "threads"]),
     ("integrate", &["error", "tape", "threads"]),
     ("tones", &["error", "linalg", "math", "simd", "spectrum", "threads"]),
     ("response", &["error", "simd", "threads"]),
