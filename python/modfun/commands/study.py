@@ -83,7 +83,10 @@ def run(
     keep: Annotated[Keep, typer.Option(help="samples: every estimate, too, in samples.npy.")] = Keep.summary,
     draw: Annotated[
         Draw,
-        typer.Option(help="Noise of the Fourier coefficients, or of the samples; auto: what is less work."),
+        typer.Option(
+            help="Noise of the Fourier coefficients or of the samples; auto: coefficients where they serve "
+            "all estimators and are less work."
+        ),
     ] = Draw.auto,
     progress: Annotated[
         bool | None, typer.Option("--progress/--no-progress", help="Default: from two seconds on.")

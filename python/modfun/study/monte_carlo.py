@@ -163,6 +163,11 @@ class MonteCarlo:
         **options: Any,
     ) -> None:
         if options:
+            if late := sorted(set(options) & RunOptions.__annotations__.keys()):
+                raise SpecError(
+                    f"MonteCarlo: {', '.join(late)} is no part of a study but of its run: "
+                    f"study.run({late[0]}={options[late[0]]!r})"
+                )
             Options.checked("MonteCarlo", **options)
         if "method" in options:
             raise SpecError("MonteCarlo: method= is given by estimators=, as estimators=['ls', 'ml']")

@@ -104,3 +104,8 @@ def test_estimators_of_several_windows_see_samples() -> None:
     forced = made.run(progress=False, replicates=4, draw="coefficients")
     with pytest.raises(mf.SpecError, match="2 rules or windows apart"):
         forced.replicate(0, nsr=0.1)
+
+
+def test_what_belongs_to_a_run_is_sent_there() -> None:
+    with pytest.raises(mf.SpecError, match=r"draw is no part of a study .* study.run\(draw='samples'\)"):
+        study(draw="samples")
