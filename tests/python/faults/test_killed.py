@@ -20,7 +20,7 @@ from study_cases import quick_study, same, small_parts
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked, to be quick")
 
-REPLICATES = 16 * 512 + 7
+REPLICATES = 40 * 512 + 7
 KEPT: dict[str, Any] = {"keep": "samples", "progress": False}
 
 # Forks a process that runs the study for each line it reads: "after" and the seconds after which it is
