@@ -146,16 +146,14 @@ class _Modes:
         own = sum(one.T @ one for one in outward)
         for j in range(inputs):
             states, ahead = amplitude * self.states[:, :, j], _real(q[:, j])
-            rows = _real(together * states)
+            inward, rows = _real(states), _real(together * states)
             gram[:n, :n] += rows.T @ rows
-            slope[:n] += (
-                _real(states).T @ _real(np.sum(drive.conj().T * left[:, j], axis=1, keepdims=True))[:, 0]
-            )
+            slope[:n] += inward.T @ _real(np.sum(drive.conj().T * left[:, j], axis=1, keepdims=True))[:, 0]
             for i in range(outputs):
                 part[i, :, :n] += ahead.T @ _real(drive[i][:, None] * states)
             if inputs > 1:
                 at = slice(n + j * n, n + (j + 1) * n)
-                gram[:n, at] = _real(states).T @ crossed
+                gram[:n, at] = inward.T @ crossed
                 gram[at, :n] = gram[:n, at].T
                 gram[at, at] = own
                 for i in range(outputs):

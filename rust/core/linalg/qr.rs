@@ -92,7 +92,7 @@ impl Absorber {
 
 /// In eight sums, so that they go side by side; plain products, since a scalar fused one is a call where the
 /// processor is not known. Both are the same on every processor.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, rest_a) = a.as_chunks::<8>();
     let (b, rest_b) = b.as_chunks::<8>();
     let mut sums = [0.0; 8];

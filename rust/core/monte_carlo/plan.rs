@@ -174,7 +174,6 @@ pub(crate) struct GroupPlan {
 /// A study laid out; it can be run for any range of replicates, again and again.
 pub struct Plan {
     pub(crate) groups: Vec<GroupPlan>,
-    pub(crate) draw: Draw,
     pub(crate) isa: Isa,
 }
 
@@ -186,7 +185,7 @@ impl Plan {
     pub fn new(groups: &[Group], draw: Draw, isa: Isa) -> Result<Plan, Error> {
         let groups =
             groups.iter().map(|g| GroupPlan::new(g, draw, isa)).collect::<Result<_, _>>()?;
-        Ok(Plan { groups, draw, isa })
+        Ok(Plan { groups, isa })
     }
 
     /// Whether drawing coefficients is less work than drawing samples, and all estimators of a group take
@@ -217,15 +216,17 @@ impl Plan {
             out
         };
         (0..g.scale.len())
-            .map(|output| match (self.draw, &g.sources[..]) {
-                (Draw::Samples, _) => Ok(normals(Purpose::NoiseY, output, g.samples)),
-                (Draw::Coefficients, [Source { coloured: Some(coloured), .. }]) => {
+            .map(|output| match &g.sources[..] {
+                [Source { coloured: Some(coloured), .. }] => {
                     let mut samples = normals(Purpose::Completion, output, g.samples);
                     let drawn = normals(Purpose::NoiseY, output, coloured.normals());
                     coloured.complete(&drawn, &mut samples);
                     Ok(samples)
                 }
-                (Draw::Coefficients, sources) => Err(Error::Spec(format!(
+                [Source { coloured: None, .. }, ..] | [] => {
+                    Ok(normals(Purpose::NoiseY, output, g.samples))
+                }
+                sources => Err(Error::Spec(format!(
                     "making a record: its coefficients were drawn for {} rules or windows apart, and no record \
                      has them all; run with draw=\"samples\"",
                     sources.len()

@@ -6,10 +6,11 @@
 //! of a row of the Q's.
 
 use super::super::uncertainty::LEVERAGE;
-use super::system::{dot, independent};
+use super::system::independent;
 use super::{Ended, Single};
 use crate::error::Status;
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
+use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers};
 
 /// Both covariances of θ and its normal matrix, in the workspace's units; row major.

@@ -14,6 +14,7 @@ use super::super::design::JointDesign;
 use super::super::tile::Block;
 use super::super::workspace::JointSpace;
 use crate::linalg::large::{Lu, Qr, transposed_product};
+use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers, numbers_mut};
 
 /// Relative size below which a column is a combination of the others.
@@ -269,18 +270,4 @@ pub(super) fn independent(triangle: &[f64], size: usize) -> bool {
         .chunks_exact(size.max(1))
         .enumerate()
         .all(|(j, column)| column[j].abs() > RANK * dot(&column[..=j], &column[..=j]).sqrt())
-}
-
-/// In eight sums, so that they go side by side.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a, rest_a) = a.as_chunks::<8>();
-    let (b, rest_b) = b.as_chunks::<8>();
-    let mut sums = [0.0; 8];
-    for (x, y) in a.iter().zip(b) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    let rest: f64 = rest_a.iter().zip(rest_b).map(|(x, y)| x * y).sum();
-    sums.iter().sum::<f64>() + rest
 }
