@@ -3,6 +3,7 @@
 use modfun::Error;
 use modfun::monte_carlo::histogram::{BINS, Histogram, Occupied, quantile};
 use modfun::monte_carlo::moments::Moments;
+use modfun::simd::Isa;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -96,10 +97,11 @@ pub fn count_errors<'py>(
         )));
     }
     let values = slice(&errors, "errors")?;
+    let isa = Isa::detect().map_err(to_python)?;
     let (mut rows, mut bins, mut counts) = (Vec::new(), Vec::new(), Vec::new());
     for (k, (truth, figure)) in truth.iter().zip(&figures).enumerate() {
         let own: Vec<f64> = values.iter().skip(k).step_by(columns.max(1)).copied().collect();
-        rows.extend(numbers(&Moments::of(&own)));
+        rows.extend(numbers(&Moments::of(isa, &own)));
         let mut histogram = Histogram::new(*truth);
         own.iter().for_each(|e| histogram.push(*e));
         for (bin, count) in histogram.occupied() {

@@ -9,13 +9,13 @@
 //!
 //! The gradient of S is left out, so that some bias stays.
 
-use super::iterates::{Iterates, Progress, settled};
+use super::iterates::{Progress, Verdict};
 use crate::simd::Lanes;
 
 /// Takes every step; a lane has settled when no parameter moves.
 #[inline(always)]
-pub(crate) fn take<L: Lanes>(iterates: &mut Iterates, progress: &mut Progress, limit: L) {
-    let active = L::load(&progress.active);
-    iterates.advance::<L>(active);
-    (active - active * settled::<L>(progress, limit)).store(&mut progress.active);
+pub(crate) fn decide<L: Lanes>(at: &mut Progress<L>, limit: L) -> Verdict<L> {
+    let taken = at.active;
+    at.active = taken - taken * at.settled(limit);
+    Verdict { taken, halved: L::splat(0.0) }
 }

@@ -13,6 +13,7 @@
 use super::band::{BandRule, Choice, Range, SAME, fewest_lines};
 use super::fitter::{Desk, Fitter, Problem};
 use super::options::Start;
+use super::pass::prepare;
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
 
@@ -63,6 +64,7 @@ impl Fitter {
         let (d, w) = (&problem.design, &mut problem.space);
         let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
         let p = d.parameters();
+        prepare(self.isa, d, w);
         fewest_lines(&omega0, wide, |ranges| {
             let mut equations = 0;
             for ((r, range), lines) in w.records.iter_mut().zip(ranges).zip(d.lines()) {

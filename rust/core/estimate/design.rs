@@ -1,5 +1,6 @@
 //! The plan of one estimation problem: columns, sums, lines and scales; nothing in it depends on the data.
 
+use super::straight::tables::{Tables, sizes};
 use super::sums::{Products, SumPlan, plan_sums};
 use crate::error::Error;
 use crate::modulation::{
@@ -42,13 +43,15 @@ pub struct Design {
     pub(crate) columns: Vec<Column>,
     pub(crate) target: Column,
     pub(crate) transient: usize,
-    parameters: usize,
+    pub(super) parameters: usize,
     pub(crate) products: Products,
     /// JᵀWΓ with J = Γ.
     pub(crate) symmetric: SumPlan,
     /// JᵀWΓ with J from the denoised output.
     pub(crate) instrument: SumPlan,
     pub(crate) tile: usize,
+    /// What the straight path needs, where the problem is one for it.
+    pub(crate) straight: Option<Tables>,
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
     pub(crate) scale: Vec<f64>,
@@ -110,6 +113,11 @@ impl Design {
                  of numbers; give time in another unit"
             )));
         }
+        let straight = match &records[..] {
+            [r] if r.x.len() <= TILE => sizes(structure, method, noise, trend, extended)
+                .map(|sizes| Tables::new(sizes, &r.x, &r.size_x, &r.weight)),
+            _ => None,
+        };
         Ok(Design {
             structure: structure.clone(),
             method,
@@ -128,6 +136,7 @@ impl Design {
             scale,
             unit: 1.0,
             band_edge,
+            straight,
         })
     }
 

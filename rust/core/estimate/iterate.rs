@@ -1,48 +1,14 @@
 //! The loop of `awls` and `ml`: steps in lanes until none moves, with a way out for lanes whose pivots are small.
 
 use super::design::Design;
-use super::iterates::{Iterates, Progress, unsound};
 use super::normal_equations::{LeftColumns, RowWeights};
 use super::options::Options;
 use super::pass::step;
+use super::rule::{ASK, Rule, Run};
 use super::workspace::Workspace;
-use super::{awls, ml, qr_step, wls};
+use super::{pass, qr_step, straight};
 use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::threads::stopped;
-
-/// Steps after which it is asked whether to go on.
-const ASK: usize = 8;
-
-/// How the next iterate is found and when it is taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Rule {
-    /// A single step with flat weights.
-    Wls,
-    /// Steps with the weights of the last estimate.
-    Awls,
-    /// Steps with these weights and the denoised output, halved where they lead up.
-    Ml,
-}
-
-impl Rule {
-    pub(crate) fn weights(self) -> RowWeights {
-        if self == Rule::Wls { RowWeights::Flat } else { RowWeights::Adapted }
-    }
-
-    pub(crate) fn factors(self) -> LeftColumns {
-        if self == Rule::Ml { LeftColumns::Instrument } else { LeftColumns::Data }
-    }
-
-    /// Takes the step that was found, or part of the way back.
-    #[inline(always)]
-    pub(crate) fn take<L: Lanes>(self, iterates: &mut Iterates, progress: &mut Progress, limit: L) {
-        match self {
-            Rule::Wls => wls::take::<L>(iterates),
-            Rule::Awls => awls::take::<L>(iterates, progress, limit),
-            Rule::Ml => ml::take::<L>(iterates, progress, limit),
-        }
-    }
-}
 
 /// Iterates the active lanes, at most `maxiter` times. Lanes that are not active keep their bits.
 ///
@@ -50,20 +16,16 @@ impl Rule {
 pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, rule: Rule, o: &Options) {
     let left = if rule == Rule::Wls { 1 } else { o.maxiter };
     let mut run = Run { rule, left, limit: o.tol * o.tol, mended: false };
-    // All steps in one call; it comes back early where a lane needs orthogonal factors.
+    // All steps in one call; it comes back early where a lane needs the general path, and that where one needs
+    // orthogonal factors.
+    if straight::iterate(isa, d, w, &mut run) {
+        return;
+    }
+    pass::prepare(isa, d, w);
     while !isa.run(Iteration { design: d, space: w, run: &mut run }) {
         mend_step(d, w, rule.weights(), rule.factors());
         run.mended = true;
     }
-}
-
-/// Where an iteration stands.
-struct Run {
-    rule: Rule,
-    left: usize,
-    limit: f64,
-    /// The step that waits was mended: take it as it is.
-    mended: bool,
 }
 
 struct Iteration<'a> {
@@ -86,7 +48,7 @@ impl Kernel for Iteration<'_> {
             }
             if !run.mended {
                 step::<L>(design, w, run.rule.weights(), run.rule.factors());
-                if unsound::<L>(&w.progress, &w.trusted).any() {
+                if w.progress.load::<L>().unsound(L::load(&w.trusted)).any() {
                     return false;
                 }
             }

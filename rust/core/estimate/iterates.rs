@@ -54,9 +54,9 @@ impl Iterates {
     /// Moves the current iterate half way back to the best so far in the lanes `of`.
     #[inline(always)]
     pub fn halve<L: Lanes>(&mut self, of: L) {
-        half_way(of, &self.theta.best, &mut self.theta.now);
+        halve(of, &self.theta.best, &mut self.theta.now);
         for t in &mut self.transients {
-            half_way(of, &t.best, &mut t.now);
+            halve(of, &t.best, &mut t.now);
         }
     }
 }
@@ -69,32 +69,87 @@ fn choose<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
 }
 
 #[inline(always)]
-fn half_way<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
+fn halve<L: Lanes>(of: L, from: &[Wide], to: &mut [Wide]) {
     for (from, to) in from.iter().zip(to) {
-        let here = L::load(to);
-        of.choose(L::splat(0.5) * (here + L::load(from)), here).store(to);
+        half_way(of, L::load(from), L::load(to)).store(to);
     }
+}
+
+/// `here`, and in the lanes `of` half way back to `from`.
+#[inline(always)]
+pub(crate) fn half_way<L: Lanes>(of: L, from: L, here: L) -> L {
+    of.choose(L::splat(0.5) * (here + from), here)
 }
 
 /// Where eight replicates stand, one number per lane.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Progress {
+pub(crate) struct Progress<T = Wide> {
     /// 1 in lanes that still iterate, else 0.
-    pub active: Wide,
+    pub active: T,
     /// Iterations after the start.
-    pub nit: Wide,
+    pub nit: T,
     /// Cost at the current iterate, and the lowest so far.
-    pub cost: Wide,
-    pub best: Wide,
+    pub cost: T,
+    pub best: T,
     /// Largest squared change of a parameter in the last step, as its effect relative to the largest
     /// term; that of the step before.
-    pub moved: Wide,
-    pub last_move: Wide,
+    pub moved: T,
+    pub last_move: T,
     /// Steps halved in a row.
-    pub halvings: Wide,
+    pub halvings: T,
+}
+
+/// What becomes of a step, as masks: lanes that take it, lanes that go half way back to the best iterate.
+pub(crate) struct Verdict<L> {
+    pub taken: L,
+    pub halved: L,
+}
+
+impl<L: Lanes> Progress<L> {
+    /// Writes it to memory.
+    #[inline(always)]
+    pub fn store(self, to: &mut Progress) {
+        self.active.store(&mut to.active);
+        self.nit.store(&mut to.nit);
+        self.cost.store(&mut to.cost);
+        self.best.store(&mut to.best);
+        self.moved.store(&mut to.moved);
+        self.last_move.store(&mut to.last_move);
+        self.halvings.store(&mut to.halvings);
+    }
+
+    /// Active lanes whose step small pivots spoiled.
+    #[inline(always)]
+    pub fn unsound(&self, trusted: L) -> L {
+        // A step that is not finite shows as a move that is not.
+        let sound = self.moved.select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
+        self.active - self.active * sound
+    }
+
+    /// Lanes that moved by no more than the limit, or are lost: from a step that is not finite, orthogonal
+    /// factors or not, no way leads back.
+    #[inline(always)]
+    pub fn settled(&self, limit: L) -> L {
+        let lost = self.moved.select_lt(L::splat(f64::INFINITY), L::splat(0.0), L::splat(1.0));
+        at_most(self.moved, limit).max(lost)
+    }
 }
 
 impl Progress {
+    /// Reads it from memory.
+    #[inline(always)]
+    pub fn load<L: Lanes>(&self) -> Progress<L> {
+        Progress {
+            active: L::load(&self.active),
+            nit: L::load(&self.nit),
+            cost: L::load(&self.cost),
+            best: L::load(&self.best),
+            moved: L::load(&self.moved),
+            last_move: L::load(&self.last_move),
+            halvings: L::load(&self.halvings),
+        }
+    }
+
     /// Nothing known yet: the live lanes iterate, the others do not.
     pub fn begin(&mut self, live: [bool; LANES]) {
         self.nit = Wide::ZERO;
@@ -110,26 +165,8 @@ impl Progress {
     }
 }
 
-/// Active lanes whose step small pivots spoiled.
-#[inline(always)]
-pub(crate) fn unsound<L: Lanes>(progress: &Progress, trusted: &Wide) -> L {
-    let (active, trusted) = (L::load(&progress.active), L::load(trusted));
-    // A step that is not finite shows as a move that is not.
-    let sound = L::load(&progress.moved).select_lt(L::splat(f64::INFINITY), trusted, L::splat(0.0));
-    active - active * sound
-}
-
 /// a ≤ b as a mask; true where either is no number.
 #[inline(always)]
 pub(crate) fn at_most<L: Lanes>(a: L, b: L) -> L {
     b.select_lt(a, L::splat(0.0), L::splat(1.0))
-}
-
-/// Lanes that moved by no more than the limit, or are lost: from a step that is not finite, orthogonal
-/// factors or not, no way leads back.
-#[inline(always)]
-pub(crate) fn settled<L: Lanes>(progress: &Progress, limit: L) -> L {
-    let moved = L::load(&progress.moved);
-    let lost = moved.select_lt(L::splat(f64::INFINITY), L::splat(0.0), L::splat(1.0));
-    at_most(moved, limit).max(lost)
 }

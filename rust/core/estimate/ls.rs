@@ -59,22 +59,28 @@ impl Kernel for LsStep<'_> {
                 scatter::<L>(d, w, k, m);
             }
         }
-        for i in 0..size {
-            let right = &mut w.global[i * width + size];
-            (-L::load(right)).store(right);
-            w.diagonal[i] = w.global[i * width + i];
-        }
-        for i in 0..size {
-            for j in 0..size {
-                w.ls_normal[i * size + j] = w.global[i.min(j) * width + i.max(j)];
-            }
-        }
-        w.trusted = Wide::splat(1.0);
-        eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
-        substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
-        let p = d.parameters();
-        w.iterates.theta.now.copy_from_slice(&w.unknowns[size - p..size]);
+        solve::<L>(w, size, d.parameters());
     }
+}
+
+/// Solves the normal equations that stand in `global`, and keeps them.
+#[inline(always)]
+pub(crate) fn solve<L: Lanes>(w: &mut Workspace, size: usize, parameters: usize) {
+    let width = size + 1;
+    for i in 0..size {
+        let right = &mut w.global[i * width + size];
+        (-L::load(right)).store(right);
+        w.diagonal[i] = w.global[i * width + i];
+    }
+    for i in 0..size {
+        for j in 0..size {
+            w.ls_normal[i * size + j] = w.global[i.min(j) * width + i.max(j)];
+        }
+    }
+    w.trusted = Wide::splat(1.0);
+    eliminate::<L>(&mut w.global, size, 0..size, &w.diagonal, true, &mut w.trusted);
+    substitute::<L>(&w.global, size, 0..size, &mut w.unknowns);
+    w.iterates.theta.now.copy_from_slice(&w.unknowns[size - parameters..size]);
 }
 
 /// Value of a column on a line: sign · i^phase · x^power · V.
@@ -117,7 +123,7 @@ fn columns_on_lines<L: Lanes>(d: &Design, w: &mut Workspace, k: usize) {
 
 /// Line that row m reaches with step j: its index, and whether it is mirrored; `None` for line 0 left out.
 #[inline(always)]
-fn reach(first: usize, line: isize) -> Option<(usize, bool)> {
+pub(crate) fn reach(first: usize, line: isize) -> Option<(usize, bool)> {
     (line.unsigned_abs() >= first).then(|| (line.unsigned_abs() - first, line < 0))
 }
 

@@ -15,7 +15,7 @@
 //! Its fixed point is a minimum of V. log det S does not belong in the criterion for θ: the residual is a θ-dependent
 //! transform of the data, and its Jacobian cancels it; with it the bias comes back.
 
-use super::iterates::{Iterates, Progress, at_most, settled};
+use super::iterates::{Progress, Verdict, at_most};
 use crate::simd::Lanes;
 
 /// Steps that may raise the cost before steps are halved: the first ones do so on the way to the answer.
@@ -29,24 +29,20 @@ const HALVINGS: f64 = 12.0;
 
 /// Takes a step unless the cost has risen on the way to it; then the way is halved.
 #[inline(always)]
-pub(crate) fn take<L: Lanes>(iterates: &mut Iterates, at: &mut Progress, limit: L) {
-    let (active, cost, best) = (L::load(&at.active), L::load(&at.cost), L::load(&at.best));
-    let (moved, last) = (L::load(&at.moved), L::load(&at.last_move));
-    let halvings = L::load(&at.halvings);
+pub(crate) fn decide<L: Lanes>(at: &mut Progress<L>, limit: L) -> Verdict<L> {
+    let active = at.active;
     // False where the cost is no number.
-    let no_higher = at_most(cost, best * L::splat(ROUNDING));
-    let falls = cost.select_lt(L::splat(f64::INFINITY), no_higher, L::splat(0.0));
-    let free = at_most(L::load(&at.nit), L::splat(FREE_STEPS + 1.0));
-    let worn = at_most(L::splat(HALVINGS), halvings);
+    let no_higher = at_most(at.cost, at.best * L::splat(ROUNDING));
+    let falls = at.cost.select_lt(L::splat(f64::INFINITY), no_higher, L::splat(0.0));
+    let free = at_most(at.nit, L::splat(FREE_STEPS + 1.0));
+    let worn = at_most(L::splat(HALVINGS), at.halvings);
     let taken = active * falls.max(free).max(worn);
-    let rounding = at_most(moved, L::splat(FLOOR)) * at_most(last, moved);
-    let done = settled::<L>(at, limit).max(rounding);
+    let rounding = at_most(at.moved, L::splat(FLOOR)) * at_most(at.last_move, at.moved);
+    let done = at.settled(limit).max(rounding);
 
-    taken.choose(cost, best).store(&mut at.best);
-    taken.choose(moved, last).store(&mut at.last_move);
-    taken.choose(L::splat(0.0), halvings + active).store(&mut at.halvings);
-    (active - active * taken * done).store(&mut at.active);
-    iterates.keep::<L>(taken);
-    iterates.halve::<L>(active - taken);
-    iterates.advance::<L>(taken);
+    at.best = taken.choose(at.cost, at.best);
+    at.last_move = taken.choose(at.moved, at.last_move);
+    at.halvings = taken.choose(L::splat(0.0), at.halvings + active);
+    at.active = active - active * taken * done;
+    Verdict { taken, halved: active - taken }
 }

@@ -54,11 +54,15 @@ fn all_finite(theta: &[Wide], scale: impl Fn(usize) -> f64, cost: &Wide) -> bool
     (0..LANES / 2).map(|k| sum[k] + sum[k + LANES / 2]).sum::<f64>().is_finite()
 }
 
-/// Whether rounding took over: columns so nearly dependent that a variance of lane `k` came out below 0, or as
-/// no number.
-pub(crate) fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize, k: usize) -> bool {
-    let variance = |cov: &[Wide], i: usize| cov[i * (parameters + 1)].0[k];
-    let mut variances =
-        covariances.iter().flat_map(|cov| (0..parameters).map(|i| variance(cov, i)));
-    variances.any(|v| v.is_nan() || v < 0.0)
+/// Lanes in which rounding took over: columns so nearly dependent that a variance came out below 0, or as no number.
+pub(crate) fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize) -> [bool; LANES] {
+    let mut lost = [false; LANES];
+    for cov in covariances {
+        for variance in cov.iter().step_by(parameters + 1) {
+            for (lost, v) in lost.iter_mut().zip(variance.0) {
+                *lost |= !(v >= 0.0);
+            }
+        }
+    }
+    lost
 }

@@ -5,14 +5,20 @@ use super::normal_equations::{LeftColumns, RowWeights};
 use super::sums::{Data, Model};
 use super::workspace::Workspace;
 use crate::covariance::{polynomial, variance};
-use crate::linalg::lanes::{System, eliminate, solve, substitute};
-use crate::simd::{Kernel, Lanes, Wide};
+use crate::linalg::lanes::{System, eliminate, substitute};
+use crate::simd::{Isa, Kernel, Lanes, Wide};
 use std::ops::Range;
 
-/// Prepares what does not depend on θ: products of the data for records of a single tile.
-pub(crate) struct Prepare<'a> {
-    pub design: &'a Design,
-    pub space: &'a mut Workspace,
+/// Prepares what does not depend on θ, where it is not there: products of the data for records of a single tile.
+pub(crate) fn prepare(isa: Isa, design: &Design, space: &mut Workspace) {
+    if !space.prepared {
+        isa.run(Prepare { design, space });
+    }
+}
+
+struct Prepare<'a> {
+    design: &'a Design,
+    space: &'a mut Workspace,
 }
 
 impl Kernel for Prepare<'_> {
@@ -27,6 +33,7 @@ impl Kernel for Prepare<'_> {
                 r.inputs_ready = true;
             }
         }
+        self.space.prepared = true;
     }
 }
 
@@ -80,13 +87,13 @@ pub(crate) fn step<L: Lanes>(
         cost = cost + record_sums::<L, true>(d, w, k, weights, factors, false);
         target_size = target_size + L::load(&w.sums[d.products.target]);
         let Workspace { sums, diagonal, trusted, .. } = w;
-        let system = system(d, sums, factors);
         let r = &mut w.records[k];
+        system(d, sums, factors).assemble::<L>(&mut r.matrix, diagonal);
         if single {
-            solve::<L>(system, &mut r.matrix, diagonal, &mut w.unknowns, trusted);
+            eliminate::<L>(&mut r.matrix, size, 0..size, diagonal, symmetric, trusted);
+            substitute::<L>(&r.matrix, size, 0..size, &mut w.unknowns);
             copy::<L>(&w.diagonal[nt..size], &mut w.column_size);
         } else {
-            system.assemble::<L>(&mut r.matrix, diagonal);
             for (sum, own) in w.column_size.iter_mut().zip(&w.diagonal[nt..size]) {
                 (L::load(sum) + L::load(own)).store(sum);
             }

@@ -1,12 +1,13 @@
 //! The estimate of eight replicates: start, iteration, uncertainty, statuses.
 
 use super::design::Design;
-use super::iterate::{Rule, iterate};
+use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::{Outcome, lost_in_rounding, statuses};
-use super::pass::Prepare;
+use super::pass::prepare;
+use super::rule::Rule;
 use super::workspace::Workspace;
-use super::{ls, uncertainty};
+use super::{ls, straight, uncertainty};
 use crate::error::Status;
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
@@ -21,9 +22,10 @@ pub fn estimate(
     o: &Options,
 ) -> Outcome {
     w.begin(live);
-    isa.run(Prepare { design: d, space: w });
     if d.method == Method::Ls {
-        isa.run(ls::LsStep { design: d, space: w });
+        if !straight::ls(isa, d, w) {
+            isa.run(ls::LsStep { design: d, space: w });
+        }
     } else {
         match start {
             Start::Wls => iterate(isa, d, w, Rule::Wls, o),
@@ -32,6 +34,7 @@ pub fn estimate(
                 {
                     *to = Wide::splat(value / scale);
                 }
+                prepare(isa, d, w);
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
         }
@@ -41,8 +44,10 @@ pub fn estimate(
         Method::Ml if d.adapts() => iterate(isa, d, w, Rule::Ml, o),
         _ => w.progress.active = Wide::ZERO,
     }
-    uncertainty::finish(isa, d, w, live, o.wanted);
     let asked = o.wanted == Wanted::Covariance;
+    if o.wanted != Wanted::Theta && !straight::finish(isa, d, w, live, asked) {
+        uncertainty::finish(isa, d, w, live, asked);
+    }
     let status = status(d, w, asked);
     if asked {
         let lost = |k: &usize| matches!(status[*k], Status::Rank | Status::NonFinite);
@@ -55,9 +60,8 @@ fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
     let p = w.iterates.theta.now.len();
     let mut dependent = w.dependent;
     if with_covariance {
-        for (k, dependent) in dependent.iter_mut().enumerate() {
-            *dependent |= lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k);
-        }
+        let lost = lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p);
+        dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
     }
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
     statuses(&w.iterates.theta.now, |k| d.scale[k], &w.progress, dependent, data)

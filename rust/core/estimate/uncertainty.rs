@@ -12,11 +12,10 @@
 //! e_i the residual, h_i the leverage of the row. HC3 assumes nothing about the colour of the noise. Where the
 //! instruments are the weighted columns themselves (`awls`, and `ml` with J for Γ) the classical one is σ̂²(J* S⁻¹ J)⁻¹.
 
-use super::Wanted;
 use super::design::Design;
 use super::ls::column_value;
 use super::normal_equations::{LeftColumns, RowWeights};
-use super::pass::{add_parameter_block, lines, record_system, tiles};
+use super::pass::{add_parameter_block, lines, prepare, record_system, tiles};
 use super::qr_step::Place;
 use super::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
@@ -25,16 +24,19 @@ use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
 /// Leaves (1 − h) of a row that determines a parameter alone above zero.
-const LEVERAGE: f64 = 1e-6;
+pub(crate) const LEVERAGE: f64 = 1e-6;
 /// The same for `ls`.
-const OBLIQUE_LEVERAGE: f64 = 0.25;
+pub(crate) const OBLIQUE_LEVERAGE: f64 = 0.25;
 
-/// Completes estimates: T, cost, and where asked for the covariances, in units of the band edge.
-pub(crate) fn finish(isa: Isa, d: &Design, w: &mut Workspace, live: [bool; LANES], wanted: Wanted) {
-    if wanted == Wanted::Theta {
-        return;
-    }
-    let covariance = wanted == Wanted::Covariance;
+/// Completes estimates: T, cost, and with `covariance` the covariances, in units of the band edge.
+pub(crate) fn finish(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    covariance: bool,
+) {
+    prepare(isa, d, w);
     isa.run(Transients { design: d, space: w });
     isa.run(Information { design: d, space: w, covariance });
     if !covariance {
@@ -167,7 +169,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) -> 
 
 /// (TᵀWT)⁻¹TᵀWJ from the eliminated rows of the transient.
 #[inline(always)]
-fn project<L: Lanes>(matrix: &[Wide], nt: usize, size: usize, projection: &mut [Wide]) {
+pub(crate) fn project<L: Lanes>(matrix: &[Wide], nt: usize, size: usize, projection: &mut [Wide]) {
     let p = size - nt;
     for c in 0..p {
         for t in (0..nt).rev() {
@@ -200,15 +202,14 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
     }
 }
 
-/// Both covariances from H, the instruments z and the residuals.
+/// Both covariances from H, the instruments z and the residuals: sums of (Hz)(Hz)ᵀ v over the rows.
 #[inline(always)]
 fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let p = d.parameters();
     let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
     let size = if differenced { d.ls_size() } else { p };
-    let extra = size - p;
-    w.meat.fill(Wide::ZERO);
-    w.classical.fill(Wide::ZERO);
+    w.cov_hc3.fill(Wide::ZERO);
+    w.cov_nonrobust.fill(Wide::ZERO);
     let sandwich = differenced || flat;
     // Leverages of an oblique projection are no fractions: those of `ls` pass one.
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
@@ -220,30 +221,48 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                 projected_row::<L>(d, w, k, m, i);
                 instruments::<L>(d, w, k, m, weight, differenced, flat);
                 let own = transient_leverage::<L>(d, w, k, m);
-                let (h_re, h_im) = leverage::<L>(w, size, extra);
+                let (h_re, h_im) = influence::<L>(w, size, size - p);
                 let (e_re, e_im) = (L::load(&w.residual_re[i]), L::load(&w.residual_im[i]));
-                let factor = |e: L, h: L| {
-                    let left = (L::splat(1.0) - h).max(floor);
-                    let scaled = e / left;
-                    scaled * scaled
-                };
-                let f_re = factor(e_re, own.0.mul_add(weight, h_re));
-                let f_im = factor(e_im, own.1.mul_add(weight, h_im));
-                outer::<L>(&w.z_re, &w.z_im, f_re, f_im, size, &mut w.meat);
+                let f_re = deleted(e_re, own.0.mul_add(weight, h_re), floor);
+                let f_im = deleted(e_im, own.1.mul_add(weight, h_im), floor);
+                outer::<L>(&w.influence_re, &w.influence_im, (f_re, f_im), p, &mut w.cov_hc3);
                 if sandwich {
                     let v = L::splat(1.0) / weight;
-                    outer::<L>(&w.z_re, &w.z_im, v, v, size, &mut w.classical);
+                    outer::<L>(&w.influence_re, &w.influence_im, (v, v), p, &mut w.cov_nonrobust);
                 }
             }
         }
     }
+    mirror(p, &mut w.cov_hc3);
     let variance = L::load(&w.progress.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
-    sandwiched::<L>(&w.inverse, &w.meat, size, p, L::splat(1.0), &mut w.cov_hc3);
+    let from = if sandwich { None } else { Some(&w.inverse) };
+    classical::<L>(variance, from, &mut w.cov_nonrobust);
     if sandwich {
-        sandwiched::<L>(&w.inverse, &w.classical, size, p, variance, &mut w.cov_nonrobust);
-    } else {
-        for (to, from) in w.cov_nonrobust.iter_mut().zip(&w.inverse) {
-            (L::load(from) * variance).store(to);
+        mirror(p, &mut w.cov_nonrobust);
+    }
+}
+
+/// What stands in the covariance, or H where that is it, times σ̂².
+#[inline(always)]
+pub(crate) fn classical<L: Lanes>(variance: L, from: Option<&Vec<Wide>>, cov: &mut [Wide]) {
+    for (k, to) in cov.iter_mut().enumerate() {
+        let unit = L::load(from.map_or(&*to, |from| &from[k]));
+        (unit * variance).store(to);
+    }
+}
+
+/// Square of the residual of a row with leverage h that an estimate without the row would have.
+#[inline(always)]
+pub(crate) fn deleted<L: Lanes>(e: L, h: L, floor: L) -> L {
+    let scaled = e / (L::splat(1.0) - h).max(floor);
+    scaled * scaled
+}
+
+/// The lower triangle as the upper one.
+pub(crate) fn mirror(size: usize, cov: &mut [Wide]) {
+    for i in 0..size {
+        for j in 0..i {
+            cov[i * size + j] = cov[j * size + i];
         }
     }
 }
@@ -344,9 +363,9 @@ fn transient_leverage<L: Lanes>(d: &Design, w: &Workspace, k: usize, m: usize) -
     own
 }
 
-/// γ H zᵀ of the two rows of a line; trend columns of `ls` vanish in γ.
+/// Influence Hz of the two rows of a line on θ, and their leverages γHz; trend columns of `ls` vanish in γ.
 #[inline(always)]
-fn leverage<L: Lanes>(w: &Workspace, size: usize, extra: usize) -> (L, L) {
+fn influence<L: Lanes>(w: &mut Workspace, size: usize, extra: usize) -> (L, L) {
     let mut h = (L::splat(0.0), L::splat(0.0));
     for i in extra..size {
         let mut s = (L::splat(0.0), L::splat(0.0));
@@ -355,49 +374,23 @@ fn leverage<L: Lanes>(w: &Workspace, size: usize, extra: usize) -> (L, L) {
             s.0 = by.mul_add(L::load(&w.z_re[j]), s.0);
             s.1 = by.mul_add(L::load(&w.z_im[j]), s.1);
         }
+        s.0.store(&mut w.influence_re[i - extra]);
+        s.1.store(&mut w.influence_im[i - extra]);
         h.0 = s.0.mul_add(L::load(&w.row_re[i - extra]), h.0);
         h.1 = s.1.mul_add(L::load(&w.row_im[i - extra]), h.1);
     }
     h
 }
 
-/// sum += z zᵀ f for the real and the imaginary row, upper triangle.
+/// sum += s sᵀ f for the real and the imaginary row, upper triangle.
 #[inline(always)]
-fn outer<L: Lanes>(z_re: &[Wide], z_im: &[Wide], f_re: L, f_im: L, size: usize, sum: &mut [Wide]) {
+fn outer<L: Lanes>(re: &[Wide], im: &[Wide], f: (L, L), size: usize, sum: &mut [Wide]) {
     for i in 0..size {
-        let (a, b) = (L::load(&z_re[i]) * f_re, L::load(&z_im[i]) * f_im);
+        let (a, b) = (L::load(&re[i]) * f.0, L::load(&im[i]) * f.1);
         for j in i..size {
             let s = &mut sum[i * size + j];
-            let im = b.mul_add(L::load(&z_im[j]), L::load(s));
-            a.mul_add(L::load(&z_re[j]), im).store(s);
-        }
-    }
-}
-
-/// The θ block of H·meat·H times `scale`; H and meat symmetric, meat by its upper triangle.
-#[inline(always)]
-fn sandwiched<L: Lanes>(
-    h: &[Wide],
-    meat: &[Wide],
-    size: usize,
-    p: usize,
-    scale: L,
-    out: &mut [Wide],
-) {
-    let extra = size - p;
-    for i in 0..p {
-        for j in i..p {
-            let mut sum = L::splat(0.0);
-            for a in 0..size {
-                let left = L::load(&h[(extra + i) * size + a]);
-                for b in 0..size {
-                    let m = L::load(&meat[a.min(b) * size + a.max(b)]);
-                    sum = (left * m).mul_add(L::load(&h[b * size + extra + j]), sum);
-                }
-            }
-            let value = sum * scale;
-            value.store(&mut out[i * p + j]);
-            value.store(&mut out[j * p + i]);
+            let own = b.mul_add(L::load(&im[j]), L::load(s));
+            a.mul_add(L::load(&re[j]), own).store(s);
         }
     }
 }

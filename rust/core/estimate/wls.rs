@@ -10,11 +10,11 @@
 //!
 //! Q − T = γ₀ + Γ[θ, T], γ₀ = sⁿY and Γ the columns s^{n−j}Y, −s^{n−j}U and those of −T. Real parts are meant.
 
-use super::iterates::Iterates;
+use super::iterates::Verdict;
 use crate::simd::Lanes;
 
 /// Takes the step with S = 1, whatever the lane.
 #[inline(always)]
-pub(crate) fn take<L: Lanes>(iterates: &mut Iterates) {
-    iterates.advance::<L>(L::splat(1.0));
+pub(crate) fn decide<L: Lanes>() -> Verdict<L> {
+    Verdict { taken: L::splat(1.0), halved: L::splat(0.0) }
 }

@@ -4,6 +4,7 @@ use super::design::Design;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
+use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
 
 /// Scratch for one [`Design`].
@@ -21,6 +22,9 @@ pub struct Workspace {
     pub(crate) residual_re: Vec<Wide>,
     pub(crate) residual_im: Vec<Wide>,
     pub(crate) sums: Vec<Wide>,
+    /// Whether the products of the records are those of their coefficients.
+    pub(crate) prepared: bool,
+    pub(crate) straight: Space,
     pub(crate) diagonal: Vec<Wide>,
     /// System in θ alone, summed over records.
     pub(crate) global: Vec<Wide>,
@@ -40,8 +44,6 @@ pub struct Workspace {
     /// Normal matrix of the differenced rows.
     pub(crate) ls_normal: Vec<Wide>,
     pub(crate) work: Vec<Wide>,
-    pub(crate) meat: Vec<Wide>,
-    pub(crate) classical: Vec<Wide>,
     /// Covariances of θ in units of the band edge, and the normal matrix.
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
@@ -50,6 +52,8 @@ pub struct Workspace {
     pub(crate) row_im: Vec<Wide>,
     pub(crate) z_re: Vec<Wide>,
     pub(crate) z_im: Vec<Wide>,
+    pub(crate) influence_re: Vec<Wide>,
+    pub(crate) influence_im: Vec<Wide>,
     pub(crate) qr: QrStep,
 }
 
@@ -97,6 +101,8 @@ impl Workspace {
             residual_im: wide(tile),
             // And a zero, for entries that vanish.
             sums: wide(d.products.count + 1),
+            prepared: false,
+            straight: Space::new(d.straight.as_ref()),
             diagonal: wide(size.max(extra)),
             global: wide(extra * (extra + 1)),
             iterates: Iterates::new(p, d.transient, d.records.len()),
@@ -110,8 +116,6 @@ impl Workspace {
             square: wide((extra * extra).max(d.transient * d.transient)),
             ls_normal: wide(extra * extra),
             work: wide(size.max(extra) * (size.max(extra) + 1)),
-            meat: wide(extra * extra),
-            classical: wide(extra * extra),
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
             gram: wide(p * p),
@@ -119,6 +123,8 @@ impl Workspace {
             row_im: wide(extra + 1),
             z_re: wide(extra),
             z_im: wide(extra),
+            influence_re: wide(p),
+            influence_im: wide(p),
             qr: QrStep::new(d),
         }
     }
@@ -127,6 +133,7 @@ impl Workspace {
     pub fn signal_mut(&mut self, record: usize, signal: usize) -> (&mut [Wide], &mut [Wide]) {
         let r = &mut self.records[record];
         r.inputs_ready &= signal == 0;
+        self.straight.inputs_ready &= signal == 0;
         let range = signal * r.lines..(signal + 1) * r.lines;
         (&mut r.re[range.clone()], &mut r.im[range])
     }
@@ -135,6 +142,8 @@ impl Workspace {
     pub(crate) fn begin(&mut self, live: [bool; LANES]) {
         self.progress.begin(live);
         self.dependent = [false; LANES];
+        self.prepared = false;
+        self.straight.output_ready = false;
     }
 
     /// No covariance rather than a wrong one, where the parameters are not determined.
@@ -154,10 +163,11 @@ impl Workspace {
         self.iterates.theta.now[k].0.map(|t| t * d.scale[k])
     }
 
-    /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
-    pub(crate) fn parameter_bse(&self, d: &Design, k: usize, hc3: bool) -> [f64; LANES] {
+    /// Variance of parameter `k` of every lane in the user's units, by HC3 or the classical covariance.
+    pub(crate) fn parameter_variance(&self, d: &Design, k: usize, hc3: bool) -> [f64; LANES] {
         let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
-        cov[k * (d.parameters() + 1)].0.map(|v| v.sqrt() * d.scale[k])
+        let scale = d.scale[k] * d.scale[k];
+        cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
     }
 
     /// Standard errors of one lane from the diagonal of a covariance.

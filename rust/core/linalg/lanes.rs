@@ -9,7 +9,7 @@ const PIVOT: f64 = 1e-7;
 
 /// `trusted`, with zero in the lanes where a pivot fell below the limit; NaN shows in the solution itself.
 #[inline(always)]
-fn judge<L: Lanes>(pivot: L, before: L, trusted: L) -> L {
+pub fn judge<L: Lanes>(pivot: L, before: L, trusted: L) -> L {
     let limit = before.abs() * L::splat(PIVOT);
     pivot.select_lt(limit, L::splat(0.0), trusted)
 }
@@ -49,107 +49,6 @@ impl System<'_> {
             L::load(&row[i]).store(&mut diagonal[i]);
         }
     }
-}
-
-/// Solves a system into `x`; its diagonal goes to `diagonal`, `m` is scratch.
-///
-/// As [`System::assemble`], [`eliminate`] and [`substitute`] do, to the bit; the sizes of one and two poles
-/// in registers.
-#[inline(always)]
-pub fn solve<L: Lanes>(
-    system: System<'_>,
-    m: &mut [Wide],
-    diagonal: &mut [Wide],
-    x: &mut [Wide],
-    trusted: &mut Wide,
-) {
-    match (L::HINTS, system.size, system.symmetric) {
-        (true, 3, true) => solve_sized::<L, 3, true>(system, m, diagonal, x, trusted),
-        (true, 5, true) => solve_sized::<L, 5, true>(system, m, diagonal, x, trusted),
-        (true, 6, true) => solve_sized::<L, 6, true>(system, m, diagonal, x, trusted),
-        (true, 7, true) => solve_sized::<L, 7, true>(system, m, diagonal, x, trusted),
-        (true, 3, false) => solve_sized::<L, 3, false>(system, m, diagonal, x, trusted),
-        (true, 5, false) => solve_sized::<L, 5, false>(system, m, diagonal, x, trusted),
-        (true, 6, false) => solve_sized::<L, 6, false>(system, m, diagonal, x, trusted),
-        (true, 7, false) => solve_sized::<L, 7, false>(system, m, diagonal, x, trusted),
-        _ => {
-            let System { size, symmetric, .. } = system;
-            system.assemble::<L>(m, diagonal);
-            eliminate::<L>(m, size, 0..size, diagonal, symmetric, trusted);
-            substitute::<L>(m, size, 0..size, x);
-        }
-    }
-}
-
-#[inline(always)]
-fn solve_sized<L: Lanes, const S: usize, const SYMMETRIC: bool>(
-    system: System<'_>,
-    m: &mut [Wide],
-    diagonal: &mut [Wide],
-    x: &mut [Wide],
-    trusted: &mut Wide,
-) {
-    let (m, diagonal, x) = (&mut m[..S * (S + 1)], &mut diagonal[..S], &mut x[..S]);
-    let count = if SYMMETRIC { S * (S + 3) / 2 } else { S * (S + 1) };
-    let (sums, entries) = (system.sums, &system.entries[..count]);
-    let mut sound = L::load(trusted);
-    // Written out, since the number of earlier rows must be known where a row is compiled.
-    macro_rules! rows {
-        ($($i:literal)*) => {$(
-            if $i < S {
-                sound = reduce::<L, S, $i, SYMMETRIC>(sums, entries, m, &mut diagonal[$i], sound);
-            }
-        )*};
-    }
-    rows!(0 1 2 3 4 5 6);
-    sound.store(trusted);
-    let mut known = [L::splat(0.0); S];
-    for i in (0..S).rev() {
-        let row = &m[i * (S + 1)..][..S + 1];
-        let mut sum = L::load(&row[S]);
-        for j in i + 1..S {
-            sum = (-L::load(&row[j])).mul_add(known[j], sum);
-        }
-        known[i] = sum * L::load(&row[i]);
-        known[i].store(&mut x[i]);
-    }
-}
-
-/// Row `I` less its multiples of the rows before; its inverse pivot stands on the diagonal. Returns `trusted`
-/// as [`judge`] does.
-#[inline(always)]
-fn reduce<L: Lanes, const S: usize, const I: usize, const SYMMETRIC: bool>(
-    sums: &[Wide],
-    entries: &[Entry],
-    m: &mut [Wide],
-    diagonal: &mut Wide,
-    trusted: L,
-) -> L {
-    let (above, row) = m.split_at_mut(I * (S + 1));
-    let row = &mut row[..S + 1];
-    // Of a symmetric system the rows before hold one entry less each.
-    let (first, at) = if SYMMETRIC { (I, (I * (2 * S + 3 - I)) / 2) } else { (0, I * (S + 1)) };
-    let entries = &entries[at..][..S + 1 - first];
-    let mut own = [L::splat(0.0); 8];
-    for j in first..=S {
-        let e = &entries[j - first];
-        own[j] = L::load(&sums[e.from]) * L::splat(e.sign);
-    }
-    let before = own[I];
-    before.store(diagonal);
-    for k in 0..I {
-        let up = &above[k * (S + 1)..][..S + 1];
-        let lead = if SYMMETRIC { L::load(&up[I]) } else { own[k] };
-        let factor = -(lead * L::load(&up[k]));
-        for j in if SYMMETRIC { I } else { k + 1 }..=S {
-            own[j] = factor.mul_add(L::load(&up[j]), own[j]);
-        }
-    }
-    (L::splat(1.0) / own[I]).store(&mut row[I]);
-    for j in I + 1..=S {
-        own[j].store(&mut row[j]);
-    }
-    judge::<L>(own[I], before, trusted)
 }
 
 /// Eliminates the columns `pivots` of a `size` × (`size` + 1) system, the last column its right side.

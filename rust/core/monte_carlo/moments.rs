@@ -3,7 +3,7 @@
 //! Everything is kept of the *error*, estimate − truth, so that a small bias is not lost in a large
 //! value. With a fixed chunk size the bits do not depend on who computed which chunk.
 
-use crate::simd::LANES;
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
 /// Count, mean and sums of powers about the mean (2 to 4) of the errors of one parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -19,20 +19,17 @@ pub struct Moments {
 impl Moments {
     /// The moments of a chunk's errors, in two passes.
     #[must_use]
-    pub fn of(errors: &[f64]) -> Moments {
+    pub fn of(isa: Isa, errors: &[f64]) -> Moments {
         if errors.is_empty() {
             return Moments::default();
         }
         let n = errors.len() as f64;
-        let rough = sums(errors, |e| [e])[0] / n;
+        let sums = |about| isa.run(Sums { errors, about });
+        let rough = sums(0.0)[0] / n;
         // The second sum takes away the rounding of the first.
-        let mean = rough + sums(errors, |e| [e - rough])[0] / n;
-        let sums = sums(errors, |e| {
-            let d = e - mean;
-            let square = d * d;
-            [square, square * d, square * square]
-        });
-        Moments { count: errors.len() as u64, mean, sums }
+        let mean = rough + sums(rough)[0] / n;
+        let [_, square, cube, fourth] = sums(mean);
+        Moments { count: errors.len() as u64, mean, sums: [square, cube, fourth] }
     }
 
     /// Takes in the errors of the chunks that follow (Chan, Golub and LeVeque's rule, to power 4).
@@ -113,25 +110,40 @@ impl Moments {
     }
 }
 
-/// Sums of functions of the errors, in eight partial sums that do not wait for each other.
-#[inline]
-fn sums<const N: usize>(errors: &[f64], of: impl Fn(f64) -> [f64; N]) -> [f64; N] {
-    let mut partial = [[0.0; LANES]; N];
-    let (eights, rest) = errors.as_chunks::<LANES>();
-    for eight in eights {
-        for (lane, e) in eight.iter().enumerate() {
-            for (sum, value) in partial.iter_mut().zip(of(*e)) {
-                sum[lane] += value;
+/// Sums of the first four powers of the errors about a number, in eight partial sums that do not wait for each other.
+struct Sums<'a> {
+    errors: &'a [f64],
+    about: f64,
+}
+
+impl Kernel for Sums<'_> {
+    type Output = [f64; 4];
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [f64; 4] {
+        let (eights, rest) = self.errors.as_chunks::<LANES>();
+        let mut partial = [L::splat(0.0); 4];
+        for eight in eights {
+            let d = L::load_any(eight) - L::splat(self.about);
+            let square = d * d;
+            for (sum, power) in partial.iter_mut().zip([d, square, square * d, square * square]) {
+                *sum = *sum + power;
             }
         }
-    }
-    let mut total = partial.map(|sums| sums.iter().sum());
-    for e in rest {
-        for (sum, value) in total.iter_mut().zip(of(*e)) {
-            *sum += value;
+        let mut total = [0.0; 4];
+        for (total, partial) in total.iter_mut().zip(partial) {
+            let mut lanes = Wide::ZERO;
+            partial.store(&mut lanes);
+            *total = lanes.0.iter().sum();
         }
+        for e in rest {
+            let d = e - self.about;
+            let square = d * d;
+            for (sum, power) in total.iter_mut().zip([d, square, square * d, square * square]) {
+                *sum += power;
+            }
+        }
+        total
     }
-    total
 }
 
 #[cfg(test)]
@@ -151,6 +163,10 @@ mod tests {
         (a - b).abs() <= tolerance * b.abs()
     }
 
+    fn of(errors: &[f64]) -> Moments {
+        Moments::of(Isa::detect().unwrap(), errors)
+    }
+
     /// Moments by the definition.
     fn direct(e: &[f64]) -> (f64, [f64; 3]) {
         let mean = e.iter().sum::<f64>() / e.len() as f64;
@@ -166,7 +182,7 @@ mod tests {
             let e = errors(replicate, count, mean, 0.7);
             let mut merged = Moments::default();
             for chunk in e.chunks(chunk) {
-                merged.merge(&Moments::of(chunk));
+                merged.merge(&of(chunk));
             }
             let (mean, sums) = direct(&e);
             prop_assert_eq!(merged.count, count as u64);
@@ -183,17 +199,16 @@ mod tests {
     fn a_small_spread_about_a_large_bias_is_kept() {
         let e = errors(0, 1000, 1e6, 1e-3);
         let mut merged = Moments::default();
-        e.chunks(64).for_each(|chunk| merged.merge(&Moments::of(chunk)));
+        e.chunks(64).for_each(|chunk| merged.merge(&of(chunk)));
         assert!(close(merged.sd(), 1e-3, 0.1), "{}", merged.sd());
-        assert!(close(merged.sd(), Moments::of(&e).sd(), 1e-6));
+        assert!(close(merged.sd(), of(&e).sd(), 1e-6));
     }
 
     #[test]
     fn standard_errors_are_what_repetition_shows() {
         // 2000 studies of 200 replicates with bias: the spread of each figure against its own
         // standard error. Each ratio has a standard error of 1.6 %; bounds of 8 % are 5 of them.
-        let studies: Vec<Moments> =
-            (0..2000).map(|k| Moments::of(&errors(k, 200, 0.4, 1.3))).collect();
+        let studies: Vec<Moments> = (0..2000).map(|k| of(&errors(k, 200, 0.4, 1.3))).collect();
         type Figure = fn(&Moments) -> f64;
         let figures: [(Figure, Figure); 3] = [
             (Moments::bias, Moments::bias_se),
@@ -201,8 +216,8 @@ mod tests {
             (Moments::rmse, Moments::rmse_se),
         ];
         for (k, (figure, se)) in figures.into_iter().enumerate() {
-            let spread = Moments::of(&studies.iter().map(figure).collect::<Vec<_>>()).sd();
-            let said = Moments::of(&studies.iter().map(se).collect::<Vec<_>>()).mean;
+            let spread = of(&studies.iter().map(figure).collect::<Vec<_>>()).sd();
+            let said = of(&studies.iter().map(se).collect::<Vec<_>>()).mean;
             assert!(close(said, spread, 0.08), "figure {k}: {said} against {spread}");
         }
     }
@@ -211,11 +226,11 @@ mod tests {
     fn nothing_and_one_error() {
         let none = Moments::default();
         assert!(none.bias().is_nan() && none.sd().is_nan() && none.rmse().is_nan());
-        let one = Moments::of(&[-0.5]);
+        let one = of(&[-0.5]);
         assert!(one.bias() == -0.5 && one.rmse() == 0.5 && one.sd().is_nan());
         let mut merged = one;
         merged.merge(&none);
         assert_eq!(merged, one);
-        assert!(Moments::of(&[1.0, f64::NAN]).bias().is_nan());
+        assert!(of(&[1.0, f64::NAN]).bias().is_nan());
     }
 }

@@ -96,7 +96,8 @@ impl Plan {
             }
             let mut errors = worker.errors.iter();
             for moments in cells.iter_mut().flat_map(|cell| &mut cell.moments) {
-                *moments = errors.next().map_or_else(Moments::default, |e| Moments::of(e));
+                *moments =
+                    errors.next().map_or_else(Moments::default, |e| Moments::of(self.isa, e));
             }
             counted[group].lock().unwrap_or_else(PoisonError::into_inner).add(
                 g,
@@ -268,24 +269,26 @@ impl Cell {
         quantile: f64,
         errors: &mut [Vec<f64>],
     ) {
-        let mut all = [false; LANES];
-        let lanes = all.iter_mut().zip(outcome.status).zip(outcome.nit);
-        for ((all, status), nit) in lanes.take(count) {
-            self.status[status as usize] += 1;
-            self.iterations += u64::from(nit);
-            *all = found(status);
+        let mut found = [false; LANES];
+        for (lane, found) in found.iter_mut().enumerate().take(count) {
+            self.status[outcome.status[lane] as usize] += 1;
+            self.iterations += u64::from(outcome.nit[lane]);
+            *found = is_found(outcome.status[lane]);
         }
         for (k, truth) in task.truth.iter().enumerate() {
             let error = space.parameter(task, k).map(|value| value - truth);
-            if all == [true; LANES] {
+            if found == [true; LANES] {
                 errors[k].extend_from_slice(&error);
             } else {
-                errors[k].extend(error.iter().zip(all).filter(|(_, found)| *found).map(|(e, _)| e));
+                errors[k]
+                    .extend(error.iter().zip(found).filter(|(_, found)| *found).map(|(e, _)| e));
             }
             if task.intervals != Intervals::None {
-                let bse = space.parameter_bse(task, k);
-                let held = |lane: &usize| all[*lane] && error[*lane].abs() <= quantile * bse[*lane];
-                self.covered[k] += (0..LANES).filter(held).count() as u64;
+                let (square, variance) = (quantile * quantile, space.parameter_variance(task, k));
+                let held = |lane: usize| {
+                    found[lane] & (error[lane] * error[lane] <= square * variance[lane])
+                };
+                self.covered[k] += (0..LANES).map(|lane| u64::from(held(lane))).sum::<u64>();
             }
         }
     }
@@ -295,7 +298,7 @@ impl Cell {
         for (lane, status) in statuses.iter().enumerate() {
             for k in 0..task.truth.len() {
                 let value = space.parameter(task, k)[lane];
-                self.samples.push(if found(*status) { value } else { f64::NAN });
+                self.samples.push(if is_found(*status) { value } else { f64::NAN });
             }
         }
     }
@@ -311,6 +314,6 @@ impl Cell {
 }
 
 /// Whether there is an estimate to count.
-fn found(status: Status) -> bool {
+fn is_found(status: Status) -> bool {
     matches!(status, Status::Ok | Status::MaxIter)
 }

@@ -84,15 +84,15 @@ impl Space {
         }
     }
 
-    /// Standard errors of parameter `k` of every lane, of the kind that the task counts.
-    pub fn parameter_bse(&self, task: &Task, k: usize) -> [f64; LANES] {
+    /// Variance of parameter `k` of every lane, of the kind that the task counts.
+    pub fn parameter_variance(&self, task: &Task, k: usize) -> [f64; LANES] {
         let hc3 = task.intervals == Intervals::Hc3;
         match (self, &task.problem) {
             (Space::Plain(space), Problem::Plain(shared)) => {
-                space.parameter_bse(&shared.design, k, hc3)
+                space.parameter_variance(&shared.design, k, hc3)
             }
             (Space::Joint(space), Problem::Joint(shared)) => {
-                space.parameter_bse(&shared.design, k, hc3)
+                space.parameter_variance(&shared.design, k, hc3)
             }
             _ => [f64::NAN; LANES],
         }

@@ -7,11 +7,10 @@ use super::step::step;
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::iterate::Rule;
-use crate::estimate::iterates::unsound;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_in_rounding, statuses};
 use crate::estimate::pass::tiles;
+use crate::estimate::rule::Rule;
 use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -112,9 +111,8 @@ fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LA
     let p = w.iterates.theta.now.len();
     let mut dependent = w.dependent;
     if with_covariance {
-        for (k, dependent) in dependent.iter_mut().enumerate() {
-            *dependent |= lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p, k);
-        }
+        let lost = lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p);
+        dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
     }
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
     statuses(&w.iterates.theta.now, |k| d.parameter_scale(k), &w.progress, dependent, data)
@@ -167,7 +165,7 @@ impl Kernel for Iteration<'_> {
                 if fresh {
                     w.progress.cost = determinant::<L>(d, w);
                 }
-                if unsound::<L>(&w.progress, &w.trusted).any() {
+                if w.progress.load::<L>().unsound(L::load(&w.trusted)).any() {
                     return Came::SmallPivots;
                 }
             }

@@ -4,9 +4,9 @@ use super::design::JointDesign;
 use super::rows::rows;
 use super::step::move_of;
 use super::workspace::{JointSpace, QrSpace};
-use crate::estimate::iterate::Rule;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::tiles;
+use crate::estimate::rule::Rule;
 use crate::linalg::qr::solve_square;
 use crate::simd::{Isa, Kernel, Lanes};
 

@@ -281,10 +281,11 @@ impl JointSpace {
         self.iterates.theta.now[k].0.map(|t| t * d.parameter_scale(k))
     }
 
-    /// Standard errors of parameter `k` of every lane, from HC3 or the classical covariance.
-    pub(crate) fn parameter_bse(&self, d: &JointDesign, k: usize, hc3: bool) -> [f64; LANES] {
+    /// Variance of parameter `k` of every lane in the user's units, by HC3 or the classical covariance.
+    pub(crate) fn parameter_variance(&self, d: &JointDesign, k: usize, hc3: bool) -> [f64; LANES] {
         let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
-        cov[k * (d.parameters() + 1)].0.map(|v| v.sqrt() * d.parameter_scale(k))
+        let scale = d.parameter_scale(k) * d.parameter_scale(k);
+        cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
     }
 
     /// Standard errors of one lane from the diagonal of a covariance, in the user's units.
