@@ -78,6 +78,8 @@ def instructions(disassembly: str) -> list[str]:
 def wheel(cross: dict[str, str]) -> Path:
     """The wheel for aarch64, linked by zig for the C library of manylinux2014."""
     shutil.rmtree(FOLDER / "dist", ignore_errors=True)
+    # What another linker made is not made again by itself.
+    cargo("clean", "--quiet", "--release", "--target", TARGET, "--package", "modfun-py", **cross)
     command = ["maturin", "build", "--release", "--locked", "--zig", "--compatibility", "manylinux2014"]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     subprocess.run(
@@ -135,12 +137,8 @@ def main() -> int:
         return 1
     build = ["build", "--release", "--locked", "--package", "modfun", "--example", "bits"]
     cargo(*build)
-    cross = {
-        "RUSTC": str(compiler()),
-        "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER": GCC,
-        "CARGO_TARGET_DIR": str(FOLDER),
-    }
-    cargo(*build, "--target", TARGET, **cross)
+    cross = {"RUSTC": str(compiler()), "CARGO_TARGET_DIR": str(FOLDER)}
+    cargo(*build, "--target", TARGET, CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=GCC, **cross)
     here = printed(ROOT / "target" / "release" / "examples" / "bits")
     program = FOLDER / TARGET / "release" / "examples" / "bits"
     failed = []
