@@ -84,7 +84,9 @@ def draw(kept: Path = KEPT, figure: Path = FIGURE) -> None:
     for axis in axes.flat:
         axis.set_xlim(min(days) - 1, max(days) + 1)
         axis.set_ylim(min(0.5, axis.get_ylim()[0]), max(2.0, axis.get_ylim()[1]))
-        axis.xaxis.set_major_formatter(ConciseDateFormatter(axis.xaxis.get_major_locator()))
+        axis.xaxis.set_major_formatter(
+            ConciseDateFormatter(axis.xaxis.get_major_locator(), show_offset=False)
+        )
     named = [axis.get_legend_handles_labels() for axis in axes.flat]
     legend = {
         label: handle for handles, labels in named for handle, label in zip(handles, labels, strict=True)
