@@ -10,7 +10,7 @@ MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux
 FUZZED := $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python lint format docs docs-look bench rivals validate soak fuzz fuzz-texts fuzz-guided fuzz-core valgrind deny counts wheel sdist try-sdist test-wheel licences clean
+.PHONY: demo test test-rust test-python test-arm lint format docs docs-look bench bench-compare rivals validate soak fuzz fuzz-texts fuzz-guided fuzz-core valgrind deny counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -24,6 +24,11 @@ test-rust:
 
 test-python: .venv/dev
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal
+
+## The core compiled for 64-bit Arm and run under emulation: its bits beside this machine's, its instructions, the
+## wheel. What it needs of Debian, it says.
+test-arm: .venv/dev .venv/packaging/created
+	$(PACKAGING)/python packaging/arm.py
 
 ## Formatting, clippy, ruff, types; the stub is the compiled core.
 lint: .venv/dev
@@ -49,11 +54,19 @@ docs: .venv/docs
 docs-look: docs
 	$(BIN)/python docs/look.py
 
-## modfun against its rivals into docs/benchmarks.md; stages and growth of costs into docs/performance.md.
+## modfun against its rivals into docs/benchmarks.md; stages, growth of costs, what users wait for and the history
+## of times into docs/performance.md.
 bench: .venv/bench
 	$(BIN)/python benches/compare/bench.py
 	$(BIN)/python benches/compare/stages.py
 	$(BIN)/python benches/compare/growth.py
+	$(BIN)/python benches/compare/joint_growth.py
+	$(BIN)/python benches/compare/waits.py
+	$(BIN)/python benches/compare/history.py
+
+## The programs of benches/programs.rs as they are beside BASE=commit, in turn: times and ratios.
+bench-compare: .venv/created
+	$(BIN)/python benches/compare/commits.py $(BASE)
 
 ## Accuracy, failures and time a fit beside other packages, into docs/rivals.md: an hour. RECORDS=target/rivals.json
 ## keeps what is computed, so that a run that was stopped goes on.

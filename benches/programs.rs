@@ -1,6 +1,9 @@
-//! What is counted and timed: one program for each kind of estimation, on records that never change.
+//! What is counted, timed and compared: one program for each kind of estimation, on records that never change.
 //!
-//! `counted.rs` counts their instructions on AVX2, `fits.rs` times them on the best set.
+//! `counted.rs` counts their instructions on AVX2, `fits.rs` times them on the best set, `bits.rs` prints what
+//! they find. They start no thread and call no function of the system's libm.
+
+#![allow(dead_code)] // none of the three uses all of it
 
 #[path = "../tests/rust/common/mod.rs"]
 mod common;
@@ -9,10 +12,13 @@ mod duffing;
 
 use common::{DURATION, INTERVALS, chirp, response};
 use modfun::estimate::joint::{
-    Delay, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
+    Delay, JointBatch, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
 use modfun::estimate::terms::{TermsFitter, TermsOptions, TermsRecord};
-use modfun::estimate::{Band, FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use modfun::estimate::{
+    Answer, Band, Batch, FitOptions, Fitter, Many, Options, RecordView, Stream, Time, Wanted,
+};
+use modfun::math::sin_cos_turns_1;
 use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::quadrature::{Hold, Rule};
 use modfun::response::{Family, Piece, Settings, Weighting, responses};
@@ -21,10 +27,10 @@ use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
 use modfun::threads::Control;
 use modfun::tones;
-use std::hint::black_box;
+use std::f64::consts::TAU;
 
-/// Does so many pieces of the work.
-pub type Work = Box<dyn FnMut(usize)>;
+/// Does so many pieces of the work, and says what the last one found.
+pub type Work = Box<dyn FnMut(usize) -> Vec<f64>>;
 
 /// A program by its name.
 pub struct Program {
@@ -33,32 +39,37 @@ pub struct Program {
     pub piece: &'static str,
     /// Pieces of a count; it is made of twice as many less these.
     pub pieces: usize,
+    /// Whether every processor finds the same bits: else an FFT or faer takes the kernels of its processor.
+    pub exact: bool,
     pub make: fn(Isa) -> Work,
 }
 
-pub const ALL: [Program; 12] = [
-    Program { name: "study as run", piece: "a replicate of nine fits", pieces: 1024, make: as_run },
-    Program {
-        name: "study drawn",
-        piece: "a replicate",
-        pieces: 4096,
-        make: |isa| study(isa, Draw::Coefficients),
-    },
-    Program {
-        name: "study sampled",
-        piece: "a replicate",
-        pieces: 4096,
-        make: |isa| study(isa, Draw::Samples),
-    },
-    Program { name: "single ml", piece: "a fit", pieces: 50, make: single },
-    Program { name: "joint 2x2", piece: "a fit", pieces: 1, make: |isa| joint(isa, 2) },
-    Program { name: "joint 4x4", piece: "a fit", pieces: 1, make: |isa| joint(isa, 4) },
-    Program { name: "two delays", piece: "a fit", pieces: 1, make: delays },
-    Program { name: "duffing 13", piece: "a fit", pieces: 4, make: |isa| oscillator(isa, 13) },
-    Program { name: "duffing 52", piece: "a fit", pieces: 1, make: |isa| oscillator(isa, 52) },
-    Program { name: "frf", piece: "64 frequencies", pieces: 1, make: frf },
-    Program { name: "tones", piece: "a record", pieces: 1, make: sinusoids },
-    Program { name: "masked", piece: "a fit", pieces: 1, make: masked },
+const fn program(
+    name: &'static str,
+    piece: &'static str,
+    pieces: usize,
+    exact: bool,
+    make: fn(Isa) -> Work,
+) -> Program {
+    Program { name, piece, pieces, exact, make }
+}
+
+pub const ALL: [Program; 15] = [
+    program("study as run", "a replicate of nine fits", 1024, true, as_run),
+    program("study drawn", "a replicate", 4096, true, |isa| study(isa, Draw::Coefficients)),
+    program("study sampled", "a replicate", 4096, true, |isa| study(isa, Draw::Samples)),
+    program("single ml", "a fit", 50, true, single),
+    program("fit_many", "a record", 512, true, many),
+    program("stream", "a sample and an estimate", 50, true, stream),
+    program("joint 2x2", "a fit", 1, false, |isa| joint(isa, 2)),
+    program("joint 4x4", "a fit", 1, false, |isa| joint(isa, 4)),
+    program("joint many", "a record", 16, true, joint_many),
+    program("two delays", "a fit", 1, false, delays),
+    program("duffing 13", "a fit", 4, true, |isa| oscillator(isa, 13)),
+    program("duffing 52", "a fit", 1, false, |isa| oscillator(isa, 52)),
+    program("frf", "64 frequencies", 1, true, frf),
+    program("tones", "a record", 1, false, sinusoids),
+    program("masked", "a fit", 1, false, masked),
 ];
 
 const SETTLED: Options = Options { tol: 1e-9, maxiter: 50, wanted: Wanted::Covariance };
@@ -73,6 +84,17 @@ fn noise(channel: u32, count: usize) -> Vec<f64> {
 
 fn noisy(clean: &[f64], sigma: f64, channel: u32) -> Vec<f64> {
     clean.iter().zip(noise(channel, clean.len())).map(|(y, e)| y + sigma * e).collect()
+}
+
+fn numbers(answer: &Answer) -> Vec<f64> {
+    let all = [&answer.theta, &answer.cov_nonrobust, &answer.cov_hc3];
+    let rest = [answer.cost, f64::from(answer.nit)];
+    all.into_iter().flatten().copied().chain(rest).collect()
+}
+
+fn of_many(found: &Many) -> Vec<f64> {
+    let all = [&found.theta, &found.bse_nonrobust, &found.bse_hc3, &found.cost];
+    all.into_iter().flatten().copied().collect()
 }
 
 fn plain(method: Method, rule: Rule, band: Band, options: Options) -> FitOptions {
@@ -136,8 +158,20 @@ fn replicates(
     let plan = Plan::new(&[group], draw, isa).unwrap();
     Box::new(move |replicates| {
         let run = Run { seed: 1, first: 0, replicates, samples: false };
-        black_box(plan.run(&run, &quantiles, 1, &mut |_, _| Control::Continue).unwrap());
+        let groups = plan.run(&run, &quantiles, 0, &mut |_, _| Control::Continue).unwrap();
+        let mut out = Vec::new();
+        for cell in groups.iter().flatten() {
+            out.extend(cell.moments.iter().flat_map(|m| [m.mean, m.sums[0], m.sums[1], m.sums[2]]));
+            let counts = cell.covered.iter().chain(&cell.status).chain([&cell.iterations]);
+            out.extend(counts.map(|count| *count as f64));
+        }
+        out
     })
+}
+
+/// The last of what a piece of work finds, done so many times.
+fn last(times: usize, mut piece: impl FnMut() -> Vec<f64>) -> Vec<f64> {
+    (0..times).map(|_| piece()).last().unwrap_or_default()
 }
 
 /// One record by the default band, prepared before.
@@ -146,9 +180,36 @@ fn single(isa: Isa) -> Work {
     let options = plain(Method::Ml, Rule::Gregory, Band::Default, SETTLED);
     let fitter = Fitter::new(options, &[(INTERVALS + 1, Time::Even(DT))], isa).unwrap();
     Box::new(move |fits| {
-        for _ in 0..fits {
-            black_box(fitter.fit(&[RecordView { y: &y, u: vec![&u] }]).unwrap());
-        }
+        last(fits, || numbers(&fitter.fit(&[RecordView { y: &y, u: vec![&u] }]).unwrap().answer))
+    })
+}
+
+/// Records of one input in a batch, on lines that are given.
+fn many(isa: Isa) -> Work {
+    let options = plain(Method::Ml, Rule::Gregory, Band::Harmonics(16), SETTLED);
+    let fitter = Fitter::new(options, &[(INTERVALS + 1, Time::Even(DT))], isa).unwrap();
+    let y: Vec<Vec<f64>> = (0..64).map(|k| noisy(&response(), 0.1, k)).collect();
+    let u = input();
+    Box::new(move |records| {
+        let y = y.iter().cycle().take(records).map(Vec::as_slice).collect();
+        let batch = Batch { y, u: vec![&u] };
+        of_many(&fitter.fit_many(&batch, 0, &mut |_, _| Control::Continue).unwrap().0)
+    })
+}
+
+/// An estimate after each sample of a stream, from the last hundred.
+fn stream(isa: Isa) -> Work {
+    let options = plain(Method::Ml, Rule::Gregory, Band::Harmonics(6), SETTLED);
+    let mut stream: Stream<Fitter> = Stream::new(options, 101, DT, &[1.0], isa).unwrap();
+    let (y, u) = (noisy(&response(), 0.1, 0), input());
+    (0..=100).for_each(|k| stream.push(&[y[k], u[k]]));
+    let mut at = 100;
+    Box::new(move |estimates| {
+        last(estimates, || {
+            at = (at + 1) % y.len();
+            stream.push(&[y[at], u[at]]);
+            numbers(&stream.fit().unwrap().answer)
+        })
     })
 }
 
@@ -175,18 +236,19 @@ fn joint_fits(
     let sampling = [(y[0].len(), Time::Even(DT))];
     let fitter = JointFitter::new(options, &sampling, variances, isa).unwrap();
     Box::new(move |fits| {
-        for _ in 0..fits {
+        last(fits, || {
             let record = JointRecord {
                 y: y.iter().map(Vec::as_slice).collect(),
                 u: u.iter().map(Vec::as_slice).collect(),
             };
-            black_box(fitter.fit(&[record]).unwrap());
-        }
+            let found = fitter.fit(&[record]).unwrap();
+            numbers(&found.answer).into_iter().chain(found.noise).collect()
+        })
     })
 }
 
-/// So many outputs of as many inputs, a denominator of two poles each, on 22 lines; Σ unknown.
-fn joint(isa: Isa, outputs: usize) -> Work {
+/// Held inputs, and as many outputs without noise, of two poles each.
+fn square(outputs: usize) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let samples = INTERVALS + 1;
     let levels: Vec<Vec<f64>> =
         (0..outputs).map(|k| noise(8 + k as u32, samples / 4 + 1)).collect();
@@ -197,9 +259,13 @@ fn joint(isa: Isa, outputs: usize) -> Work {
         let drive = |k: usize| -> f64 {
             u.iter().enumerate().map(|(j, u)| u[k] * (1.0 + (i + 2 * j) as f64)).sum()
         };
-        noisy(&held_response(a1, a2, samples, drive), 0.05, i as u32)
+        held_response(a1, a2, samples, drive)
     });
-    let y = y.collect();
+    (y.collect(), u)
+}
+
+/// What fits such records: a denominator an output, on 22 lines, Σ unknown.
+fn square_options(outputs: usize) -> JointOptions {
     let structure = JointStructure {
         orders: vec![2; outputs],
         common: false,
@@ -209,8 +275,28 @@ fn joint(isa: Isa, outputs: usize) -> Work {
         bounds: vec![],
     };
     let options = joint_options(structure, Band::Harmonics(20));
-    let intersample = vec![Some(Hold::Zoh); outputs];
-    joint_fits(JointOptions { intersample, ..options }, &[], (y, u), isa)
+    JointOptions { intersample: vec![Some(Hold::Zoh); outputs], ..options }
+}
+
+fn joint(isa: Isa, outputs: usize) -> Work {
+    let (clean, u) = square(outputs);
+    let y = clean.iter().enumerate().map(|(i, y)| noisy(y, 0.05, i as u32)).collect();
+    joint_fits(square_options(outputs), &[], (y, u), isa)
+}
+
+/// Records of two outputs, eight of them a register.
+fn joint_many(isa: Isa) -> Work {
+    let (clean, u) = square(2);
+    let channel = |k: u32| noisy(&clean[(k % 2) as usize], 0.05, k);
+    let y: Vec<Vec<f64>> = (0..32).map(channel).collect();
+    let sampling = [(y[0].len(), Time::Even(DT))];
+    let fitter = JointFitter::new(square_options(2), &sampling, &[], isa).unwrap();
+    Box::new(move |records| {
+        let y = y.iter().cycle().take(2 * records).map(Vec::as_slice).collect();
+        let batch = JointBatch { y, u: u.iter().map(Vec::as_slice).collect(), records };
+        let all = fitter.fit_many(&batch, 0, &mut |_, _| Control::Continue);
+        of_many(&all.unwrap().0)
+    })
 }
 
 /// y'' + a₁y' + a₂y of a drive held between samples, from rest.
@@ -285,9 +371,9 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
     };
     let fitter = TermsFitter::new(options, &[(count, Time::Even(dt))], &[], isa).unwrap();
     Box::new(move |fits| {
-        for _ in 0..fits {
-            black_box(fitter.fit(&[TermsRecord { channels: vec![&y, &u] }]).unwrap());
-        }
+        last(fits, || {
+            numbers(&fitter.fit(&[TermsRecord { channels: vec![&y, &u] }]).unwrap().answer)
+        })
     })
 }
 
@@ -312,11 +398,12 @@ fn frf(isa: Isa) -> Work {
     let settings = Settings { family: Family::Rational, degree: 2, weighting: Weighting::Awls };
     let omega: Vec<f64> = (0..64).map(|k| 20.3 + 15.0 * f64::from(k)).collect();
     Box::new(move |times| {
-        for _ in 0..times {
+        last(times, || {
             let pieces = std::slice::from_ref(&piece);
-            let found = responses(isa, 1, settings, pieces, &omega, &mut |_, _| Control::Continue);
-            black_box(found.unwrap());
-        }
+            let all = responses(isa, 0, settings, pieces, &omega, &mut |_, _| Control::Continue);
+            let found = all.unwrap();
+            [found.response, found.cov, found.noise].concat().as_flattened().to_vec()
+        })
     })
 }
 
@@ -325,7 +412,7 @@ fn sinusoids(isa: Isa) -> Work {
     let count = 512;
     let tones = [(0.031, 1.0), (0.034, 0.7), (0.11, 0.5), (0.23, 0.3)];
     let wave = |k: usize| -> f64 {
-        tones.iter().map(|(f, a)| a * (std::f64::consts::TAU * f * k as f64 + 7.0 * f).cos()).sum()
+        tones.iter().map(|(f, a)| a * sin_cos_turns_1(f * k as f64 + 7.0 * f / TAU).1).sum()
     };
     let samples = noisy(&(0..count).map(wave).collect::<Vec<f64>>(), 0.3, 0);
     let options = tones::Options {
@@ -340,9 +427,11 @@ fn sinusoids(isa: Isa) -> Work {
     };
     let plan = tones::Plan::new(&vec![1.0; count], options, isa).unwrap();
     Box::new(move |records| {
-        for _ in 0..records {
-            let found = plan.run_many(&[&samples], 1, &mut |_, _| Control::Continue);
-            black_box(found.unwrap());
-        }
+        last(records, || {
+            let all = plan.run_many(&[&samples], 0, &mut |_, _| Control::Continue).unwrap();
+            let mut out: Vec<f64> = all[0].tones.iter().map(|t| t.frequency).collect();
+            out.extend([&all[0].amplitude, &all[0].phase, &all[0].cov].into_iter().flatten());
+            out
+        })
     })
 }

@@ -79,19 +79,36 @@ def compete(contestants: list[Contestant], rounds: int, seconds: float) -> int:
     return done
 
 
-def machine() -> str:
-    """Processor, instruction sets, system, versions, commit, date and load: what the head of a page says."""
+def _processor_values() -> dict[str, str]:
+    """What Linux says of the processor; nothing elsewhere."""
     info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     fields = dict(line.split(":", 1) for line in info.splitlines() if ":" in line)
-    values = {name.strip(): value.strip() for name, value in fields.items()}
-    sets = [flag for flag in FLAGS if flag in values.get("flags", "").split()]
+    return {name.strip(): value.strip() for name, value in fields.items()}
+
+
+def processor() -> str:
+    """Name of the processor."""
+    values = _processor_values()
     family = f" (family {values['cpu family']}, model {values['model']})" if "cpu family" in values else ""
+    return f"{values.get('model name') or platform.processor() or platform.machine()}{family}"
+
+
+def instruction_set() -> str:
+    """The one that modfun takes here."""
+    flags = _processor_values().get("flags", "").split()
+    widest = "avx512" if has_avx512() else "avx2" if "avx2" in flags else "plain"
+    best = "neon" if platform.machine() in ("aarch64", "arm64") else widest
+    return os.environ.get("MODFUN_ISA") or best
+
+
+def machine() -> str:
+    """Processor, instruction sets, system, versions, commit, date and load: what the head of a page says."""
+    sets = [flag for flag in FLAGS if flag in _processor_values().get("flags", "").split()]
     versions = ", ".join(f"{name} {_version(name)}" for name in ("numpy", "scipy", "numba", "jax"))
-    best = "avx512" if has_avx512() else "avx2" if "avx2" in sets else "plain"
     return (
-        f"{values.get('model name', platform.processor())}{family}, {len(os.sched_getaffinity(0))} cores; "
+        f"{processor()}, {len(os.sched_getaffinity(0))} cores; "
         f"{' '.join(sets)}; {platform.system()} {platform.release().split('-')[0]}. "
-        f"modfun {_version('modfun')}{_commit()}, instruction set {os.environ.get('MODFUN_ISA') or best}; "
+        f"modfun {_version('modfun')}{_commit()}, instruction set {instruction_set()}; "
         f"Python {platform.python_version()}, {versions}{_compiler()}. "
         f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, load average {os.getloadavg()[0]:.1f}."
     )
@@ -114,11 +131,15 @@ def _said(*command: str) -> str:
     return done.stdout.strip()
 
 
-def _commit() -> str:
+def commit() -> str:
     """The last commit that changed what is measured, and whether it was changed since."""
-    commit = _said("git", "log", "-1", "--format=%h", "--", ":/rust", ":/python/modfun")
+    last = _said("git", "log", "-1", "--format=%h", "--", ":/rust", ":/python/modfun")
     changed = _said("git", "status", "--porcelain", "--untracked-files=no", "--", ":/rust", ":/python/modfun")
-    return f" ({commit}{', changed' if changed else ''})" if commit else ""
+    return f"{last}{', changed' if changed else ''}" if last else ""
+
+
+def _commit() -> str:
+    return f" ({commit()})" if commit() else ""
 
 
 def _compiler() -> str:

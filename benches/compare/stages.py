@@ -4,18 +4,16 @@
 """
 
 import argparse
-import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import contestants
 import setting as s
-from measure import compete, machine
+from cargo_bench import SETS, times
+from measure import compete, instruction_set, machine
 from section import PAGE, write
 
-ROOT = Path(__file__).resolve().parents[2]
 HEADING = "## Where a replicate's time goes"
 TEXT = """
 Written by `make bench` from one run; do not edit. The report's eq. (24) as in docs/benchmarks.md: 257
@@ -28,41 +26,15 @@ this core reaches in registers with nothing else to do ({peak:.1f} a nanosecond)
 """
 
 
-def times(build: list[str], pattern: str) -> dict[str, float]:
-    """Minima in ns an element, by the names of the benches that match."""
-    subprocess.run([*build, "--", pattern], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-    described = json.loads(
-        subprocess.run(
-            ["cargo", "metadata", "--no-deps", "--format-version=1"],
-            cwd=ROOT,
-            check=True,
-            capture_output=True,
-        ).stdout
-    )
-    found = {}
-    for path in Path(described["target_directory"], "criterion").glob("**/new/benchmark.json"):
-        told = json.loads(path.read_text())
-        elements = (told["throughput"] or {}).get("Elements", 1)
-        sample = json.loads(path.with_name("sample.json").read_text())
-        each = (time / count for time, count in zip(sample["times"], sample["iters"], strict=True))
-        found[told["full_id"]] = min(each) / elements
-    return found
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
     given = parser.parse_args()
     said = machine()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    build = [
-        "cargo",
-        "bench",
-        "--quiet",
-        *(f"--bench={name}" for name in ("rng", "spectrum", "estimate", "peak")),
-    ]
-    ns = times(build, "normals 257|trapezoid.*256x8|awls, 5 steps|estimate/.*wls$|multiply-adds")
-    isa = "Avx512" if "normals 257/Avx512" in ns else "Avx2"
+    benches = ["rng", "spectrum", "estimate", "peak"]
+    ns = times(benches, "normals 257|trapezoid.*256x8|awls, 5 steps|estimate/.*wls$|multiply-adds")
+    isa = SETS[instruction_set()]
     peak = 1 / ns[f"multiply-adds/{isa}"]
     lines, sums, unknowns = s.LINES, 15, 5
     step = lines * (sums + 4) + unknowns * (unknowns + 1) * (unknowns + 2) // 6 + unknowns**2

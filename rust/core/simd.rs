@@ -9,6 +9,8 @@ use crate::Error;
 use plain::Plain;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod plain;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -148,6 +150,8 @@ pub enum Isa {
     Avx512,
     /// 256-bit registers with fused multiply-add.
     Avx2,
+    /// 128-bit registers of 64-bit Arm, in fours.
+    Neon,
     /// Arrays of eight, any processor.
     Plain,
     /// Only lane 0: the plain twin that tests compare with.
@@ -168,11 +172,13 @@ impl Isa {
                 all.push(Isa::Avx2);
             }
         }
+        #[cfg(target_arch = "aarch64")]
+        all.push(Isa::Neon);
         all.extend([Isa::Plain, Isa::One]);
         all
     }
 
-    /// The best set of this processor, or the one that `MODFUN_ISA` names: avx512, avx2 or plain.
+    /// The best set of this processor, or the one that `MODFUN_ISA` names: avx512, avx2, neon or plain.
     ///
     /// # Errors
     /// [`Error::Spec`] where there is no such set, or not on this processor.
@@ -186,10 +192,11 @@ impl Isa {
             "" => return Ok(available.first().copied().unwrap_or(Isa::Plain)),
             "avx512" => (Isa::Avx512, "AVX-512 (F and DQ)"),
             "avx2" => (Isa::Avx2, "AVX2 with FMA"),
+            "neon" => (Isa::Neon, "NEON"),
             "plain" => (Isa::Plain, "arrays"),
             _ => {
                 return Err(Error::Spec(format!(
-                    "MODFUN_ISA={name:?} is not one of \"avx512\", \"avx2\", \"plain\"; unset it, and the best that the processor has is taken"
+                    "MODFUN_ISA={name:?} is not one of \"avx512\", \"avx2\", \"neon\", \"plain\"; unset it, and the best that the processor has is taken"
                 )));
             }
         };
@@ -217,6 +224,8 @@ impl Isa {
                 // SAFETY: the features were just detected.
                 unsafe { x86::run_avx2(kernel) }
             }
+            #[cfg(target_arch = "aarch64")]
+            Isa::Neon => kernel.run::<neon::Neon>(),
             Isa::One => kernel.run::<Plain<1>>(),
             _ => kernel.run::<Plain<LANES>>(),
         }
@@ -274,7 +283,8 @@ mod tests {
     fn a_set_is_named_or_refused() {
         let available = Isa::available();
         assert_eq!(Isa::named("").unwrap(), available[0]);
-        for (name, isa) in [("avx512", Isa::Avx512), ("avx2", Isa::Avx2), ("plain", Isa::Plain)] {
+        let all = [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Plain];
+        for (name, isa) in ["avx512", "avx2", "neon", "plain"].into_iter().zip(all) {
             match Isa::named(name) {
                 Ok(found) => assert!(found == isa && available.contains(&isa), "{name}: {found:?}"),
                 Err(e) => assert!(!available.contains(&isa), "{e}"),

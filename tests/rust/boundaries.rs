@@ -80,7 +80,7 @@ const WORDS: &[(&str, &[&str], &str)] = &[
     ("rayon", &[], "no thread pool"),
     ("thread", &["threads.rs"], "threads are started in threads.rs"),
     ("thread_local", &["threads.rs"], "no hidden state"),
-    ("unsafe", &["simd.rs", "simd/x86.rs"], "unsafe code lives in simd"),
+    ("unsafe", &["simd.rs", "simd/neon.rs", "simd/x86.rs"], "unsafe code lives in simd"),
     ("fs", &[], "numerics only, no files"),
     ("io", &[], "numerics only, no files"),
     ("net", &[], "numerics only, no network"),

@@ -6,10 +6,12 @@ function with packed multiply-adds on 256- or 512-bit registers. `fma` is the C 
 imported, or else the one that the Rust compiler brings along, known by its choice between the scalar FMA3
 and FMA4 instructions at run time. Proved is that no chain of calls leads from a vector kernel to `fma`; calls
 through the linker's table of addresses are followed, those through other pointers are not. The portable
-kernels do call it, which shows that it is seen.
+kernels do call it, which shows that it is seen. On 64-bit Arm every multiply-add is an instruction, and
+nothing calls `fma`.
 """
 
 import bisect
+import platform
 import re
 import shutil
 import subprocess
@@ -18,6 +20,7 @@ from pathlib import Path
 
 import pytest
 from modfun import _core
+from places import ROOT
 
 LIBRARY = Path(_core.__file__)
 LARGEST = 10_000_000  # bytes without symbols
@@ -103,6 +106,7 @@ class Code:
         return seen
 
 
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads instructions of x86")
 def test_no_vector_kernel_calls_fma():
     code = Code()
     fma = code.fused_in_software()
@@ -112,6 +116,14 @@ def test_no_vector_kernel_calls_fma():
     guilty = {hex(f): sorted(map(hex, code.reached(f) & fma)) for f in code.kernels}
     guilty = {kernel: path for kernel, path in guilty.items() if path}
     assert not guilty, f"of {len(code.kernels)} vector kernels these reach fma: {guilty}"
+
+
+@pytest.mark.skipif(platform.machine() not in ("aarch64", "arm64"), reason="reads instructions of 64-bit Arm")
+def test_on_arm_multiply_adds_are_instructions():
+    sys.path.append(str(ROOT / "packaging"))
+    import arm
+
+    assert arm.instructions(tool("objdump", "-d", "--no-show-raw-insn", LIBRARY)) == []
 
 
 def test_the_stripped_library_is_small(tmp_path):

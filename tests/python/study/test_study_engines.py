@@ -126,7 +126,7 @@ def best() -> bytes:
     return done.stdout
 
 
-@pytest.mark.parametrize("isa", ["plain", "avx2", "avx512"])
+@pytest.mark.parametrize("isa", ["plain", "avx2", "avx512", "neon"])
 def test_instruction_sets(best: bytes, isa: str) -> None:
     done = _figures(isa)
     refusal = f"MODFUN_ISA={isa}: this processor has no "
@@ -139,7 +139,7 @@ def test_instruction_sets(best: bytes, isa: str) -> None:
 
 
 def test_an_instruction_set_that_does_not_exist_is_refused() -> None:
-    refusal = 'SpecError: MODFUN_ISA="avx3" is not one of "avx512", "avx2", "plain"'
+    refusal = 'SpecError: MODFUN_ISA="avx3" is not one of "avx512", "avx2", "neon", "plain"'
     assert refusal in _figures("avx3").stderr.decode()
 
 

@@ -1,6 +1,7 @@
 //! Duffing's oscillator y'' + ay' + by + cy³ = u with noise on y, as the core's tapes have it.
 
 use modfun::estimate::terms::{Equations, Lag, Signal, Term};
+use modfun::math::sin_cos_turns_1;
 use modfun::quadrature::Rule;
 use modfun::spectrum::Kind;
 use modfun::tape::{Tape, Written};
@@ -8,7 +9,9 @@ use modfun::tape::{Tape, Written};
 pub const TRUE: [f64; 3] = [0.3, 1.0, 0.5];
 
 pub fn drive(t: f64) -> f64 {
-    2.0 * (1.1 * t).sin() + 1.5 * (2.3 * t + 1.0).sin() + (0.45 * t).sin()
+    // The core's own sine: the same bits on every system.
+    let sin = |x: f64| sin_cos_turns_1(x / std::f64::consts::TAU).0;
+    2.0 * sin(1.1 * t) + 1.5 * sin(2.3 * t + 1.0) + sin(0.45 * t)
 }
 
 /// Samples of y from a state, by 40 Runge–Kutta steps each, and of u.

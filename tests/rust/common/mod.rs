@@ -2,6 +2,7 @@
 #![allow(dead_code, clippy::disallowed_methods)]
 
 use modfun::estimate::{Design, Options, Outcome, Start, Wanted, Workspace, estimate};
+use modfun::math::sin_cos_turns_1;
 use modfun::modulation::Lines;
 use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
@@ -15,9 +16,9 @@ pub const METHODS: [Method; 4] = [Method::Ls, Method::Wls, Method::Awls, Method:
 pub const ALL: [bool; LANES] = [true; LANES];
 pub const OPTIONS: Options = Options { tol: 1e-9, maxiter: 50, wanted: Wanted::Covariance };
 
-/// The input u = sin(t²/5).
+/// The input u = sin(t²/5), the same bits on every system.
 pub fn chirp(t: f64) -> f64 {
-    (t * t / 5.0).sin()
+    sin_cos_turns_1(t * t / (5.0 * std::f64::consts::TAU)).0
 }
 
 /// y'' + 3y' + 8y = 5u from rest, by the classical fourth-order Runge–Kutta rule at 16 steps a sample.
