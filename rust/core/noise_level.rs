@@ -21,39 +21,59 @@ const PIECE: usize = 1 << 15;
 /// # Errors
 /// [`Error::Data`] where the record is too short for at least four such lines; as [`Isa::detect`].
 pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
-    let intervals = samples.len().saturating_sub(1);
-    let q = order.saturating_add(2);
-    let least = q.saturating_mul(8).max(PIECE);
-    let piece = if intervals >= 2 * PIECE { least.min(intervals) } else { intervals };
-    let (low, top) = (piece.div_ceil(4), piece / 2);
-    if (top + 1).saturating_sub(low + LEAST) < q {
-        return Err(Error::Data(format!(
-            "the noise level at order {order} needs at least {} samples, the record has {}; take a longer record, or give the noise, noise=mf.Noise(y=...)",
-            q.saturating_add(LEAST).saturating_mul(4) - 3,
-            samples.len()
-        )));
+    NoiseLevel::new(samples.len(), order)?.of(Isa::detect()?, samples)
+}
+
+/// What [`noise_level`] needs for records of one length.
+pub(crate) struct NoiseLevel {
+    plan: CoefficientPlan,
+    /// Order of the difference.
+    q: usize,
+    /// Number of pieces.
+    pieces: usize,
+}
+
+impl NoiseLevel {
+    /// For so many samples.
+    pub fn new(samples: usize, order: usize) -> Result<NoiseLevel, Error> {
+        let intervals = samples.saturating_sub(1);
+        let q = order.saturating_add(2);
+        let least = q.saturating_mul(8).max(PIECE);
+        let piece = if intervals >= 2 * PIECE { least.min(intervals) } else { intervals };
+        if (piece / 2 + 1).saturating_sub(piece.div_ceil(4) + LEAST) < q {
+            return Err(Error::Data(format!(
+                "the noise level at order {order} needs at least {} samples, the record has {samples}; take a longer record, or give the noise, noise=mf.Noise(y=...)",
+                q.saturating_add(LEAST).saturating_mul(4) - 3,
+            )));
+        }
+        let plan = CoefficientPlan::new(piece, piece / 2, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
+        Ok(NoiseLevel { plan, q, pieces: intervals / piece })
     }
-    let plan = CoefficientPlan::new(piece, top, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
-    let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
-    let (isa, mut scratch) = (Isa::detect()?, plan.scratch());
-    let mut power = 0.0;
-    let pieces = intervals / piece;
-    for first in (0..pieces).map(|k| k * piece) {
-        plan.run_in(isa, &samples[first..=first + piece], &mut re, &mut im, &mut scratch)?;
-        for part in [&mut re, &mut im] {
-            for round in 0..q {
-                for m in low..=top - round - 1 {
-                    part[m] = part[m + 1] - part[m];
+
+    /// σ̂ of samples of that length.
+    pub fn of(&self, isa: Isa, samples: &[f64]) -> Result<f64, Error> {
+        let (plan, q, piece) = (&self.plan, self.q, self.plan.intervals());
+        let (low, top) = (piece.div_ceil(4), piece / 2);
+        let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
+        let mut scratch = plan.scratch();
+        let mut power = 0.0;
+        for first in (0..self.pieces).map(|k| k * piece) {
+            plan.run_in(isa, &samples[first..=first + piece], &mut re, &mut im, &mut scratch)?;
+            for part in [&mut re, &mut im] {
+                for round in 0..q {
+                    for m in low..=top - round - 1 {
+                        part[m] = part[m + 1] - part[m];
+                    }
                 }
             }
+            let lines = low..=top - q;
+            power += lines.map(|m| re[m] * re[m] + im[m] * im[m]).sum::<f64>();
         }
-        let lines = low..=top - q;
-        power += lines.map(|m| re[m] * re[m] + im[m] * im[m]).sum::<f64>();
+        let count = (self.pieces * (top - q - low + 1)) as f64;
+        // C(2q, q) = Π (q + i)/i.
+        let choose: f64 = (1..=q).map(|i| (q + i) as f64 / i as f64).product();
+        Ok((power / (count * choose * plan.unit_variance())).sqrt())
     }
-    let count = (pieces * (top - q - low + 1)) as f64;
-    // C(2q, q) = Π (q + i)/i.
-    let choose: f64 = (1..=q).map(|i| (q + i) as f64 / i as f64).product();
-    Ok((power / (count * choose * plan.unit_variance())).sqrt())
 }
 
 #[cfg(test)]

@@ -208,6 +208,12 @@ impl Isa {
         }
     }
 
+    /// The set for kernels whose lanes are not replicates, so that one will not do.
+    #[must_use]
+    pub fn across(self) -> Isa {
+        if self == Isa::One { Isa::Plain } else { self }
+    }
+
     /// Runs a kernel compiled for this set (for `Plain` where the processor lacks it).
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {

@@ -294,9 +294,8 @@ impl CoefficientPlan {
         self.check_lengths(samples.len(), re.len(), im.len())?;
         match &self.sums {
             Sums::Folded(sums) => {
-                // Lanes are harmonics here, so that one lane will not do.
-                let isa = if isa == Isa::One { Isa::Plain } else { isa };
-                isa.run(OneRecord { plan: self, sums, samples, re, im });
+                // Lanes are harmonics here.
+                isa.across().run(OneRecord { plan: self, sums, samples, re, im });
             }
             Sums::Fft { weights, transform } => {
                 self.transform(weights, transform.as_ref(), samples, re, im, scratch)?;

@@ -3,6 +3,8 @@
 //! A tape holds one operation after the other, each on results of earlier ones. It comes from outside, so
 //! that everything about it is checked once, when it is made; what runs afterwards cannot fail.
 
+use std::ops::Range;
+
 use crate::Error;
 
 /// Samples that run through all operations before the next ones.
@@ -169,39 +171,74 @@ impl Tape {
         registers: &mut Vec<f64>,
         out: &mut [Vec<f64>],
     ) {
-        registers.clear();
         registers.resize(self.ops.len() * TILE, 0.0);
+        // What is the same for all samples stands in its register from the start.
+        let mut varies = Vec::with_capacity(self.ops.len());
+        for (at, op) in self.ops.iter().enumerate() {
+            let own = match *op {
+                Op::Constant(_) => false,
+                Op::Input(k) => matches!(inputs.get(k), Some(Input::Series(_))),
+                Op::Add(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) => varies[a] || varies[b],
+                Op::Raise(a, b) | Op::Pair(_, a, b) => varies[a] || varies[b],
+                Op::Whole(a, _) | Op::Call(_, a) => varies[a],
+            };
+            varies.push(own);
+            if !own {
+                self.operate(at, inputs, 0..TILE, registers);
+            }
+        }
         for first in (0..samples).step_by(TILE) {
-            let count = TILE.min(samples - first);
-            for (at, op) in self.ops.iter().enumerate() {
-                let (done, rest) = registers.split_at_mut(at * TILE);
-                let to = &mut rest[..count];
-                let of = |k: usize| &done[k * TILE..k * TILE + count];
-                match *op {
-                    Op::Constant(value) => to.fill(value),
-                    Op::Input(k) => match inputs.get(k) {
-                        Some(Input::Value(value)) => to.fill(*value),
-                        Some(Input::Series(values)) if values.len() >= first + count => {
-                            to.copy_from_slice(&values[first..first + count]);
-                        }
-                        _ => to.fill(f64::NAN),
-                    },
-                    Op::Add(a, b) => each(to, of(a), of(b), |a, b| a + b),
-                    Op::Multiply(a, b) => each(to, of(a), of(b), |a, b| a * b),
-                    Op::Divide(a, b) => each(to, of(a), of(b), |a, b| a / b),
-                    Op::Raise(a, b) => each(to, of(a), of(b), libm::pow),
-                    Op::Pair(f, a, b) => each(to, of(a), of(b), f),
-                    Op::Call(f, a) => {
-                        for (to, a) in to.iter_mut().zip(of(a)) {
-                            *to = f(*a);
-                        }
-                    }
-                    Op::Whole(a, power) => whole(to, of(a), power),
-                }
+            let tile = first..samples.min(first + TILE);
+            for at in (0..self.ops.len()).filter(|at| varies[*at]) {
+                self.operate(at, inputs, tile.clone(), registers);
             }
             for (out, k) in out.iter_mut().zip(&self.outputs) {
-                out[first..first + count].copy_from_slice(&registers[k * TILE..k * TILE + count]);
+                out[tile.clone()].copy_from_slice(self.operand(*k, inputs, &tile, registers));
             }
+        }
+    }
+
+    /// What operation `k` made of the samples of a tile.
+    fn operand<'a>(
+        &self,
+        k: usize,
+        inputs: &'a [Input<'_>],
+        tile: &Range<usize>,
+        registers: &'a [f64],
+    ) -> &'a [f64] {
+        if let Op::Input(input) = self.ops[k]
+            && let Some(Input::Series(values)) = inputs.get(input)
+            && let Some(own) = values.get(tile.clone())
+        {
+            return own;
+        }
+        &registers[k * TILE..][..tile.len()]
+    }
+
+    /// Runs operation `at` over the samples of a tile.
+    fn operate(&self, at: usize, inputs: &[Input<'_>], tile: Range<usize>, registers: &mut [f64]) {
+        let (done, rest) = registers.split_at_mut(at * TILE);
+        let to = &mut rest[..tile.len()];
+        let of = |k: usize| self.operand(k, inputs, &tile, done);
+        match self.ops[at] {
+            Op::Constant(value) => to.fill(value),
+            Op::Input(k) => match inputs.get(k) {
+                Some(Input::Value(value)) => to.fill(*value),
+                // Read where it stands.
+                Some(Input::Series(values)) if values.len() >= tile.end => {}
+                _ => to.fill(f64::NAN),
+            },
+            Op::Add(a, b) => each(to, of(a), of(b), |a, b| a + b),
+            Op::Multiply(a, b) => each(to, of(a), of(b), |a, b| a * b),
+            Op::Divide(a, b) => each(to, of(a), of(b), |a, b| a / b),
+            Op::Raise(a, b) => each(to, of(a), of(b), libm::pow),
+            Op::Pair(f, a, b) => each(to, of(a), of(b), f),
+            Op::Call(f, a) => {
+                for (to, a) in to.iter_mut().zip(of(a)) {
+                    *to = f(*a);
+                }
+            }
+            Op::Whole(a, power) => whole(to, of(a), power),
         }
     }
 

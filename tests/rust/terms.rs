@@ -86,6 +86,24 @@ fn bits_are_the_same_on_every_processor_and_in_a_batch() {
 }
 
 #[test]
+fn a_spoiled_record_leaves_nothing_behind() {
+    let (y, u) = clean();
+    let mut records: Vec<Vec<f64>> = (0..4).map(|k| noisy(&y, 0.2, k)).collect();
+    records[0][7] = 1e300;
+    records[2][9] = f64::NAN;
+    for last in 9..17 {
+        let fitter = |band| fitter(band, Some(0.2), Isa::detect().unwrap());
+        let own = fitter(Band::Harmonics(last));
+        for k in [1, 3] {
+            let alone = fit(&fitter(Band::Harmonics(last)), &records[k], &u);
+            fit(&own, &records[k - 1], &u);
+            assert_eq!(fit(&own, &records[k], &u).theta, alone.theta, "to line {last}");
+            assert_eq!(alone.status, Status::Ok);
+        }
+    }
+}
+
+#[test]
 fn values_that_are_no_signal_end_in_a_status() {
     let (y, u) = clean();
     let isa = Isa::detect().unwrap();

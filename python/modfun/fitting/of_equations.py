@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, nan
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
+from .prepared import KEPT, LONGEST
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -67,26 +69,46 @@ def prepare_equation(
         As in `fit`.
     """
     first: Batch | Record
+    sampling: tuple[tuple[int, Any], ...]
     if isinstance(data, Batch):
         first = data
-        sampling: list[tuple[int, Any]] = [(data.y.shape[2], data.dt)]
+        sampling = ((data.y.shape[2], data.dt),)
     else:
         first = data[0]
-        sampling = [(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data]
+        sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     trend = structure.trend if options.trend == "auto" else options.trend
+    levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
+    words = options.core() | {"trend": trend, "intersample": (), "flat": options.noise == "equation"}
+    del words["noise"]
+    even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
+    short = sum([samples for samples, _ in sampling]) <= LONGEST
+    given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))
+    return _kept(*given) if even and short else _made(*given, uneven)
+
+
+def _made(
+    layout: EquationLayout,
+    words: tuple[tuple[str, Any], ...],
+    sampling: tuple[tuple[int, Any], ...],
+    levels: tuple[float, ...] | None,
+    uneven: Sequence[F64 | None] = (),
+) -> PreparedEquation:
+    """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
     core = TermsFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
-        list(uneven),
+        list(uneven) or [None] * len(sampling),
         **layout.formulas.words,
-        flat=options.noise == "equation",
-        levels=levels or _levels(options.noise, len(first.outputs), len(first.inputs)),
-        **{**options.core(), "trend": trend, "intersample": []},
+        levels=levels,
+        **dict(words),
     )
     late = layout.longest_delay
-    intervals = tuple(samples - 1 - (ceil(late / step - 1e-9) if late else 0) for samples, step in sampling)
+    intervals = tuple([samples - 1 - (ceil(late / step - 1e-9) if late else 0) for samples, step in sampling])
     return PreparedEquation(core, layout, intervals)
+
+
+_kept = lru_cache(KEPT)(_made)
 
 
 def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) -> EquationFit:

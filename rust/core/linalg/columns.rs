@@ -24,7 +24,7 @@ impl Columns {
     /// Room for `capacity` columns of `rows` rows, a multiple of eight.
     #[must_use]
     pub fn new(isa: Isa, rows: usize, capacity: usize) -> Columns {
-        let isa = if isa == Isa::One { Isa::Plain } else { isa };
+        let isa = isa.across();
         let (q, r) = (vec![0.0; rows * capacity], vec![0.0; capacity * capacity]);
         Columns { isa, rows, count: 0, q, r, capacity }
     }

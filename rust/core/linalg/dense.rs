@@ -1,6 +1,6 @@
 //! Cholesky factors of a dense covariance and what they whiten: rows of a panel, eight columns a register.
 
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 
 /// A matrix in row-major order whose rows are filled up to whole registers.
 #[derive(Debug, Clone, Default)]
@@ -11,12 +11,20 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// Zeros; memory is kept where it suffices.
+    /// Zeros; what stands there stays where the shape does. Memory is kept where it suffices.
     pub fn resize(&mut self, rows: usize, columns: usize) {
-        self.rows = rows;
-        self.width = columns.div_ceil(LANES);
-        self.data.clear();
-        self.data.resize(rows * self.width, Wide::ZERO);
+        let width = columns.div_ceil(LANES);
+        if (rows, width) != (self.rows, self.width) {
+            (self.rows, self.width) = (rows, width);
+            self.data.clear();
+            self.data.resize(rows * width, Wide::ZERO);
+        }
+    }
+
+    /// A column, from the first row on.
+    pub fn column(&self, column: usize) -> impl Iterator<Item = f64> + '_ {
+        let all = &numbers(&self.data)[column.min(self.data.len() * LANES)..];
+        all.iter().step_by((self.width * LANES).max(1)).copied()
     }
 
     /// Number of rows.
@@ -36,12 +44,21 @@ impl Panel {
         self.data[row * self.width + column / LANES].0[column % LANES] = value;
     }
 
-    /// The registers of a row.
-    pub fn row_mut(&mut self, row: usize) -> &mut [Wide] {
-        &mut self.data[row * self.width..(row + 1) * self.width]
+    /// The numbers of a row, filled up.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[f64] {
+        numbers(&self.data[row * self.width..(row + 1) * self.width])
+    }
+
+    /// As [`Panel::row`], to be written.
+    pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        numbers_mut(&mut self.data[row * self.width..(row + 1) * self.width])
     }
 }
 
+/// Rows that are taken out of those below in one sweep: a row is read and written once for all of them, in the
+/// order, and so with the bits, of one after the other.
+const RANK: usize = 4;
 /// Pivots are not taken below this fraction of what stood there first.
 const FLOOR: f64 = 1e-13;
 
@@ -50,17 +67,19 @@ const FLOOR: f64 = 1e-13;
 ///
 /// `panel` is \[C | columns\]; pivots below `least` (one a row) are lifted to it.
 pub fn whiten(isa: Isa, panel: &mut Panel, least: &[f64]) {
-    across(isa).run(Whiten { panel, least });
+    isa.across().run(Whiten { panel, least });
 }
 
 /// Replaces `columns` by R⁻ᵀ of them, R the factor that [`whiten`] left in `factor`.
 pub fn whiten_more(isa: Isa, factor: &Panel, columns: &mut Panel) {
-    across(isa).run(WhitenMore { factor, columns });
+    if columns.width > 0 {
+        isa.across().run(WhitenMore { factor, columns });
+    }
 }
 
-/// Lanes are columns here, so that one lane will not do.
-fn across(isa: Isa) -> Isa {
-    if isa == Isa::One { Isa::Plain } else { isa }
+/// Solves Rx = b in place, R the factor that [`whiten`] left in `factor`; b ends in zeros.
+pub fn back(isa: Isa, factor: &Panel, b: &mut [Wide]) {
+    isa.across().run(Back { factor, b });
 }
 
 struct Whiten<'a> {
@@ -74,26 +93,38 @@ impl Kernel for Whiten<'_> {
     fn run<L: Lanes>(self) {
         let Whiten { panel, least } = self;
         let (rows, width) = (panel.rows, panel.width);
-        for j in 0..rows {
-            let (above, below) = panel.data.split_at_mut((j + 1) * width);
-            let own = &mut above[j * width..];
-            let block = j / LANES;
-            let pivot = own[block].0[j % LANES];
-            let floor = least[j];
-            // NaN stays NaN.
-            let pivot = if pivot < floor { floor } else { pivot };
-            let by = L::splat(1.0 / pivot.sqrt());
-            for x in &mut own[block..] {
-                (L::load(x) * by).store(x);
+        let mut end = 0;
+        while end < rows {
+            let first = end;
+            end = (first + RANK).min(rows);
+            let (above, below) = panel.data.split_at_mut(end * width);
+            let own = &mut above[first * width..];
+            for j in first..end {
+                let (own, later) = own[(j - first) * width..].split_at_mut(width);
+                let block = j / LANES;
+                let pivot = own[block].0[j % LANES];
+                // NaN stays NaN.
+                let pivot = if pivot < least[j] { least[j] } else { pivot };
+                let root = pivot.sqrt();
+                scale::<L>(&mut own[block..], 1.0 / root);
+                // Of a pivot that was lifted the diagonal is not what was divided.
+                own[block].0[j % LANES] = root;
+                for (i, row) in (j + 1..).zip(later.chunks_exact_mut(width)) {
+                    let from = i / LANES;
+                    take::<L>(own[from].0[i % LANES], &own[from..], &mut row[from..]);
+                }
             }
-            // Of a pivot that was lifted the diagonal is not what was divided.
-            own[block].0[j % LANES] = pivot.sqrt();
-            for i in j + 1..rows {
-                let factor = L::splat(-own[i / LANES].0[i % LANES]);
-                let from = i / LANES;
-                let row = &mut below[(i - j - 1) * width..(i - j) * width];
-                for (x, y) in row[from..].iter_mut().zip(&own[from..]) {
-                    factor.mul_add(L::load(y), L::load(x)).store(x);
+            if below.is_empty() {
+                break;
+            }
+            let own = four(own, width);
+            for block in end / LANES..rows.div_ceil(LANES) {
+                let (a, b, c, d) = own;
+                let own = (&a[block..], &b[block..], &c[block..], &d[block..]);
+                let some = end.max(block * LANES)..rows.min((block + 1) * LANES);
+                let each = below[(some.start - end) * width..].chunks_exact_mut(width);
+                for (i, row) in some.zip(each) {
+                    sweep::<L>(element(own, i), own, &mut row[block..]);
                 }
             }
         }
@@ -119,31 +150,115 @@ impl Kernel for WhitenMore<'_> {
     fn run<L: Lanes>(self) {
         let WhitenMore { factor, columns } = self;
         let (rows, width) = (columns.rows, columns.width);
-        for j in 0..rows {
-            let (above, below) = columns.data.split_at_mut((j + 1) * width);
-            let own = &mut above[j * width..];
-            let row = &factor.data[j * factor.width..(j + 1) * factor.width];
-            let by = L::splat(1.0 / row[j / LANES].0[j % LANES]);
-            for x in own.iter_mut() {
-                (L::load(x) * by).store(x);
+        let mut end = 0;
+        while end < rows {
+            let first = end;
+            end = (first + RANK).min(rows);
+            let (above, below) = columns.data.split_at_mut(end * width);
+            let own = &mut above[first * width..];
+            let pivots = &factor.data[first * factor.width..end * factor.width];
+            for j in first..end {
+                let (own, later) = own[(j - first) * width..].split_at_mut(width);
+                let pivots = &pivots[(j - first) * factor.width..];
+                scale::<L>(own, 1.0 / pivots[j / LANES].0[j % LANES]);
+                for (i, row) in (j + 1..).zip(later.chunks_exact_mut(width)) {
+                    take::<L>(pivots[i / LANES].0[i % LANES], own, row);
+                }
             }
-            for i in j + 1..rows {
-                let by = L::splat(-row[i / LANES].0[i % LANES]);
-                let to = &mut below[(i - j - 1) * width..(i - j) * width];
-                for (x, y) in to.iter_mut().zip(own.iter()) {
-                    by.mul_add(L::load(y), L::load(x)).store(x);
+            if below.is_empty() {
+                break;
+            }
+            let (own, pivots) = (four(own, width), four(pivots, factor.width));
+            for block in end / LANES..rows.div_ceil(LANES) {
+                let (a, b, c, d) = pivots;
+                let pivots = (&a[block..], &b[block..], &c[block..], &d[block..]);
+                let some = end.max(block * LANES)..rows.min((block + 1) * LANES);
+                let each = below[(some.start - end) * width..].chunks_exact_mut(width);
+                for (i, row) in some.zip(each) {
+                    sweep::<L>(element(pivots, i), own, row);
                 }
             }
         }
     }
 }
 
-impl Panel {
-    /// Solves Rx = b in place, R the factor that [`whiten`] left here.
-    pub fn back(&self, b: &mut [f64]) {
-        for j in (0..b.len()).rev() {
-            let sum = (j + 1..b.len()).fold(b[j], |s, i| s - self.get(j, i) * b[i]);
-            b[j] = sum / self.get(j, j);
+#[inline(always)]
+fn scale<L: Lanes>(row: &mut [Wide], by: f64) {
+    let by = L::splat(by);
+    for x in row {
+        (L::load(x) * by).store(x);
+    }
+}
+
+/// Takes `factor` times a row out of one below.
+#[inline(always)]
+fn take<L: Lanes>(factor: f64, from: &[Wide], row: &mut [Wide]) {
+    let by = L::splat(-factor);
+    for (x, y) in row.iter_mut().zip(from) {
+        by.mul_add(L::load(y), L::load(x)).store(x);
+    }
+}
+
+/// [`RANK`] rows, or their ends.
+type Four<'a> = (&'a [Wide], &'a [Wide], &'a [Wide], &'a [Wide]);
+
+#[inline(always)]
+fn four(rows: &[Wide], width: usize) -> Four<'_> {
+    let (a, rest) = rows.split_at(width);
+    let (b, rest) = rest.split_at(width);
+    let (c, rest) = rest.split_at(width);
+    (a, b, c, &rest[..width])
+}
+
+/// Element `i` modulo the lanes of the first registers.
+#[inline(always)]
+fn element((a, b, c, d): Four<'_>, i: usize) -> [f64; RANK] {
+    let lane = i % LANES;
+    [a[0].0[lane], b[0].0[lane], c[0].0[lane], d[0].0[lane]]
+}
+
+/// Takes four rows, each times its factor, out of one below.
+#[inline(always)]
+fn sweep<L: Lanes>([f, g, h, i]: [f64; RANK], (a, b, c, d): Four<'_>, row: &mut [Wide]) {
+    let (f, g, h, i) = (L::splat(-f), L::splat(-g), L::splat(-h), L::splat(-i));
+    let own = row.len();
+    let (a, b, c, d) = (&a[..own], &b[..own], &c[..own], &d[..own]);
+    for k in 0..own {
+        let sum = f.mul_add(L::load(&a[k]), L::load(&row[k]));
+        let sum = g.mul_add(L::load(&b[k]), sum);
+        let sum = h.mul_add(L::load(&c[k]), sum);
+        i.mul_add(L::load(&d[k]), sum).store(&mut row[k]);
+    }
+}
+
+struct Back<'a> {
+    factor: &'a Panel,
+    b: &'a mut [Wide],
+}
+
+impl Kernel for Back<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Back { factor, b } = self;
+        let rows = factor.rows;
+        for j in (0..rows).rev() {
+            let block = j / LANES;
+            let row = &factor.data[j * factor.width..(j + 1) * factor.width];
+            // Registers that are solved for in lanes, the rest of their own register one by one.
+            let mut sums = L::splat(0.0);
+            let last = rows.div_ceil(LANES);
+            for (r, x) in row[block + 1..last].iter().zip(&b[block + 1..last]) {
+                sums = L::load(r).mul_add(L::load(x), sums);
+            }
+            let mut far = Wide::ZERO;
+            sums.store(&mut far);
+            let (own, r) = (&mut b[block].0, &row[block].0);
+            let mut sum = own[j % LANES] - far.0.iter().sum::<f64>();
+            for k in j % LANES + 1..LANES.min(rows - block * LANES) {
+                sum -= r[k] * own[k];
+            }
+            own[j % LANES] = sum / r[j % LANES];
         }
     }
 }
@@ -183,8 +298,12 @@ mod tests {
             whiten_more(isa, &p, &mut more);
             for j in 0..c {
                 // R⁻¹R⁻ᵀb = C⁻¹b.
-                let mut x: Vec<f64> = (0..n).map(|i| p.get(i, n + j)).collect();
-                p.back(&mut x);
+                let mut x = vec![Wide::ZERO; n.div_ceil(LANES)];
+                for i in 0..n {
+                    numbers_mut(&mut x)[i] = p.get(i, n + j);
+                }
+                back(isa, &p, &mut x);
+                let x = numbers(&x);
                 for i in 0..n {
                     let back: f64 = (0..n).map(|k| cov(i, k) * x[k]).sum();
                     assert!((back - b(i, j)).abs() < 1e-10, "{isa:?}");

@@ -52,28 +52,7 @@ impl Absorber {
 
     /// Triangularises what stands: afterwards only the leading `columns` rows matter.
     pub fn absorb(&mut self) {
-        let (h, rows) = (self.height, self.filled);
-        for k in 0..self.columns {
-            let (done, rest) = self.j.split_at_mut((k + 1) * h);
-            let v = &mut done[k * h..k * h + rows];
-            // Above the tile R is triangular: rows k+1..columns of column k are zero already.
-            let norm = dot(&v[k..], &v[k..]).sqrt();
-            if norm == 0.0 || !norm.is_finite() {
-                continue;
-            }
-            let alpha = if v[k] > 0.0 { -norm } else { norm };
-            v[k] -= alpha;
-            let scale = 1.0 / (norm * (norm + (v[k] + alpha).abs()));
-            for column in rest.chunks_exact_mut(h).chain(self.g.chunks_exact_mut(h)) {
-                let column = &mut column[k..rows];
-                let factor = -scale * dot(&v[k..], column);
-                for (c, x) in column.iter_mut().zip(&v[k..]) {
-                    *c += factor * x;
-                }
-            }
-            v[k] = alpha;
-            v[k + 1..].fill(0.0);
-        }
+        triangularise(&mut self.j, &mut self.g, self.columns, (self.height, self.filled));
         self.filled = self.columns;
     }
 
@@ -87,6 +66,37 @@ impl Absorber {
     #[must_use]
     pub fn qt(&self, i: usize, j: usize) -> f64 {
         self.g[j * self.height + i]
+    }
+}
+
+/// Householder's reflections that make the `columns` leading ones of `left` triangular, applied to those of `right`
+/// too: column major, `height` apart, the first `rows` rows of each.
+pub(crate) fn triangularise(
+    left: &mut [f64],
+    right: &mut [f64],
+    columns: usize,
+    (height, rows): (usize, usize),
+) {
+    for k in 0..columns {
+        let (done, rest) = left.split_at_mut((k + 1) * height);
+        let v = &mut done[k * height..k * height + rows];
+        // Above a tile R is triangular: rows k+1..columns of column k are zero already.
+        let norm = dot(&v[k..], &v[k..]).sqrt();
+        if norm == 0.0 || !norm.is_finite() {
+            continue;
+        }
+        let alpha = if v[k] > 0.0 { -norm } else { norm };
+        v[k] -= alpha;
+        let scale = 1.0 / (norm * (norm + (v[k] + alpha).abs()));
+        for column in rest.chunks_exact_mut(height).chain(right.chunks_exact_mut(height)) {
+            let column = &mut column[k..rows];
+            let factor = -scale * dot(&v[k..], column);
+            for (c, x) in column.iter_mut().zip(&v[k..]) {
+                *c += factor * x;
+            }
+        }
+        v[k] = alpha;
+        v[k + 1..].fill(0.0);
     }
 }
 

@@ -1,8 +1,9 @@
 //! Many fits at once, one record after the other over threads, on lines chosen once.
 
 use super::fitter::TermsFit;
-use super::lines::Desk;
+
 use super::plan::{TermsFitter, TermsRecord};
+use super::rows::Worker;
 use crate::error::{Error, Status};
 use crate::estimate::Many;
 use crate::estimate::band::Choice;
@@ -43,10 +44,10 @@ impl TermsFitter {
         // Where one record's parameters are a good start for all; a linear start needs none.
         let start = match self.o.equations.linear {
             true => None,
-            false => Some(self.finish(one, variances, &chosen, Desk::default())?.0.answer.theta),
+            false => Some(self.finish(one, variances, &chosen, Worker::default())?.0.answer.theta),
         };
         let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
-        let work = |desk: &mut Desk, chunk: usize| {
+        let work = |worker: &mut Worker, chunk: usize| {
             let mut out = Many::default();
             let mut told = None;
             let from = chunk * CHUNK;
@@ -57,15 +58,15 @@ impl TermsFitter {
                 let one = std::slice::from_ref(record);
                 self.check(one)?;
                 let own = self.variances(one)?;
-                let (fit, back) = self.finish(one, own, &shared, std::mem::take(desk))?;
-                *desk = back;
+                let (fit, back) = self.finish(one, own, &shared, std::mem::take(worker))?;
+                *worker = back;
                 out.push_terms(&fit);
                 told = Some((fit.answer.degrees_of_freedom, fit.answer.lines));
             }
             Ok((out, told))
         };
         let chunks = batch.records.len().div_ceil(CHUNK);
-        let parts = threads::run(thread_count, chunks, progress, Desk::default, work)?;
+        let parts = threads::run(thread_count, chunks, progress, Worker::default, work)?;
         let mut all = Many::default();
         let mut told = None;
         for part in parts {

@@ -1,16 +1,14 @@
 //! Fits of equations to records, with everything a user sees.
 
 use super::iterate::{Ended, TermsProblem};
-use super::lines::Desk;
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::Spot;
+use super::rows::{Spot, Worker};
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
 use crate::estimate::answer::Answer;
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
-use crate::noise_level::noise_level;
 use crate::structure::Method;
 
 /// A noise level is taken to be at least this part of the channel's size.
@@ -45,7 +43,11 @@ impl TermsFitter {
         self.check(records)?;
         let variances = self.variances(records)?;
         let chosen = self.choose(records, &variances)?;
-        self.finish(records, variances, &chosen, Desk::default()).map(|(fit, _)| fit)
+        let mut lent = self.workers.lend();
+        let worker = lent.get_or(Worker::default);
+        let (fit, back) = self.finish(records, variances, &chosen, std::mem::take(worker))?;
+        *worker = back;
+        Ok(fit)
     }
 
     /// The estimate on the lines chosen, with everything a user sees.
@@ -54,14 +56,14 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         variances: Vec<f64>,
         chosen: &Choice,
-        desk: Desk,
-    ) -> Result<(TermsFit, Desk), Error> {
+        worker: Worker,
+    ) -> Result<(TermsFit, Worker), Error> {
         let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
         let other = match &chosen.theta {
             Some(_) => None,
             None => self.narrow_guess(records, &variances, &chosen.ranges)?,
         };
-        let mut problem = self.problem(records, variances, &chosen.ranges, desk)?;
+        let mut problem = self.problem(records, variances, &chosen.ranges, worker)?;
         let mut ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
         if let Some(theta) = other {
             let second = self.estimate(&mut problem, Some(&theta))?;
@@ -71,7 +73,7 @@ impl TermsFitter {
         }
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
-        Ok((fit, problem.into_desk()))
+        Ok((fit, problem.into_worker()))
     }
 
     pub(crate) fn check(&self, records: &[TermsRecord<'_>]) -> Result<(), Error> {
@@ -102,7 +104,7 @@ impl TermsFitter {
                 let samples = &record.channels[*channel][plan.window.lead..];
                 size = samples.iter().fold(size, |m, x| m.max(x.abs()));
                 let level = match (plan.dt.is_nan(), self.o.levels_matter) {
-                    (false, _) => noise_level(samples, order),
+                    (false, _) => plan.noise_level(self.isa, record.channels[*channel], order),
                     (true, _) => Err(Error::Data(
                         "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
                          give it with noise=mf.Noise(y=...)"
@@ -128,18 +130,24 @@ impl TermsFitter {
         records: &'a [TermsRecord<'a>],
         variances: Vec<f64>,
         ranges: &[Range],
-        desk: Desk,
+        worker: Worker,
     ) -> Result<TermsProblem<'a>, Error> {
         let e = &self.o.equations;
         let (mut rows, mut unknowns) = (0, e.parameters);
         let equations = e.orders.len();
         let unit = vec![1.0; equations];
+        let Worker { desk, spots } = worker;
+        // Those of several equations are in units of the last record.
+        let mut old = spots.into_iter().filter(|_| equations == 1);
         let mut spots = Vec::new();
         for (plan, (first, last)) in self.records.iter().zip(ranges) {
             let lines = plan.lines(*first, *last);
-            let spot = Spot::new(e, lines, self.o.trend, &unit);
+            let spot = match old.next() {
+                Some(spot) if spot.of(lines) => spot,
+                _ => Spot::new(e, lines, self.o.trend, &unit),
+            };
             rows += spot.rows.len();
-            unknowns += spot.transients();
+            unknowns += spot.transients;
             spots.push(spot);
         }
         if rows <= unknowns {
@@ -161,13 +169,10 @@ impl TermsFitter {
             let sound =
                 |p: &f64| if *p > SILENT * largest { *p } else { largest.max(f64::MIN_POSITIVE) };
             let power: Vec<f64> = power.iter().map(sound).collect();
-            let own = problem.spots.iter_mut().zip(&self.records);
-            for ((spot, plan), (first, last)) in own.zip(ranges) {
-                let lines = plan.lines(*first, *last);
-                let spectra = std::mem::take(&mut spot.spectra);
-                *spot = Spot::new(e, lines, self.o.trend, &power);
-                spot.spectra = spectra;
-            }
+            let each = self.records.iter().zip(ranges);
+            problem.replace(each.map(|(plan, (first, last))| {
+                Spot::new(e, plan.lines(*first, *last), self.o.trend, &power)
+            }));
         }
         Ok(problem)
     }
@@ -185,7 +190,8 @@ impl TermsFitter {
         if !wide || linear {
             return Ok(None);
         }
-        let Ok(mut few) = self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+        let Ok(mut few) =
+            self.problem(records, variances.to_vec(), &self.narrow, Worker::default())
         else {
             return Ok(None); // too few lines for the unknowns
         };
@@ -243,7 +249,7 @@ impl TermsFitter {
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let wide = self.widest(records, variances)?;
-        let mut all = self.problem(records, variances.to_vec(), &wide, Desk::default())?;
+        let mut all = self.problem(records, variances.to_vec(), &wide, Worker::default())?;
         let usable =
             |e: &Ended| matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite();
         let first = self.estimate(&mut all, None)?;
@@ -256,7 +262,7 @@ impl TermsFitter {
         let mut best = Some(first).filter(|e| usable(e));
         if self.narrow != wide
             && let Ok(mut few) =
-                self.problem(records, variances.to_vec(), &self.narrow, Desk::default())
+                self.problem(records, variances.to_vec(), &self.narrow, Worker::default())
         {
             let start = self.estimate(&mut few, None)?;
             if usable(&start) {
@@ -316,7 +322,7 @@ impl TermsFitter {
         let cost = problem.cost(&ended.theta, weights)?;
         problem.jacobian(factors);
         let rows: usize = problem.spots.iter().map(|s| s.rows.len()).sum();
-        let spent: usize = problem.spots.iter().map(Spot::transients).sum();
+        let spent: usize = problem.spots.iter().map(|s| s.transients).sum();
         let degrees = rows.saturating_sub(spent + e.parameters).max(1);
         let scale = cost / degrees as f64;
         let lost = matches!(ended.status, Status::Rank | Status::NonFinite);

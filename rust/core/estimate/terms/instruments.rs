@@ -5,7 +5,7 @@
 //! ```
 
 use super::iterate::{Ended, TermsProblem};
-use super::rows::{Row, Spot};
+use super::rows::{Base, Row, Spot};
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::modulation::{difference_weights, rows};
@@ -90,9 +90,9 @@ impl Differences {
 
     /// Takes the nuisance columns out of a differenced one.
     fn clean(&self, column: &mut [f64]) {
-        let mut base = Vec::new();
-        super::rows::orthonormal(&self.nuisance, self.rows.len(), &mut base);
-        super::rows::project(&base, column);
+        let mut base = Base::default();
+        base.span(&self.nuisance, self.rows.len());
+        base.project(column);
     }
 }
 
@@ -106,7 +106,8 @@ impl TermsProblem<'_> {
             self.cost(&theta, RowWeights::Flat)?;
             self.jacobian(LeftColumns::Data);
             self.difference();
-            let step = self.step(&theta);
+            self.step(&theta);
+            let step = self.last_step();
             nit += 1;
             if !step.full || !step.moved.is_finite() {
                 let sound = self.residual.iter().all(|x| x.is_finite());
@@ -116,9 +117,10 @@ impl TermsProblem<'_> {
             for (t, by) in theta.iter_mut().zip(&step.by) {
                 *t += by;
             }
+            at_bound.clone_from(&step.at_bound);
+            let moved = step.moved;
             self.fitter.o.equations.clip(&mut theta);
-            at_bound = step.at_bound;
-            if step.moved < tol || self.fitter.o.equations.linear {
+            if moved < tol || self.fitter.o.equations.linear {
                 ended = Status::Ok;
                 break;
             }
@@ -138,10 +140,9 @@ impl TermsProblem<'_> {
                 d.clean(&mut own);
                 to.extend(own);
             }
-            let count = spot.lines.count();
             let error = spot.rows.iter().map(|r| {
-                let q = spot.error[r.equation * count + r.line];
-                if r.im { q.1 } else { q.0 }
+                let q = &spot.error[r.equation];
+                if r.im { q.im[r.line] } else { q.re[r.line] }
             });
             let mut own = d.of(&error.collect::<Vec<f64>>());
             d.clean(&mut own);

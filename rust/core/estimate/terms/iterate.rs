@@ -9,14 +9,15 @@
 //! J has the columns ∂Q/∂θ of the data; for `ml` those of denoised signals (`rows`), with which J̃ᵀr̃ is the exact
 //! gradient of ½ rᵀC(θ)⁻¹r.
 
-use super::complex::C;
+use super::complex::Split;
 use super::equations::Equations;
-use super::lines::Desk;
+use super::factor::Factor;
+use super::lines::{Desk, Place};
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Spot, dot};
+use super::rows::{Spot, Worker};
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
-use crate::linalg::qr::Absorber;
+use crate::linalg::qr::dot;
 use crate::threads::stopped;
 
 /// Steps before the cost must fall: the first ones may raise it on their way to the right answer.
@@ -25,8 +26,6 @@ const FREE_STEPS: u32 = 2;
 const HALVINGS: usize = 10;
 /// A cost that rises by no more than this part of itself has not risen.
 const LEVEL: f64 = 1e-9;
-/// Sine of the angle below which a column depends on the ones before it.
-const DEPENDENT: f64 = 1e-9;
 
 /// Records on their lines at one θ, with what a step needs.
 pub(crate) struct TermsProblem<'a> {
@@ -43,9 +42,24 @@ pub(crate) struct TermsProblem<'a> {
     /// Columns of θ and the residual over all records, transients taken out.
     pub columns: Vec<Vec<f64>>,
     pub residual: Vec<f64>,
-    loaded: bool,
+    /// Where the last cost was taken, and what it was.
+    stands: Option<(RowWeights, f64)>,
+    theta: Vec<f64>,
+    loaded: Loaded,
     /// Noisy channels of each record without their noise, where slopes are taken there.
     clean: Vec<Vec<Vec<f64>>>,
+    /// The step from there.
+    step: Step,
+    factor: Factor,
+}
+
+/// What of the spectra is made of the samples that count now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Loaded {
+    Nothing,
+    /// All but the pairs, whose slopes are to be taken elsewhere.
+    Signals,
+    All,
 }
 
 /// How an iteration ended.
@@ -59,12 +73,18 @@ pub(crate) struct Ended {
 }
 
 /// A step and what it was made of.
+#[derive(Debug, Default)]
 pub(crate) struct Step {
     pub by: Vec<f64>,
     /// Its effect on the rows, relative to the largest term.
     pub moved: f64,
     pub at_bound: Vec<bool>,
+    /// Whether the columns were independent.
     pub full: bool,
+    /// Parameters that are not at a bound, and their part of the step.
+    free: Vec<usize>,
+    found: Vec<f64>,
+    residual: Vec<f64>,
 }
 
 impl<'a> TermsProblem<'a> {
@@ -86,10 +106,28 @@ impl<'a> TermsProblem<'a> {
             desk,
             columns: vec![Vec::new(); e.parameters],
             residual: Vec::new(),
-            loaded: false,
+            stands: None,
+            theta: Vec::new(),
+            loaded: Loaded::Nothing,
             clean: Vec::new(),
+            step: Step::default(),
+            factor: Factor::default(),
             spots,
         }
+    }
+
+    /// The step that was found last.
+    pub fn last_step(&self) -> &Step {
+        &self.step
+    }
+
+    /// Puts other rows in the place of those that stand.
+    pub fn replace(&mut self, spots: impl Iterator<Item = Spot>) {
+        for (own, mut spot) in self.spots.iter_mut().zip(spots) {
+            spot.spectra = std::mem::take(&mut own.spectra);
+            *own = spot;
+        }
+        self.stands = None;
     }
 
     fn equations(&self) -> &'a Equations {
@@ -97,15 +135,16 @@ impl<'a> TermsProblem<'a> {
     }
 
     /// Gives the worker's memory back.
-    pub fn into_desk(self) -> Desk {
-        self.desk
+    pub fn into_worker(self) -> Worker {
+        Worker { desk: self.desk, spots: self.spots }
     }
 
     /// Coefficients and, where they depend on it, signals at θ.
     fn set(&mut self, theta: &[f64]) -> Result<(), Error> {
         let e = self.equations();
         e.coefficients.values(theta, &mut self.registers, &mut self.values);
-        if self.loaded && !e.moves() {
+        let moves = e.moves();
+        if self.loaded == Loaded::All && !moves {
             return Ok(());
         }
         for (s, lag) in self.lags.iter_mut().enumerate() {
@@ -113,19 +152,19 @@ impl<'a> TermsProblem<'a> {
         }
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
         for (k, ((plan, record), spot)) in own.enumerate() {
-            plan.load(
-                self.fitter.isa,
-                e,
-                &self.fitter.pairs,
-                &record.channels,
-                &self.variances,
+            let at = Place {
+                channels: &record.channels,
+                variances: &self.variances,
                 theta,
-                self.clean.get(k).map_or(&[], Vec::as_slice),
-                &mut self.desk,
-                &mut spot.spectra,
-            )?;
+                clean: self.clean.get(k).map_or(&[], Vec::as_slice),
+            };
+            let (isa, pairs, desk) = (self.fitter.isa, &self.fitter.pairs, &mut self.desk);
+            match self.loaded == Loaded::Signals && !moves {
+                true => plan.load_slopes(isa, e, pairs, &at, desk, &mut spot.spectra)?,
+                false => plan.load(isa, e, pairs, &at, desk, &mut spot.spectra)?,
+            }
         }
-        self.loaded = true;
+        self.loaded = Loaded::All;
         Ok(())
     }
 
@@ -134,28 +173,40 @@ impl<'a> TermsProblem<'a> {
     /// Slopes at the noisy samples make some bias where noise is large; one such pass takes it away.
     pub fn relinearise(&mut self, theta: &[f64]) -> Result<(), Error> {
         self.cost(theta, RowWeights::Adapted)?;
-        let (e, pairs) = (self.equations(), &self.fitter.pairs);
+        let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let mut clean = Vec::with_capacity(self.spots.len());
+        // The cost of one record was just made from these formulas.
+        let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
         for ((plan, record), spot) in own {
-            let sources = spot.sources(pairs);
-            let (channels, first) = (&record.channels, spot.lines.first);
-            let from = (sources.as_slice(), first);
-            let desk = &mut self.desk;
-            clean.push(plan.denoised(e, pairs, channels, &self.variances, theta, from, desk));
+            spot.find_sources(isa, pairs);
+            let (channels, variances) = (&record.channels[..], &self.variances[..]);
+            let at = Place { channels, variances, theta, clean: &[] };
+            let lines = (spot.lines.count(), spot.lines.first);
+            let (sources, desk) = (&spot.sources, &mut self.desk);
+            clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, fresh, desk));
         }
         self.clean = clean;
-        self.loaded = false;
+        self.loaded = Loaded::Signals;
+        self.stands = None;
         Ok(())
     }
 
     /// Weighted sum of squares at θ, the transient taken out.
     pub fn cost(&mut self, theta: &[f64], weights: RowWeights) -> Result<f64, Error> {
+        match self.stands {
+            Some((own, cost)) if own == weights && self.theta == theta => return Ok(cost),
+            _ => self.stands = None,
+        }
         self.set(theta)?;
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let g = &self.values[..e.terms.len()];
         let each = self.spots.iter_mut();
-        Ok(each.map(|s| s.evaluate(isa, e, pairs, g, &self.lags, weights)).sum())
+        let cost = each.map(|s| s.evaluate(isa, e, pairs, g, &self.lags, weights)).sum();
+        self.theta.clear();
+        self.theta.extend_from_slice(theta);
+        self.stands = Some((weights, cost));
+        Ok(cost)
     }
 
     /// Columns of θ and the residual where [`TermsProblem::cost`] was last.
@@ -171,55 +222,63 @@ impl<'a> TermsProblem<'a> {
             for (to, from) in self.columns.iter_mut().zip(&spot.columns) {
                 let first = to.len();
                 to.extend_from_slice(from);
-                spot.project(&mut to[first..]);
+                spot.base().project(&mut to[first..]);
             }
         }
     }
 
     /// The least squares step at θ that keeps the bounds.
-    pub fn step(&self, theta: &[f64]) -> Step {
+    pub fn step(&mut self, theta: &[f64]) -> &Step {
         let e = self.equations();
         let p = e.parameters;
-        let sizes: Vec<f64> = self.columns.iter().map(|c| dot(c, c).sqrt()).collect();
-        let mut at_bound = vec![false; p];
+        let Step { by, moved, at_bound, full, free, found, residual } = &mut self.step;
+        by.clear();
+        by.resize(p, 0.0);
+        at_bound.clear();
         // At a bound that the gradient pushes against, a parameter stays.
-        for (k, (low, high)) in e.bounds.iter().enumerate() {
-            let slope = dot(&self.columns[k], &self.residual);
-            at_bound[k] = (theta[k] <= *low && slope > 0.0) || (theta[k] >= *high && slope < 0.0);
-        }
-        let mut by = vec![0.0; p];
-        let mut full = true;
+        at_bound.extend(e.bounds.iter().enumerate().map(|(k, (low, high))| {
+            let (low, high) = (theta[k] <= *low, theta[k] >= *high);
+            let slope = if low || high { dot(&self.columns[k], &self.residual) } else { 0.0 };
+            (low && slope > 0.0) || (high && slope < 0.0)
+        }));
         for _ in 0..=p {
-            let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
-            let mut residual = self.residual.clone();
+            free.clear();
+            free.extend((0..p).filter(|k| !at_bound[*k]));
+            residual.clear();
+            residual.extend_from_slice(&self.residual);
             for k in (0..p).filter(|k| at_bound[*k] && by[*k] != 0.0) {
                 for (r, c) in residual.iter_mut().zip(&self.columns[k]) {
                     *r += by[k] * c;
                 }
             }
-            let (found, sound) = least_squares(&self.columns, &free, &residual);
-            full = sound;
-            for (k, value) in free.iter().zip(&found) {
+            self.factor.set(&self.columns, free, Some(residual));
+            *full = self.factor.solve(found);
+            for (k, value) in free.iter().zip(&*found) {
                 by[*k] = *value;
             }
-            let crossed = free.iter().filter(|k| {
-                let to = theta[**k] + by[**k];
-                to < e.bounds[**k].0 || to > e.bounds[**k].1
-            });
-            let crossed: Vec<usize> = crossed.copied().collect();
-            if crossed.is_empty() {
+            let mut crossed = false;
+            for &k in &*free {
+                let (low, high) = e.bounds[k];
+                let to = theta[k] + by[k];
+                if to < low || to > high {
+                    by[k] = to.max(low).min(high) - theta[k];
+                    at_bound[k] = true;
+                    crossed = true;
+                }
+            }
+            if !crossed {
                 break;
             }
-            for k in crossed {
-                let (low, high) = e.bounds[k];
-                by[k] = (theta[k] + by[k]).max(low).min(high) - theta[k];
-                at_bound[k] = true;
-            }
         }
-        let effect = by.iter().zip(&sizes).map(|(b, s)| b.abs() * s).fold(0.0, largest);
-        let terms = theta.iter().zip(&sizes).map(|(t, s)| t.abs() * s).fold(0.0, largest);
+        let (mut effect, mut terms) = (0.0, 0.0);
+        for ((c, by), theta) in self.columns.iter().zip(&*by).zip(theta) {
+            let size = dot(c, c).sqrt();
+            effect = largest(effect, by.abs() * size);
+            terms = largest(terms, theta.abs() * size);
+        }
         let size = largest(terms, dot(&self.residual, &self.residual).sqrt());
-        Step { by, moved: effect / size, at_bound, full }
+        *moved = effect / size;
+        &self.step
     }
 
     /// Iterates from θ: Gauss–Newton for `ml` and flat weights, reweighting for `awls`.
@@ -238,25 +297,25 @@ impl<'a> TermsProblem<'a> {
         let mut cost = self.cost(&theta, weights)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
+        let mut next = theta.clone();
         while (nit as usize) < maxiter && !stopped() {
             if !cost.is_finite() {
                 ended = Status::NonFinite;
                 break;
             }
             self.jacobian(factors);
-            let step = self.step(&theta);
-            at_bound = step.at_bound;
-            if !step.full || !step.moved.is_finite() {
+            let Step { full, moved, .. } = *self.step(&theta);
+            at_bound.clone_from(&self.step.at_bound);
+            if !full || !moved.is_finite() {
                 // Where the cost was finite, only dependent columns make a step that is not.
                 ended = Status::Rank;
                 break;
             }
             nit += 1;
             let mut size = 1.0;
-            let mut next = theta.clone();
             let mut reached = f64::NAN;
             for _ in 0..=HALVINGS {
-                for ((to, from), by) in next.iter_mut().zip(&theta).zip(&step.by) {
+                for ((to, from), by) in next.iter_mut().zip(&theta).zip(&self.step.by) {
                     *to = from + size * by;
                 }
                 e.clip(&mut next);
@@ -272,12 +331,12 @@ impl<'a> TermsProblem<'a> {
             if guarded && nit > FREE_STEPS && !fell {
                 // No shorter step helps: here is the minimum, as far as numbers can tell.
                 cost = self.cost(&theta, weights)?;
-                ended = if step.moved < tol.sqrt() { Status::Ok } else { Status::MaxIter };
+                ended = if moved < tol.sqrt() { Status::Ok } else { Status::MaxIter };
                 break;
             }
-            theta = next;
+            theta.clone_from(&next);
             cost = reached;
-            if step.moved * size < tol {
+            if moved * size < tol {
                 ended = Status::Ok;
                 break;
             }
@@ -290,21 +349,18 @@ impl<'a> TermsProblem<'a> {
         let e = self.equations();
         let fixed = |t: usize| !e.slopes.iter().any(|(own, _)| *own == t);
         let mut power = vec![0.0; e.orders.len()];
-        let mut count = 0;
+        let (mut count, mut sum) = (0, Split::default());
         for spot in &self.spots {
             let lines = spot.lines;
             count += lines.count();
             for (equation, power) in power.iter_mut().enumerate() {
-                for line in 0..lines.count() {
-                    let mut sum = C::default();
-                    for (t, term) in e.terms.iter().enumerate() {
-                        if term.equation == equation && fixed(t) {
-                            let v = spot.spectra.signals[term.signal][line + lines.first];
-                            sum += spot.power(term.order)[line] * v * self.values[t];
-                        }
+                sum.clear(lines.count());
+                for (t, term) in e.terms.iter().enumerate() {
+                    if term.equation == equation && fixed(t) {
+                        spot.add(term.signal, term.order, self.values[t], &mut sum);
                     }
-                    *power += sum.0 * sum.0 + sum.1 * sum.1;
                 }
+                *power += dot(&sum.re, &sum.re) + dot(&sum.im, &sum.im);
             }
         }
         power.iter().map(|p| p / count as f64).collect()
@@ -314,34 +370,4 @@ impl<'a> TermsProblem<'a> {
 /// The larger; NaN where either is.
 fn largest(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
-}
-
-/// Minimiser of |r + Σ x_k c_k| over the columns named, and whether these are independent.
-fn least_squares(columns: &[Vec<f64>], free: &[usize], residual: &[f64]) -> (Vec<f64>, bool) {
-    let n = free.len();
-    let mut a = factored(columns, free, Some(residual));
-    a.absorb();
-    let mut x = vec![0.0; n];
-    let mut full = true;
-    for k in (0..n).rev() {
-        let size = (0..=k).map(|i| a.r(i, k) * a.r(i, k)).sum::<f64>().sqrt();
-        let pivot = a.r(k, k);
-        full &= pivot.abs() > DEPENDENT * size;
-        let sum = (k + 1..n).fold(-a.qt(k, n), |s, j| s - a.r(k, j) * x[j]);
-        x[k] = sum / pivot;
-    }
-    (x, full)
-}
-
-/// Orthogonal factors of the columns named, beside them the residual.
-pub(crate) fn factored(columns: &[Vec<f64>], free: &[usize], residual: Option<&[f64]>) -> Absorber {
-    let n = free.len();
-    let rows = columns.first().map_or(0, Vec::len);
-    let mut a = Absorber::new(n, rows.max(1));
-    for i in 0..rows {
-        let right = residual.map_or(0.0, |r| r[i]);
-        let own = free.iter().map(|k| columns[*k][i]);
-        a.push(own.clone(), own.chain([right]));
-    }
-    a
 }

@@ -1,15 +1,18 @@
 //! From samples to the lines: coefficients of every signal, and of the products of sensitivities that the
 //! covariance of the lines is made of.
 
-use super::complex::C;
+use std::sync::OnceLock;
+
+use super::complex::Split;
 use super::equations::{Equations, Lag};
+use super::noise::{NoisePlan, Room};
 use crate::error::Error;
 use crate::estimate::fit::Time;
 use crate::estimate::window::Window;
-use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::modulation::Lines;
+use crate::noise_level::NoiseLevel;
 use crate::quadrature::Rule;
-use crate::simd::Isa;
+use crate::simd::{Isa, LANES, Wide, numbers};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
 
@@ -31,23 +34,23 @@ pub(crate) struct TermsRecordPlan {
     plans: Vec<CoefficientPlan>,
     /// Of products of sensitivities.
     noise: NoisePlan,
+    /// What tells the noise level of the window's samples, once it was asked for.
+    level: OnceLock<NoiseLevel>,
     /// Variance of each sample over the channel's, a noisy channel; empty: all one.
     pub uneven: Vec<Vec<f64>>,
-}
-
-/// Sums Σ w_k² p_k e^{−2πi l t_k/T} over a window.
-enum NoisePlan {
-    Even { plan: Box<CoefficientPlan>, squares: f64, roots: Vec<(f64, f64)> },
-    Uneven { squares: Vec<f64>, turns: Vec<f64> },
 }
 
 /// Coefficients of one record at one θ.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Spectra {
     /// V of each signal from line 0 on.
-    pub signals: Vec<Vec<C>>,
-    /// R of each pair of noisy signals, lags from 0 on.
-    pub pairs: Vec<Vec<C>>,
+    pub signals: Vec<Split>,
+    /// R of each pair of noisy signals.
+    pub pairs: Vec<Split>,
+    /// Where lag 0 of these stands.
+    pub middle: usize,
+    /// Whether a pair has no lag but 0.
+    pub white: Vec<bool>,
 }
 
 /// Which signals are noisy, and where the products of two of them stand.
@@ -55,21 +58,44 @@ pub(crate) struct Spectra {
 pub(crate) struct Pairs {
     /// Noisy signals in terms.
     pub noisy: Vec<usize>,
+    /// Positions in `noisy` of those in each equation.
+    pub of: Vec<Vec<usize>>,
     /// `place[signal][position in noisy]`: the pair, or none.
     pub place: Vec<Vec<Option<usize>>>,
+    /// What correlates two equations, row after row of them.
+    pub couples: Vec<Vec<Couple>>,
     /// The sensitivities of both signals that have a channel in common, a pair: (first, second, channel).
     products: Vec<Vec<(usize, usize, usize)>>,
 }
 
+/// Noisy signals of two equations that have noise in common, each by its place among the loads, and their pair.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Couple {
+    pub from: usize,
+    pub to: usize,
+    pub pair: usize,
+}
+
+/// Where formulas are evaluated: one record's channels, the noisy ones' variances, θ.
+pub(crate) struct Place<'a> {
+    pub channels: &'a [&'a [f64]],
+    pub variances: &'a [f64],
+    pub theta: &'a [f64],
+    /// Noisy channels without their noise, where slopes are taken there.
+    pub clean: &'a [Vec<f64>],
+}
+
 /// Memory of one worker for [`TermsRecordPlan::load`].
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Desk {
     registers: Vec<f64>,
     results: Vec<Vec<f64>>,
     product: Vec<f64>,
+    wave: Vec<Wide>,
     re: Vec<f64>,
     im: Vec<f64>,
     scratch: Scratch,
+    room: Room,
 }
 
 impl Pairs {
@@ -103,7 +129,25 @@ impl Pairs {
                 places[j] = Some(at);
             }
         }
-        Pairs { noisy, place, products }
+        let holds = |equation: usize, s: usize| {
+            e.terms.iter().any(|t| t.equation == equation && t.signal == s)
+        };
+        let (equations, own) = (e.orders.len(), noisy.len());
+        let of: Vec<Vec<usize>> = (0..equations)
+            .map(|equation| (0..own).filter(|at| holds(equation, noisy[*at])).collect())
+            .collect();
+        let couples = (0..equations * equations)
+            .map(|both| {
+                let (a, b) = (both / equations, both % equations);
+                let each = of[a].iter().flat_map(|i| of[b].iter().map(move |j| (*i, *j)));
+                let couple = |(i, j): (usize, usize)| {
+                    let (from, to) = (a * own + i, b * own + j);
+                    place[noisy[i]][j].map(|pair| Couple { from, to, pair })
+                };
+                each.filter_map(couple).collect()
+            })
+            .collect();
+        Pairs { noisy, of, couples, place, products }
     }
 }
 
@@ -140,63 +184,52 @@ impl TermsRecordPlan {
             }
         };
         let plans = e.signals.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
-        let n = window.intervals;
-        let noise = match time {
-            Time::Even(_) => {
-                let lags = (2 * highest).min(n / 2);
-                let plan = CoefficientPlan::new(n, lags, Kind::Rule(Rule::Staircase), 0.0, 0)?;
-                // The rule's end weights are left to the mean of their squares, as linear models do: so the
-                // lines of a linear equation are independent, and the two agree to all digits.
-                let squares = rule.weights(n)?.iter().map(|w| w * w).sum::<f64>() / (n * n) as f64;
-                let roots = (0..n as u64).map(|k| root_of_unity(k, n as u64)).collect();
-                NoisePlan::Even { plan: Box::new(plan), squares, roots }
-            }
-            Time::Uneven(t) => {
-                let span = t[n] - t[0];
-                let weights = rule.uneven_weights(t)?;
-                let squares = weights.iter().map(|q| (q / span) * (q / span)).collect();
-                let turns = t.iter().map(|x| (x - t[0]) / span).collect();
-                NoisePlan::Uneven { squares, turns }
+        let noise = NoisePlan::new(time, window.intervals, rule, highest)?;
+        let dt = if let Time::Even(dt) = time { dt } else { f64::NAN };
+        let level = OnceLock::new();
+        Ok(TermsRecordPlan { samples, dt, window, highest, plans, noise, level, uneven })
+    }
+
+    /// Standard deviation of white noise on a channel, from the window.
+    pub fn noise_level(&self, isa: Isa, channel: &[f64], order: usize) -> Result<f64, Error> {
+        let samples = &channel[self.window.lead..];
+        let level = match self.level.get() {
+            Some(level) => level,
+            None => {
+                let own = NoiseLevel::new(samples.len(), order)?;
+                self.level.get_or_init(|| own)
             }
         };
-        let dt = if let Time::Even(dt) = time { dt } else { f64::NAN };
-        Ok(TermsRecordPlan { samples, dt, window, highest, plans, noise, uneven })
+        level.of(isa, samples)
     }
 
     /// The lines from `first` to `last`.
     pub fn lines(&self, first: usize, last: usize) -> Lines {
-        let unit_variance = match &self.noise {
-            NoisePlan::Even { squares, .. } => *squares,
-            NoisePlan::Uneven { squares, .. } => squares.iter().sum(),
-        };
+        let unit_variance = self.noise.unit_variance();
         Lines { first, last, omega0: self.window.omega0, unit_variance }
     }
 
     /// Coefficients of all signals, and of all pairs of sensitivities, at θ.
-    #[allow(clippy::too_many_arguments)]
     pub fn load(
         &self,
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
-        channels: &[&[f64]],
-        variances: &[f64],
-        theta: &[f64],
-        clean: &[Vec<f64>],
+        at: &Place<'_>,
         desk: &mut Desk,
         out: &mut Spectra,
     ) -> Result<(), Error> {
-        self.formulas(e, channels, variances, theta, &[], desk);
+        self.formulas(e, at, &[], desk);
         let count = self.highest + 1;
         desk.re.resize(count, 0.0);
         desk.im.resize(count, 0.0);
-        out.signals.resize_with(e.signals.len(), Vec::new);
+        out.signals.resize_with(e.signals.len(), Split::default);
         for (s, signal) in e.signals.iter().enumerate() {
             let late;
             let plan = match signal.lag {
                 Lag::Known(_) => &self.plans[s],
                 Lag::Parameter(_) => {
-                    let delay = e.lag(s, theta) / self.dt;
+                    let delay = e.lag(s, at.theta) / self.dt;
                     let Window { intervals, lead, .. } = self.window;
                     late = CoefficientPlan::new(intervals, self.highest, signal.kind, delay, lead)?;
                     &late
@@ -204,112 +237,115 @@ impl TermsRecordPlan {
             };
             plan.run_in(isa, &desk.results[s], &mut desk.re, &mut desk.im, &mut desk.scratch)?;
             // A constant is on line 0 alone: what rounding leaves elsewhere must not pass for a column.
-            let size = desk.results[s].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-            let sound = |x: f64| if x.abs() < ROUNDING * size { 0.0 } else { x };
-            out.signals[s].clear();
-            let each = desk.re.iter().zip(&desk.im);
-            out.signals[s].extend(each.map(|(re, im)| C(sound(*re), sound(*im))));
+            let least = ROUNDING * largest(&desk.results[s]);
+            for x in desk.re.iter_mut().chain(&mut desk.im) {
+                *x = if x.abs() < least { 0.0 } else { *x };
+            }
+            out.signals[s].copy(&desk.re, &desk.im);
         }
-        if !clean.is_empty() {
-            // The slopes at channels that noise has been taken from.
-            self.formulas(e, channels, variances, theta, clean, desk);
+        if at.clean.is_empty() {
+            return self.correlate(isa, e, pairs, at, desk, out);
         }
-        out.pairs.resize_with(pairs.products.len(), Vec::new);
-        for (at, list) in pairs.products.iter().enumerate() {
-            self.product(e, list, variances, desk);
-            self.correlate(isa, desk, &mut out.pairs[at])?;
+        self.load_slopes(isa, e, pairs, at, desk, out)
+    }
+
+    /// The pairs of sensitivities alone, taken at channels that noise has been taken from.
+    pub fn load_slopes(
+        &self,
+        isa: Isa,
+        e: &Equations,
+        pairs: &Pairs,
+        at: &Place<'_>,
+        desk: &mut Desk,
+        out: &mut Spectra,
+    ) -> Result<(), Error> {
+        self.formulas(e, at, at.clean, desk);
+        self.correlate(isa, e, pairs, at, desk, out)
+    }
+
+    /// R of all pairs, of the sensitivities that stand in the desk.
+    fn correlate(
+        &self,
+        isa: Isa,
+        e: &Equations,
+        pairs: &Pairs,
+        at: &Place<'_>,
+        desk: &mut Desk,
+        out: &mut Spectra,
+    ) -> Result<(), Error> {
+        out.middle = self.noise.middle();
+        out.pairs.resize_with(pairs.products.len(), Split::default);
+        out.white.resize(pairs.products.len(), false);
+        let each = out.pairs.iter_mut().zip(&mut out.white).zip(&pairs.products);
+        for ((out, white), list) in each {
+            let constant = self.constant_product(e, list, at.variances);
+            *white = constant.is_some_and(|product| self.noise.correlate_constant(product, out));
+            if *white {
+                continue;
+            }
+            self.product(e, list, at.variances, desk);
+            self.noise.correlate(isa, &mut desk.product, &mut desk.room, out)?;
         }
         Ok(())
     }
 
     /// Signals and sensitivities, sample by sample; noisy channels from `clean` where given.
-    fn formulas(
-        &self,
-        e: &Equations,
-        channels: &[&[f64]],
-        variances: &[f64],
-        theta: &[f64],
-        clean: &[Vec<f64>],
-        desk: &mut Desk,
-    ) {
+    fn formulas(&self, e: &Equations, at: &Place<'_>, clean: &[Vec<f64>], desk: &mut Desk) {
         desk.results.resize_with(e.samples.results(), Vec::new);
         for r in &mut desk.results {
             r.resize(self.samples, 0.0);
         }
-        let mut own: Vec<&[f64]> = channels.to_vec();
+        let mut own: Vec<&[f64]> = at.channels.to_vec();
         for (channel, values) in e.noisy.iter().zip(clean) {
             own[*channel] = values;
         }
-        let values = variances.iter().chain(theta).map(|v| Input::Value(*v));
+        let values = at.variances.iter().chain(at.theta).map(|v| Input::Value(*v));
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
         e.samples.run(&inputs, self.samples, &mut desk.registers, &mut desk.results);
     }
 
     /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over
-    /// equations of conj(L)λ of each noisy signal on the lines from `first` on.
+    /// equations of conj(L)λ of each noisy signal on `count` lines from `first` on. `fresh`: the desk holds the
+    /// formulas of this record.
     #[allow(clippy::too_many_arguments)]
     pub fn denoised(
         &self,
+        isa: Isa,
         e: &Equations,
         pairs: &Pairs,
-        channels: &[&[f64]],
-        variances: &[f64],
-        theta: &[f64],
-        (sources, first): (&[C], usize),
+        at: &Place<'_>,
+        sources: &[Split],
+        (count, first): (usize, usize),
+        fresh: bool,
         desk: &mut Desk,
     ) -> Vec<Vec<f64>> {
-        self.formulas(e, channels, variances, theta, &[], desk);
-        let (lead, n) = (self.window.lead, self.window.intervals);
-        let count = sources.len() / pairs.noisy.len().max(1);
-        let mut clean: Vec<Vec<f64>> = e.noisy.iter().map(|c| channels[*c].to_vec()).collect();
-        let mut wave = vec![0.0; n + 1];
-        for (s, own) in pairs.noisy.iter().zip(sources.chunks_exact(count.max(1))) {
-            wave.fill(0.0);
-            for (at, source) in own.iter().enumerate() {
-                self.add_wave(first + at, *source, &mut wave);
-            }
+        if !fresh {
+            self.formulas(e, at, &[], desk);
+        }
+        let lead = self.window.lead;
+        let mut clean: Vec<Vec<f64>> = e.noisy.iter().map(|c| at.channels[*c].to_vec()).collect();
+        for (s, own) in pairs.noisy.iter().zip(sources) {
+            self.noise.wave(isa, own, count, first, &mut desk.wave);
             let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
-            for (at, (_, c)) in each {
-                let slope = &desk.results[e.signals.len() + at][lead..];
-                for (k, (w, d)) in wave.iter().zip(slope).enumerate() {
-                    let uneven = self.uneven.get(*c).map_or(1.0, |v| v[lead + k]);
-                    clean[*c][lead + k] -= variances[*c] * uneven * self.weight(k) * d * w;
+            for (k, (_, c)) in each {
+                let slope = &desk.results[e.signals.len() + k][lead..];
+                let own = clean[*c][lead..].iter_mut().zip(numbers(&desk.wave).iter().zip(slope));
+                let variance = at.variances[*c];
+                match self.uneven.get(*c) {
+                    None => {
+                        for (to, (w, d)) in own {
+                            *to -= variance * d * w;
+                        }
+                    }
+                    Some(uneven) => {
+                        for ((to, (w, d)), own) in own.zip(&uneven[lead..]) {
+                            *to -= variance * own * d * w;
+                        }
+                    }
                 }
             }
         }
         clean
-    }
-
-    /// Adds Re of `source` times e^{imω₀t} to every sample of the window.
-    fn add_wave(&self, line: usize, source: C, wave: &mut [f64]) {
-        match &self.noise {
-            NoisePlan::Even { roots, .. } => {
-                // The phase of sample k is the root number line·k, counted modulo their number.
-                let (step, mut at) = (line % roots.len(), 0);
-                for w in wave {
-                    let (cos, sin) = roots[at];
-                    *w += source.0 * cos - source.1 * sin;
-                    at += step;
-                    if at >= roots.len() {
-                        at -= roots.len();
-                    }
-                }
-            }
-            NoisePlan::Uneven { turns, .. } => {
-                for (w, turn) in wave.iter_mut().zip(turns) {
-                    let (sin, cos) = sin_cos_turns_1(line as f64 * turn);
-                    *w += source.0 * cos - source.1 * sin;
-                }
-            }
-        }
-    }
-
-    /// Share of sample `k` in a coefficient.
-    fn weight(&self, k: usize) -> f64 {
-        match &self.noise {
-            NoisePlan::Even { .. } => 1.0 / self.window.intervals as f64,
-            NoisePlan::Uneven { squares, .. } => squares[k].sqrt(),
-        }
     }
 
     /// The highest line up to `wide` on which a noisy channel shows more than its noise.
@@ -362,8 +398,8 @@ impl TermsRecordPlan {
     ) {
         let (first, n) = (self.window.lead, self.window.intervals);
         let signals = e.signals.len();
-        desk.product.clear();
         desk.product.resize(n + 1, 0.0);
+        desk.product.fill(0.0);
         for (a, b, c) in list {
             let (a, b) = (&desk.results[signals + a][first..], &desk.results[signals + b][first..]);
             match self.uneven.get(*c) {
@@ -382,38 +418,30 @@ impl TermsRecordPlan {
         }
     }
 
-    /// R(l) of what stands in the desk's product.
-    fn correlate(&self, isa: Isa, desk: &mut Desk, out: &mut Vec<C>) -> Result<(), Error> {
-        let n = self.window.intervals;
-        out.clear();
-        match &self.noise {
-            NoisePlan::Even { plan, squares, .. } => {
-                // The window's last sample has the phase of its first, and both count half.
-                desk.product[0] = 0.5 * (desk.product[0] + desk.product[n]);
-                let lags = plan.harmonics() + 1;
-                desk.re.resize(lags, 0.0);
-                desk.im.resize(lags, 0.0);
-                plan.run_in(isa, &desk.product, &mut desk.re, &mut desk.im, &mut desk.scratch)?;
-                let each = desk.re.iter().zip(&desk.im);
-                out.extend(each.map(|(re, im)| C(*re, *im) * *squares));
-                // Lags above N/2 are those of the mirrored sum.
-                for lag in lags..=2 * self.highest {
-                    out.push(out[n - lag].conj());
-                }
-                desk.re.resize(self.highest + 1, 0.0);
-                desk.im.resize(self.highest + 1, 0.0);
-            }
-            NoisePlan::Uneven { squares, turns } => {
-                for lag in 0..=2 * self.highest {
-                    let mut sum = C(0.0, 0.0);
-                    for ((p, w), t) in desk.product.iter().zip(squares).zip(turns) {
-                        let (sin, cos) = sin_cos_turns_1(-(lag as f64) * t);
-                        sum += C(cos, sin) * (p * w);
-                    }
-                    out.push(sum);
-                }
-            }
-        }
-        Ok(())
+    /// The product where it is the same for all samples.
+    fn constant_product(
+        &self,
+        e: &Equations,
+        list: &[(usize, usize, usize)],
+        variances: &[f64],
+    ) -> Option<f64> {
+        let slope = |k: usize| e.samples.constant(e.signals.len() + k);
+        list.iter().try_fold(0.0, |sum, (a, b, c)| match self.uneven.get(*c) {
+            None => Some(sum + variances[*c] * slope(*a)? * slope(*b)?),
+            Some(_) => None,
+        })
     }
+}
+
+/// The largest size, in eight at a time; NaN counts for nothing.
+fn largest(all: &[f64]) -> f64 {
+    let (eights, rest) = all.as_chunks::<LANES>();
+    let mut most = [0.0f64; LANES];
+    for own in eights {
+        for (most, x) in most.iter_mut().zip(own) {
+            let x = x.abs();
+            *most = if x > *most { x } else { *most };
+        }
+    }
+    most.iter().chain(rest).fold(0.0, |most, x| most.max(x.abs()))
 }

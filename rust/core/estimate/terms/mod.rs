@@ -13,10 +13,12 @@
 mod batch;
 mod complex;
 mod equations;
+mod factor;
 mod fitter;
 mod instruments;
 mod iterate;
 mod lines;
+mod noise;
 mod plan;
 mod rows;
 mod starts;

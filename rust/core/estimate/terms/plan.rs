@@ -2,12 +2,14 @@
 
 use super::equations::Equations;
 use super::lines::{Pairs, TermsRecordPlan};
+use super::rows::Worker;
 
 use crate::error::Error;
 use crate::estimate::band::{Band, Range, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
+use crate::estimate::spare::Spare;
 use crate::estimate::window::Window;
 use crate::quadrature::Rule;
 use crate::simd::Isa;
@@ -54,6 +56,7 @@ pub struct TermsFitter {
     pub(crate) records: Vec<TermsRecordPlan>,
     pub(crate) given: Vec<Range>,
     pub(crate) narrow: Vec<Range>,
+    pub(crate) workers: Spare<Worker>,
 }
 
 impl TermsFitter {
@@ -97,7 +100,7 @@ impl TermsFitter {
             narrow.push((range.0, few.min(range.1)));
         }
         let pairs = Pairs::new(e);
-        Ok(TermsFitter { isa, pairs, records, given, narrow, o })
+        Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })
     }
 
     /// What weighs the rows, and of which signals the columns are made.

@@ -4,21 +4,32 @@
 //! v̂ = ΣLᵀλ; J is made of the signals without it, E − (∂E/∂v)v̂, which makes Jᵀ C⁻¹ r the exact gradient of
 //! ½ rᵀC(θ)⁻¹r (docs/core.md, "Terms").
 
+mod base;
+mod covariance;
 mod denoised;
 
-use super::complex::C;
+use super::complex::{Power, Split, late};
 use super::equations::Equations;
-use super::lines::{Pairs, Spectra};
+use super::lines::{Desk, Pairs, Spectra};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::dense::{Panel, whiten, whiten_more};
+use crate::linalg::qr::dot;
 use crate::modulation::Lines;
-use crate::simd::Isa;
+use crate::simd::{Isa, Wide};
 use crate::structure::Trend;
+pub(crate) use base::Base;
+use covariance::Entries;
 
 /// Variance of a row on which noise has no say, over that of its neighbours.
 const SILENT: f64 = 1e-9;
-/// Columns whose part beside the ones before is smaller than this fraction are dependent.
-const DEPENDENT: f64 = 1e-10;
+
+/// What one worker keeps from one problem to the next.
+#[derive(Default)]
+pub(crate) struct Worker {
+    pub desk: Desk,
+    /// Rows of the last problem, for one on the same lines.
+    pub spots: Vec<Spot>,
+}
 
 /// Re or Im of an equation on a line (position among the lines).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,31 +45,41 @@ pub(crate) struct Spot {
     /// Lowest line of the band, before a trend takes line 0.
     pub lowest: usize,
     pub rows: Vec<Row>,
-    /// Row of (line, im, equation); none for Im of line 0.
-    place: Vec<Option<usize>>,
+    /// The rows of the neighbouring lines; twice the one there is at the edges.
+    near: Vec<[usize; 2]>,
     /// (iω)^k of each line.
-    powers: Vec<Vec<C>>,
-    /// Transient and drift columns, row by row.
-    transient: Vec<Vec<f64>>,
+    powers: Vec<Power>,
+    /// Transient and drift columns, row major.
+    transient: Vec<f64>,
+    /// Unknowns besides θ.
+    pub transients: usize,
     /// Standard deviation of a row under flat weights.
     flat: Vec<f64>,
     pub spectra: Spectra,
-    /// L on each line: (equation, noisy signal, line).
-    loads: Vec<C>,
-    /// Equation error on each line: (equation, line).
-    pub error: Vec<C>,
+    /// L on the lines, of each equation and noisy signal.
+    loads: Vec<Split>,
+    /// Equation error on the lines, of each equation.
+    pub error: Vec<Split>,
+    entries: Entries,
     panel: Panel,
     more: Panel,
     least: Vec<f64>,
     /// Whitened transient columns, and an orthonormal base of them.
     whitened: Vec<Vec<f64>>,
-    base: Vec<Vec<f64>>,
+    base: Base,
     /// Whitened residual, the transient's part taken out.
     pub residual: Vec<f64>,
     /// Whitened columns of θ, transient not taken out.
     pub columns: Vec<Vec<f64>>,
-    lambda: Vec<f64>,
-    denoised: Vec<Vec<C>>,
+    /// C⁻¹r.
+    lambda: Vec<Wide>,
+    /// z of each noisy signal, see [`Spot::find_sources`].
+    pub sources: Vec<Split>,
+    /// Lines of one signal's noise, and of all signals without theirs.
+    noise: Vec<Wide>,
+    denoised: Vec<Split>,
+    /// A column of θ on the lines, of each equation.
+    slopes: Vec<Split>,
     weights: RowWeights,
 }
 
@@ -82,14 +103,20 @@ impl Spot {
                 }
             }
         }
+        let near = rows.iter().enumerate().map(|(k, row)| {
+            let at = |line: usize| (line * 2 + usize::from(row.im)) * equations + row.equation;
+            let there = |line: usize| place.get(at(line)).copied().flatten();
+            let (before, after) = (row.line.checked_sub(1).and_then(there), there(row.line + 1));
+            let one = before.or(after).unwrap_or(k);
+            [before.unwrap_or(one), after.unwrap_or(one)]
+        });
+        let near = near.collect();
         let highest = e.orders.iter().copied().max().unwrap_or(0);
         let omega = |line: usize| (line + first) as f64 * lines.omega0;
         // One power more than the equations have: a delay's slope is −s V.
-        let powers = (0..=highest + 1)
-            .map(|k| (0..count).map(|line| C::power(omega(line), k)).collect())
-            .collect();
+        let powers = (0..=highest + 1).map(|k| Power::new(k, (0..count).map(omega))).collect();
         let edge = lines.last as f64;
-        let mut transient = Vec::new();
+        let mut transient: Vec<Vec<f64>> = Vec::new();
         for (equation, order) in e.orders.iter().enumerate() {
             let mut column = |im: bool, value: &dyn Fn(f64) -> f64| {
                 transient.push(
@@ -109,6 +136,8 @@ impl Spot {
                 column(true, &|m| 1.0 / m);
             }
         }
+        let transients = transient.len();
+        let across = (0..rows.len()).flat_map(|i| transient.iter().map(move |c| c[i])).collect();
         let share = |r: &Row| if r.line + first == 0 { 1.0 } else { 0.5 };
         let flat = rows
             .iter()
@@ -117,34 +146,39 @@ impl Spot {
         Spot {
             lowest,
             lines,
-            place,
+            near,
             powers,
-            transient,
+            transient: across,
+            transients,
             flat,
             spectra: Spectra::default(),
             loads: Vec::new(),
-            error: vec![C::default(); equations * count],
+            error: vec![Split::zeros(count); equations],
+            entries: Entries::default(),
             panel: Panel::default(),
             more: Panel::default(),
             least: Vec::new(),
             whitened: Vec::new(),
-            base: Vec::new(),
+            base: Base::default(),
             residual: vec![0.0; rows.len()],
             columns: vec![vec![0.0; rows.len()]; e.parameters],
             lambda: Vec::new(),
+            sources: Vec::new(),
+            noise: Vec::new(),
             denoised: Vec::new(),
+            slopes: vec![Split::zeros(count); equations],
             weights: RowWeights::Flat,
             rows,
         }
     }
 
-    fn count(&self) -> usize {
-        self.lines.last + 1 - self.lines.first
+    /// Whether these are the rows of such lines.
+    pub fn of(&self, lines: Lines) -> bool {
+        (self.lowest, self.lines.last, self.lines.omega0) == (lines.first, lines.last, lines.omega0)
     }
 
-    /// Unknowns besides θ.
-    pub fn transients(&self) -> usize {
-        self.transient.len()
+    fn count(&self) -> usize {
+        self.lines.count()
     }
 
     /// Whitens the rows at coefficients `g` and takes out the transient; the weighted sum of squares.
@@ -159,14 +193,14 @@ impl Spot {
     ) -> f64 {
         self.weights = weights;
         self.errors(e, g);
-        let (rows, width) = (self.rows.len(), self.transient.len() + 1);
+        let (rows, width) = (self.rows.len(), self.transients + 1);
         match weights {
             RowWeights::Flat => {
                 self.panel.resize(rows, width);
                 self.fill_columns(0);
                 for (i, sd) in self.flat.iter().enumerate() {
-                    for j in 0..width {
-                        self.panel.set(i, j, self.panel.get(i, j) / sd);
+                    for x in &mut self.panel.row_mut(i)[..width] {
+                        *x /= sd;
                     }
                 }
                 self.take_out(0);
@@ -174,38 +208,37 @@ impl Spot {
             RowWeights::Adapted => {
                 self.panel.resize(rows, rows + width);
                 self.load_lines(e, pairs, g, lags);
-                self.covariance(e, pairs);
+                self.covariance(isa, e.orders.len(), pairs);
                 self.fill_columns(rows);
-                self.floors(e.orders.len());
+                self.floors();
                 whiten(isa, &mut self.panel, &self.least);
                 self.take_out(rows);
             }
         }
-        self.residual.iter().map(|x| x * x).sum()
+        dot(&self.residual, &self.residual)
     }
 
     /// Σ g s^k V of each equation.
     fn errors(&mut self, e: &Equations, g: &[f64]) {
         let (count, first) = (self.count(), self.lines.first);
-        self.error.fill(C::default());
+        for to in &mut self.error {
+            to.clear(count);
+        }
         for (term, g) in e.terms.iter().zip(g) {
-            let own = &mut self.error[term.equation * count..][..count];
-            let values = &self.spectra.signals[term.signal][first..];
-            for ((to, v), p) in own.iter_mut().zip(values).zip(&self.powers[term.order]) {
-                *to += *p * *v * *g;
-            }
+            let values = &self.spectra.signals[term.signal];
+            self.powers[term.order].add_times(*g, values, first, &mut self.error[term.equation]);
         }
     }
 
     /// Writes transient columns and the equation error from column `at` on.
     fn fill_columns(&mut self, at: usize) {
-        let count = self.count();
+        let nt = self.transients;
         for (i, row) in self.rows.iter().enumerate() {
-            for (c, column) in self.transient.iter().enumerate() {
-                self.panel.set(i, at + c, column[i]);
-            }
-            let q = self.error[row.equation * count + row.line];
-            self.panel.set(i, at + self.transient.len(), if row.im { q.1 } else { q.0 });
+            let to = &mut self.panel.row_mut(i)[at..];
+            to[..nt].copy_from_slice(&self.transient[i * nt..(i + 1) * nt]);
+            let q = &self.error[row.equation];
+            to[nt] = if row.im { q.im[row.line] } else { q.re[row.line] };
+            to[nt + 1..].fill(0.0);
         }
     }
 
@@ -213,68 +246,20 @@ impl Spot {
     fn load_lines(&mut self, e: &Equations, pairs: &Pairs, g: &[f64], lags: &[f64]) {
         let (count, first) = (self.count(), self.lines.first);
         let own = pairs.noisy.len();
-        self.loads.clear();
-        self.loads.resize(e.orders.len() * own * count, C::default());
+        self.loads.resize_with(e.orders.len() * own, Split::default);
+        for to in &mut self.loads {
+            to.clear(count);
+        }
         for (term, g) in e.terms.iter().zip(g) {
             let Some(at) = pairs.noisy.iter().position(|s| *s == term.signal) else { continue };
-            let to = &mut self.loads[(term.equation * own + at) * count..][..count];
-            for (to, p) in to.iter_mut().zip(&self.powers[term.order]) {
-                *to += *p * *g;
-            }
+            self.powers[term.order].add(*g, &mut self.loads[term.equation * own + at]);
         }
         for (at, s) in pairs.noisy.iter().enumerate().filter(|(_, s)| lags[**s] != 0.0) {
             for equation in 0..e.orders.len() {
-                let to = &mut self.loads[(equation * own + at) * count..][..count];
-                for (line, to) in to.iter_mut().enumerate() {
-                    *to = *to * late((line + first) as f64 * self.lines.omega0 * lags[*s]);
-                }
-            }
-        }
-    }
-
-    /// Covariance of the rows, upper triangle.
-    fn covariance(&mut self, e: &Equations, pairs: &Pairs) {
-        let (count, first) = (self.count(), self.lines.first);
-        let (equations, own) = (e.orders.len(), pairs.noisy.len());
-        // E[Q(m) Q(l)*] and E[Q(m) Q(l)] of one m, equation and other equation, over l.
-        let (mut direct, mut mirrored) = (vec![C::default(); count], vec![C::default(); count]);
-        for m in 0..count {
-            for a in 0..equations {
-                for b in 0..equations {
-                    direct[m..].fill(C::default());
-                    mirrored[m..].fill(C::default());
-                    for (i, s) in pairs.noisy.iter().enumerate() {
-                        let from = self.loads[(a * own + i) * count + m];
-                        for j in 0..own {
-                            let Some(pair) = pairs.place[*s][j] else { continue };
-                            let to = &self.loads[(b * own + j) * count..][m..count];
-                            let r = &self.spectra.pairs[pair];
-                            let (near, far) = (&r[..count - m], &r[2 * (m + first)..]);
-                            let sums = direct[m..].iter_mut().zip(&mut mirrored[m..]);
-                            for ((d, x), ((to, near), far)) in
-                                sums.zip(to.iter().zip(near).zip(far))
-                            {
-                                *d += from * (*to * *near).conj();
-                                *x += from * (*to * *far);
-                            }
-                        }
-                    }
-                    for l in m..count {
-                        let (d, x) = (direct[l], mirrored[l]);
-                        let entries = [
-                            (false, false, d.0 + x.0),
-                            (true, true, d.0 - x.0),
-                            (false, true, x.1 - d.1),
-                            (true, false, x.1 + d.1),
-                        ];
-                        for (im_a, im_b, value) in entries {
-                            let i = self.place[(m * 2 + usize::from(im_a)) * equations + a];
-                            let j = self.place[(l * 2 + usize::from(im_b)) * equations + b];
-                            if let (Some(i), Some(j)) = (i, j) {
-                                self.panel.set(i, j, 0.5 * value);
-                            }
-                        }
-                    }
+                let to = &mut self.loads[equation * own + at];
+                for line in 0..count {
+                    let turn = late((line + first) as f64 * self.lines.omega0 * lags[*s]);
+                    to.set(line, to.get(line) * turn);
                 }
             }
         }
@@ -282,29 +267,26 @@ impl Spot {
 
     /// The least that a row's pivot may be: what rounding leaves, and next to nothing of what it is on the
     /// neighbouring lines, so that a row on which the noise has no say keeps a finite weight.
-    fn floors(&mut self, equations: usize) {
+    fn floors(&mut self) {
         self.panel.floors(&mut self.least);
-        for (k, row) in self.rows.iter().enumerate() {
-            let at = |line: usize| (line * 2 + usize::from(row.im)) * equations + row.equation;
-            let near = [row.line.checked_sub(1), Some(row.line + 1)].into_iter().flatten();
-            let places = near.filter_map(|line| self.place.get(at(line)).copied().flatten());
-            let most = places.map(|i| self.panel.get(i, i)).fold(0.0, f64::max);
-            self.least[k] = self.least[k].max(SILENT * most);
+        for (least, [a, b]) in self.least.iter_mut().zip(&self.near) {
+            let most = self.panel.row(*a)[*a].max(self.panel.row(*b)[*b]);
+            *least = least.max(SILENT * most);
         }
     }
 
     /// Orthonormal transient columns from those whitened at column `at`, and the residual beside them.
     fn take_out(&mut self, at: usize) {
-        let (rows, nt) = (self.rows.len(), self.transient.len());
+        let (rows, nt) = (self.rows.len(), self.transients);
         self.whitened.resize_with(nt, Vec::new);
         for (c, column) in self.whitened.iter_mut().enumerate() {
             column.clear();
-            column.extend((0..rows).map(|i| self.panel.get(i, at + c)));
+            column.extend(self.panel.column(at + c));
         }
-        orthonormal(&self.whitened, rows, &mut self.base);
+        self.base.span(&self.whitened, rows);
         self.residual.clear();
-        self.residual.extend((0..rows).map(|i| self.panel.get(i, at + nt)));
-        project(&self.base, &mut self.residual);
+        self.residual.extend(self.panel.column(at + nt));
+        self.base.project(&mut self.residual);
     }
 
     /// Columns ∂/∂θ of the rows, whitened as [`Spot::evaluate`] left it; the transient is not taken out.
@@ -317,23 +299,17 @@ impl Spot {
         lags: &[f64],
         factors: LeftColumns,
     ) {
-        self.denoise(pairs, lags, factors);
-        let (count, equations) = (self.count(), e.orders.len());
-        let rows = self.rows.len();
-        let mut lines = std::mem::take(&mut self.lambda);
-        self.more.resize(rows, e.parameters);
+        self.denoise(isa, pairs, lags, factors);
+        let count = self.count();
+        self.more.resize(self.rows.len(), e.parameters);
         let (g, slopes) = values.split_at(e.terms.len());
         for k in 0..e.parameters {
-            lines.clear();
-            lines.resize(2 * equations * count, 0.0);
+            for to in &mut self.slopes {
+                to.clear(count);
+            }
             let mut add = |equation: usize, order: usize, signal: usize, by: f64| {
-                let values = self.denoised[signal].iter().zip(&self.powers[order]);
-                let to = lines[2 * equation * count..].chunks_exact_mut(2);
-                for ((v, p), to) in values.zip(to) {
-                    let value = *p * *v * by;
-                    to[0] += value.0;
-                    to[1] += value.1;
-                }
+                let values = &self.denoised[signal];
+                self.powers[order].add_times(by, values, 0, &mut self.slopes[equation]);
             };
             for ((t, _), slope) in e.slopes.iter().zip(slopes).filter(|((_, own), _)| *own == k) {
                 let term = e.terms[*t];
@@ -350,25 +326,24 @@ impl Spot {
                 }
             }
             for (i, row) in self.rows.iter().enumerate() {
-                let value = lines[2 * (row.equation * count + row.line) + usize::from(row.im)];
-                self.more.set(i, k, value);
+                let own = &self.slopes[row.equation];
+                let value = if row.im { own.im[row.line] } else { own.re[row.line] };
+                self.more.row_mut(i)[k] = value;
             }
         }
-        self.lambda = lines;
         match self.weights {
             RowWeights::Flat => {
                 for (i, sd) in self.flat.iter().enumerate() {
-                    for k in 0..e.parameters {
-                        self.more.set(i, k, self.more.get(i, k) / sd);
+                    for x in &mut self.more.row_mut(i)[..e.parameters] {
+                        *x /= sd;
                     }
                 }
             }
             RowWeights::Adapted => whiten_more(isa, &self.panel, &mut self.more),
         }
         for (k, column) in self.columns.iter_mut().enumerate() {
-            for (i, to) in column.iter_mut().enumerate() {
-                *to = self.more.get(i, k);
-            }
+            column.clear();
+            column.extend(self.more.column(k));
         }
     }
 
@@ -377,27 +352,22 @@ impl Spot {
         self.rows.iter().take_while(|r| r.line + self.lines.first <= last).count()
     }
 
-    /// Columns of θ with the transient taken out, on the first `rows` rows alone.
-    pub fn projected(&self, rows: usize, out: &mut Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-        let mut base = Vec::new();
-        orthonormal(&self.whitened, rows, &mut base);
-        out.resize_with(self.columns.len(), Vec::new);
+    /// Appends the columns of θ with the transient taken out, on the first `rows` rows alone; how many columns
+    /// were taken out.
+    pub fn projected(&self, rows: usize, out: &mut [Vec<f64>]) -> usize {
+        let mut base = Base::default();
+        base.span(&self.whitened, rows);
         for (to, from) in out.iter_mut().zip(&self.columns) {
-            to.clear();
+            let first = to.len();
             to.extend_from_slice(&from[..rows]);
-            project(&base, to);
+            base.project(&mut to[first..]);
         }
-        base
+        base.columns().len()
     }
 
     /// The base of the whitened transient columns on all rows.
-    pub fn base(&self) -> &[Vec<f64>] {
+    pub fn base(&self) -> &Base {
         &self.base
-    }
-
-    /// Removes what the transient explains.
-    pub fn project(&self, column: &mut [f64]) {
-        project(&self.base, column);
     }
 
     /// Standard deviation of each row under flat weights.
@@ -405,16 +375,11 @@ impl Spot {
         &self.flat
     }
 
-    /// (iω)^k on the lines in use.
-    pub fn power(&self, k: usize) -> &[C] {
-        &self.powers[k]
+    /// Adds to each line `by` (iω)^k V of a signal.
+    pub fn add(&self, signal: usize, order: usize, by: f64, to: &mut Split) {
+        let values = &self.spectra.signals[signal];
+        self.powers[order].add_times(by, values, self.lines.first, to);
     }
-}
-
-/// e^{−ix}.
-fn late(x: f64) -> C {
-    let (sin, cos) = crate::math::sin_cos_turns_1(-x / std::f64::consts::TAU);
-    C(cos, sin)
 }
 
 /// Polynomials of iω with the parity of their degree, real factors: T_k(x) of Chebyshev.
@@ -427,37 +392,4 @@ fn chebyshev(k: usize, x: f64) -> f64 {
         (before, own) = (own, 2.0 * x * own - before);
     }
     own
-}
-
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Orthonormal base of the first `rows` of the columns, dependent ones left out; each is cleaned twice.
-pub(crate) fn orthonormal(columns: &[Vec<f64>], rows: usize, base: &mut Vec<Vec<f64>>) {
-    base.clear();
-    for column in columns {
-        let mut own = column[..rows].to_vec();
-        let size = dot(&own, &own).sqrt();
-        for _ in 0..2 {
-            project(base, &mut own);
-        }
-        let left = dot(&own, &own).sqrt();
-        if left > DEPENDENT * size {
-            for x in &mut own {
-                *x /= left;
-            }
-            base.push(own);
-        }
-    }
-}
-
-/// Removes what an orthonormal base explains.
-pub(crate) fn project(base: &[Vec<f64>], column: &mut [f64]) {
-    for b in base {
-        let along = dot(b, column);
-        for (x, b) in column.iter_mut().zip(b) {
-            *x -= along * b;
-        }
-    }
 }

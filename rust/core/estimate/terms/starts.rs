@@ -26,7 +26,7 @@ impl TermsProblem<'_> {
         if e.linear {
             let zero = vec![0.0; e.parameters];
             return Ok(self
-                .iterate(zero, RowWeights::Flat, LeftColumns::Data, TOLERANCE, 2)?
+                .iterate(zero, RowWeights::Flat, LeftColumns::Data, TOLERANCE, 1)?
                 .theta);
         }
         // (unweighted cost, θ) of each end that is none of those before.

@@ -3,8 +3,9 @@
 //! The transient is projected out of the columns, so that all is that of a regression on them; leverage counts
 //! the transient's part.
 
-use super::iterate::{TermsProblem, factored};
-use crate::linalg::qr::solve_square;
+use super::factor::Factor;
+use super::iterate::TermsProblem;
+use crate::linalg::qr::{dot, solve_square};
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
 /// noise is nothing, and the classical variance stands for it.
@@ -37,14 +38,15 @@ impl TermsProblem<'_> {
             (i.max(j)..n).map(|k| inverse[i * n + k] * inverse[j * n + k]).sum()
         };
         let normal: Vec<f64> = (0..n * n).map(|k| h(k / n, k % n)).collect();
-        let meat = self.meat(&free, &inverse, variance);
+        let q = self.orthonormal(&free, &inverse);
+        let meat = self.meat(&free, &q, variance);
         let mut out = Worth {
             nonrobust: vec![0.0; p * p],
             hc3: vec![0.0; p * p],
             gram: vec![0.0; p * p],
             degrees: vec![f64::INFINITY; p],
         };
-        for (k, d) in free.iter().zip(self.degrees(&free, &inverse, &normal)) {
+        for (k, d) in free.iter().zip(self.degrees(&free, &q, &normal)) {
             out.degrees[*k] = d;
         }
         for (i, a) in free.iter().enumerate() {
@@ -55,10 +57,10 @@ impl TermsProblem<'_> {
                 out.hc3[a * p + b] = (0..n).map(|k| normal[i * n + k] * row(k)).sum();
             }
         }
-        let sizes: Vec<f64> = self.columns.iter().map(|c| super::rows::dot(c, c).sqrt()).collect();
+        let sizes: Vec<f64> = self.columns.iter().map(|c| dot(c, c).sqrt()).collect();
         for a in 0..p {
             for b in 0..p {
-                let both = super::rows::dot(&self.columns[a], &self.columns[b]);
+                let both = dot(&self.columns[a], &self.columns[b]);
                 let held = at_bound[a] || at_bound[b];
                 out.gram[a * p + b] = match (a == b, held) {
                     (true, _) => 1.0,
@@ -70,62 +72,72 @@ impl TermsProblem<'_> {
         out
     }
 
-    /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
-    fn degrees(&self, free: &[usize], inverse: &[f64], normal: &[f64]) -> Vec<f64> {
+    /// The columns that are free times R⁻¹: the rows of the hat matrix, but for the transient's part.
+    fn orthonormal(&self, free: &[usize], inverse: &[f64]) -> Vec<Vec<f64>> {
         let n = free.len();
-        let mut sums = vec![(0.0, 0.0); n];
+        let mut out = vec![vec![0.0; self.residual.len()]; n];
+        for (k, to) in out.iter_mut().enumerate() {
+            for (l, own) in free[..=k].iter().enumerate() {
+                let by = inverse[l * n + k];
+                to.iter_mut().zip(&self.columns[*own]).for_each(|(to, c)| *to += by * c);
+            }
+        }
+        out
+    }
+
+    /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
+    fn degrees(&self, free: &[usize], q: &[Vec<f64>], normal: &[f64]) -> Vec<f64> {
+        let n = free.len();
+        let mut hat = vec![0.0; self.residual.len()];
+        let add = |hat: &mut [f64], own: &[f64]| {
+            hat.iter_mut().zip(own).for_each(|(h, x)| *h += x * x);
+        };
+        q.iter().for_each(|own| add(&mut hat, own));
         let mut at = 0;
         for spot in &self.spots {
-            for i in 0..spot.rows.len() {
-                let own: Vec<f64> = free.iter().map(|k| self.columns[*k][at + i]).collect();
-                let through =
-                    |k: usize| -> f64 { (0..=k).map(|l| own[l] * inverse[l * n + k]).sum() };
-                let hat: f64 = (0..n).map(|k| through(k) * through(k)).sum::<f64>()
-                    + spot.base().iter().map(|b| b[i] * b[i]).sum::<f64>();
-                let left = 1.0 - hat;
-                for (k, sum) in sums.iter_mut().enumerate() {
-                    let weight: f64 = (0..n).map(|l| normal[k * n + l] * own[l]).sum();
-                    if left < LEVERAGE {
-                        // A variance that is taken as known is as good as many.
-                        sum.0 += weight * weight;
-                    } else {
-                        let a = weight * weight / left;
-                        *sum = (sum.0 + a, sum.1 + a * a);
-                    }
-                }
-            }
+            spot.base().columns().iter().for_each(|own| add(&mut hat[at..], own));
             at += spot.rows.len();
         }
-        sums.iter().map(|(a, squares)| a * a / squares.max(f64::MIN_POSITIVE)).collect()
+        let mut weight = vec![0.0; hat.len()];
+        let one = |row: &[f64]| {
+            weight.fill(0.0);
+            for (k, by) in free.iter().zip(row) {
+                weight.iter_mut().zip(&self.columns[*k]).for_each(|(w, c)| *w += by * c);
+            }
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for (w, hat) in weight.iter().zip(&hat) {
+                let left = 1.0 - hat;
+                // A variance that is taken as known is as good as many.
+                let known = left < LEVERAGE;
+                let a = if known { w * w } else { w * w / left };
+                sum += a;
+                squares += if known { 0.0 } else { a * a };
+            }
+            sum * sum / squares.max(f64::MIN_POSITIVE)
+        };
+        normal.chunks(n.max(1)).map(one).collect()
     }
 
     /// Σ over clusters of (Jᵀ(I − H)⁻¹e)(…)ᵀ.
-    fn meat(&self, free: &[usize], inverse: &[f64], variance: f64) -> Vec<f64> {
+    fn meat(&self, free: &[usize], q: &[Vec<f64>], variance: f64) -> Vec<f64> {
         let n = free.len();
         let mut meat = vec![0.0; n * n];
         let mut at = 0;
-        let mut scratch = (Vec::new(), Vec::new(), Vec::new());
+        let (mut a, mut x, mut scale, mut score) = (vec![], vec![], vec![], vec![0.0; n]);
         for spot in &self.spots {
             let mut from = 0;
             while from < spot.rows.len() {
                 let first = spot.rows[from];
                 let same = |r: &&super::rows::Row| r.line == first.line && r.im == first.im;
                 let size = spot.rows[from..].iter().take_while(same).count();
-                // Rows of the hat matrix: parameters through R⁻¹, the transient through its base.
-                let along = |i: usize| -> Vec<f64> {
-                    let own = |k: usize| -> f64 {
-                        (0..=k).map(|l| self.columns[free[l]][at + i] * inverse[l * n + k]).sum()
-                    };
-                    (0..n).map(own).chain(spot.base().iter().map(|b| b[i])).collect()
+                let hat = |i: usize, j: usize| -> f64 {
+                    let (i, j) = (from + i, from + j);
+                    q.iter().map(|q| q[at + i] * q[at + j]).sum::<f64>()
+                        + spot.base().columns().iter().map(|b| b[i] * b[j]).sum::<f64>()
                 };
-                let rows: Vec<Vec<f64>> = (from..from + size).map(along).collect();
-                let (a, x, scale) = &mut scratch;
                 a.clear();
                 for i in 0..size {
-                    for j in 0..size {
-                        let hat = super::rows::dot(&rows[i], &rows[j]);
-                        a.push(if i == j { 1.0 - hat } else { -hat });
-                    }
+                    a.extend((0..size).map(|j| if i == j { 1.0 - hat(i, j) } else { -hat(i, j) }));
                     a.push(self.residual[at + from + i]);
                 }
                 let width = size + 1;
@@ -142,15 +154,13 @@ impl TermsProblem<'_> {
                         a[i * width + size] /= own;
                     }
                 }
-                x.clear();
                 x.resize(size, 0.0);
-                scale.clear();
                 scale.resize(size, 0.0);
-                solve_square(a, size, x, scale);
-                let score: Vec<f64> = free
-                    .iter()
-                    .map(|k| (0..size).map(|i| self.columns[*k][at + from + i] * x[i]).sum())
-                    .collect();
+                solve_square(&mut a, size, &mut x, &mut scale);
+                for (score, k) in score.iter_mut().zip(free) {
+                    let own = &self.columns[*k][at + from..];
+                    *score = x.iter().zip(own).map(|(x, c)| x * c).sum();
+                }
                 for i in 0..n {
                     for j in 0..n {
                         meat[i * n + j] += score[i] * score[j];
@@ -173,7 +183,7 @@ impl TermsProblem<'_> {
         for j in 0..p {
             system.clear();
             for own in &z {
-                system.extend(self.columns.iter().map(|c| super::rows::dot(own, c)));
+                system.extend(self.columns.iter().map(|c| dot(own, c)));
                 system.push(0.0);
             }
             system[j * (p + 1) + p] = 1.0;
@@ -204,14 +214,9 @@ impl TermsProblem<'_> {
     pub fn variances_up_to(&self, last: &[usize], at_bound: &[bool]) -> Option<Vec<f64>> {
         let p = self.columns.len();
         let mut all: Vec<Vec<f64>> = vec![Vec::new(); p];
-        let mut own = Vec::new();
         let mut spent = 0;
         for (spot, last) in self.spots.iter().zip(last) {
-            let rows = spot.rows_up_to(*last);
-            spent += spot.projected(rows, &mut own).len();
-            for (to, from) in all.iter_mut().zip(&own) {
-                to.extend_from_slice(from);
-            }
+            spent += spot.projected(spot.rows_up_to(*last), &mut all);
         }
         let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
         if all.first().map_or(0, Vec::len) <= free.len() + spent {
@@ -229,16 +234,7 @@ impl TermsProblem<'_> {
 
 /// R⁻¹ of the columns' factor, row major, upper triangular.
 fn inverse_factor(columns: &[Vec<f64>], free: &[usize]) -> Vec<f64> {
-    let n = free.len();
-    let mut a = factored(columns, free, None);
-    a.absorb();
-    let mut inverse = vec![0.0; n * n];
-    for j in 0..n {
-        inverse[j * n + j] = 1.0 / a.r(j, j);
-        for i in (0..j).rev() {
-            let sum: f64 = (i + 1..=j).map(|k| a.r(i, k) * inverse[k * n + j]).sum();
-            inverse[i * n + j] = -sum / a.r(i, i);
-        }
-    }
-    inverse
+    let mut factor = Factor::default();
+    factor.set(columns, free, None);
+    factor.inverse()
 }

@@ -1,66 +1,142 @@
 //! The noise that explains the residuals best, and the lines of the signals without it.
 
-use super::{Spot, late};
+use super::Spot;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
-use crate::estimate::terms::complex::C;
-use crate::estimate::terms::lines::Pairs;
+use crate::estimate::terms::complex::{C, Split, late, windows};
+use crate::estimate::terms::lines::{Pairs, Spectra};
+use crate::linalg::dense::back;
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 
 impl Spot {
     /// Coefficients of all signals on the lines, denoised where wanted.
-    pub(super) fn denoise(&mut self, pairs: &Pairs, lags: &[f64], factors: LeftColumns) {
+    pub(super) fn denoise(&mut self, isa: Isa, pairs: &Pairs, lags: &[f64], factors: LeftColumns) {
         let (count, first) = (self.count(), self.lines.first);
-        self.denoised.resize_with(self.spectra.signals.len(), Vec::new);
+        self.denoised.resize_with(self.spectra.signals.len(), Split::default);
         for (to, from) in self.denoised.iter_mut().zip(&self.spectra.signals) {
-            to.clear();
-            to.extend_from_slice(&from[first..first + count]);
+            to.copy(&from.re[first..first + count], &from.im[first..first + count]);
         }
         if factors == LeftColumns::Data || self.weights == RowWeights::Flat {
             return;
         }
-        let own = pairs.noisy.len();
-        let z = self.sources(pairs);
+        self.find_sources(isa, pairs);
+        self.noise.resize(2 * count.div_ceil(LANES), Wide::ZERO);
         for (s, late_by) in lags.iter().enumerate() {
-            for j in 0..own {
-                let Some(pair) = pairs.place[s][j] else { continue };
-                let r = &self.spectra.pairs[pair];
-                let z = &z[j * count..][..count];
-                for m in 0..count {
-                    let mut sum = C::default();
-                    // R(m − l) for l ≤ m, its conjugate beyond.
-                    for (z, near) in z[..=m].iter().zip(r[..=m].iter().rev()) {
-                        sum += *near * *z;
-                    }
-                    for (z, near) in z[m + 1..].iter().zip(&r[1..]) {
-                        sum += near.conj() * *z;
-                    }
-                    for (z, far) in z.iter().zip(&r[m + 2 * first..]) {
-                        sum += *far * z.conj();
-                    }
-                    let mut noise = sum * 0.5;
-                    if *late_by != 0.0 {
-                        noise = noise * late((m + first) as f64 * self.lines.omega0 * late_by);
-                    }
-                    self.denoised[s][m] = self.denoised[s][m] - noise;
-                }
+            if pairs.place[s].iter().all(Option::is_none) {
+                continue;
+            }
+            isa.across().run(Noise {
+                places: &pairs.place[s],
+                sources: &self.sources,
+                spectra: &self.spectra,
+                first,
+                count,
+                out: &mut self.noise,
+            });
+            let to = &mut self.denoised[s];
+            let (re, im) = numbers(&self.noise).split_at(self.noise.len() / 2 * LANES);
+            if *late_by == 0.0 {
+                to.re.iter_mut().zip(&re[..count]).for_each(|(to, noise)| *to -= noise);
+                to.im.iter_mut().zip(&im[..count]).for_each(|(to, noise)| *to -= noise);
+                continue;
+            }
+            for m in 0..count {
+                let turn = late((m + first) as f64 * self.lines.omega0 * late_by);
+                let noise = C(re[m], im[m]) * turn;
+                to.re[m] -= noise.0;
+                to.im[m] -= noise.1;
             }
         }
     }
 
     /// What the residual says of the noise: z_j(l) = Σ over equations of conj(L)(λ_Re + iλ_Im), λ = C⁻¹r, of
-    /// each noisy signal on the lines.
-    pub fn sources(&mut self, pairs: &Pairs) -> Vec<C> {
+    /// each noisy signal on the lines; into `sources`.
+    pub fn find_sources(&mut self, isa: Isa, pairs: &Pairs) {
         let (count, own) = (self.count(), pairs.noisy.len());
+        let equations = self.error.len();
         self.lambda.clear();
-        self.lambda.extend_from_slice(&self.residual);
-        self.panel.back(&mut self.lambda);
-        let mut z = vec![C::default(); own * count];
-        for (row, value) in self.rows.iter().zip(&self.lambda) {
-            let mu = if row.im { C(0.0, *value) } else { C(*value, 0.0) };
-            for j in 0..own {
-                let load = self.loads[(row.equation * own + j) * count + row.line];
-                z[j * count + row.line] += load.conj() * mu;
+        self.lambda.resize(self.rows.len().div_ceil(LANES), Wide::ZERO);
+        numbers_mut(&mut self.lambda)[..self.rows.len()].copy_from_slice(&self.residual);
+        back(isa, &self.panel, &mut self.lambda);
+        self.sources.resize_with(own, Split::default);
+        for to in &mut self.sources {
+            to.clear(count);
+        }
+        let first = if self.lines.first == 0 { equations } else { 0 };
+        for equation in 0..equations {
+            let lambda = &numbers(&self.lambda)[equation..];
+            for &j in &pairs.of[equation] {
+                let (to, load) = (&mut self.sources[j], &self.loads[equation * own + j]);
+                let mut add = |line: usize, re: f64, im: f64| {
+                    let C(x, y) = load.get(line);
+                    to.re[line] += x * re + y * im;
+                    to.im[line] += x * im - y * re;
+                };
+                // Line 0 has no Im.
+                if first > 0 {
+                    add(0, lambda[0], 0.0);
+                }
+                let both = lambda[first..].chunks(2 * equations);
+                for (line, both) in (usize::from(first > 0)..count).zip(both) {
+                    add(line, both[0], both[equations]);
+                }
             }
         }
-        z
     }
+}
+
+/// ½ Σ_jl \[R_j(m − l) z_j(l) + R_j(m + l) conj z_j(l)\] of one signal, eight lines m a register.
+struct Noise<'a> {
+    places: &'a [Option<usize>],
+    sources: &'a [Split],
+    spectra: &'a Spectra,
+    first: usize,
+    count: usize,
+    /// All Re, then all Im.
+    out: &'a mut [Wide],
+}
+
+impl Kernel for Noise<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let half = L::splat(0.5);
+        let (re, im) = self.out.split_at_mut(self.out.len() / 2);
+        for (block, (re, im)) in re.iter_mut().zip(im).enumerate() {
+            let m = block * LANES;
+            let mut sum = (L::splat(0.0), L::splat(0.0));
+            for (place, z) in self.places.iter().zip(self.sources) {
+                let Some(pair) = *place else { continue };
+                let (r, middle) = (&self.spectra.pairs[pair], self.spectra.middle);
+                if self.spectra.white[pair] {
+                    let (own, near) = (L::splat(r.re[middle]), z.eight::<L>(m));
+                    sum = (own.mul_add(near.0, sum.0), own.mul_add(near.1, sum.1));
+                    if m + self.first == 0 {
+                        // Line 0 mirrors itself.
+                        let (mut re, mut im) = (Wide::ZERO, Wide::ZERO);
+                        (re.0[0], im.0[0]) = (z.re[0], -z.im[0]);
+                        sum.0 = own.mul_add(L::load(&re), sum.0);
+                        sum.1 = own.mul_add(L::load(&im), sum.1);
+                    }
+                    continue;
+                }
+                let (near, far) = (middle + m + 1 - self.count, middle + m);
+                let far = far + 2 * self.first;
+                let near = windows(&r.re, near, self.count).zip(windows(&r.im, near, self.count));
+                let far = windows(&r.re, far, self.count).zip(windows(&r.im, far, self.count));
+                for ((near, far), (x, y)) in near.rev().zip(far).zip(z.re.iter().zip(&z.im)) {
+                    let (near, far) = (loaded::<L>(near), loaded::<L>(far));
+                    let (x, y) = (L::splat(*x), L::splat(*y));
+                    sum.0 = y.mul_add(far.1 - near.1, x.mul_add(near.0 + far.0, sum.0));
+                    sum.1 = x.mul_add(near.1 + far.1, y.mul_add(near.0 - far.0, sum.1));
+                }
+            }
+            (half * sum.0).store(re);
+            (half * sum.1).store(im);
+        }
+    }
+}
+
+#[inline(always)]
+fn loaded<L: Lanes>((re, im): (&[f64; LANES], &[f64; LANES])) -> (L, L) {
+    (L::load_any(re), L::load_any(im))
 }
