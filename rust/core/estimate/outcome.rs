@@ -60,7 +60,7 @@ pub(crate) fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize) -> 
     for cov in covariances {
         for variance in cov.iter().step_by(parameters + 1) {
             for (lost, v) in lost.iter_mut().zip(variance.0) {
-                *lost |= !(v >= 0.0);
+                *lost |= v.is_nan() | (v < 0.0);
             }
         }
     }

@@ -84,7 +84,7 @@ pub(crate) fn step<L: Lanes>(
     }
     let (mut cost, mut target_size) = (L::splat(0.0), L::splat(0.0));
     for k in 0..w.records.len() {
-        cost = cost + record_sums::<L, true>(d, w, k, weights, factors, false);
+        cost = cost + record_sums::<L>(d, w, k, weights, factors, false);
         target_size = target_size + L::load(&w.sums[d.products.target]);
         let Workspace { sums, diagonal, trusted, .. } = w;
         let r = &mut w.records[k];
@@ -176,7 +176,7 @@ pub(crate) fn record_system<L: Lanes>(
     factors: LeftColumns,
     residual: bool,
 ) -> L {
-    let cost = record_sums::<L, false>(d, w, k, weights, factors, residual);
+    let cost = record_sums::<L>(d, w, k, weights, factors, residual);
     system(d, &w.sums, factors).assemble::<L>(&mut w.records[k].matrix, &mut w.diagonal);
     cost
 }
@@ -184,7 +184,7 @@ pub(crate) fn record_system<L: Lanes>(
 /// All sums that the system of record `k` is made of. Returns the cost, where the residual is asked for
 /// or needed.
 #[inline(always)]
-fn record_sums<L: Lanes, const HINTS: bool>(
+fn record_sums<L: Lanes>(
     d: &Design,
     w: &mut Workspace,
     k: usize,
@@ -197,12 +197,7 @@ fn record_sums<L: Lanes, const HINTS: bool>(
     let mut cost = L::splat(0.0);
     for range in tiles(w.records[k].limit, d.tile) {
         let begins = range.start == 0;
-        let own = match (HINTS && L::HINTS, d.structure.order) {
-            (true, 1) => lines::<L, 1>(d, w, k, range.clone(), weights, residual),
-            (true, 2) => lines::<L, 2>(d, w, k, range.clone(), weights, residual),
-            (true, 3) => lines::<L, 3>(d, w, k, range.clone(), weights, residual),
-            _ => lines::<L, 0>(d, w, k, range.clone(), weights, residual),
-        };
+        let own = lines::<L>(d, w, k, range.clone(), weights, residual);
         cost = cost + own;
         let r = &mut w.records[k];
         // Where a record is one tile, its data are prepared.
@@ -219,9 +214,9 @@ fn record_sums<L: Lanes, const HINTS: bool>(
 }
 
 /// λ of the lines of a tile; with `residual` also residual and denoised output. Returns this tile's
-/// share of the cost. `N`: the order, where it is known when compiled; else 0.
+/// share of the cost.
 #[inline(always)]
-pub(crate) fn lines<L: Lanes, const N: usize>(
+pub(crate) fn lines<L: Lanes>(
     d: &Design,
     w: &mut Workspace,
     k: usize,
@@ -230,7 +225,6 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
     residual: bool,
 ) -> L {
     let rd = &d.records[k];
-    let n = if N > 0 { N } else { d.structure.order };
     let x = &rd.x[range.clone()];
     let part = x.len();
     let (size_x, weight) = (&rd.size_x[range.start..][..part], &rd.weight[range.start..][..part]);
@@ -244,10 +238,7 @@ pub(crate) fn lines<L: Lanes, const N: usize>(
             return L::splat(0.0);
         }
     }
-    // A copy that no store below can change stays in registers.
-    let mut own = [Wide::ZERO; N];
-    copy::<L>(&w.iterates.theta.now, &mut own);
-    let denominator = if N > 0 { &own[..] } else { &w.iterates.theta.now[..n] };
+    let denominator = &w.iterates.theta.now[..d.structure.order];
     let (a_re, a_im) = (&mut w.a_re[..part], &mut w.a_im[..part]);
     let inverse_square = &mut w.inverse_square[..part];
     for i in 0..part {

@@ -2,6 +2,7 @@
 //!
 //! What most fits and nearly all Monte Carlo replicates are. Nothing here is another method: the general path gives
 //! the same bits, and takes over where a pivot is too small to trust.
+#![allow(clippy::needless_range_loop)] // small matrices are written by row and column, as on paper
 
 mod errors;
 mod ls;

@@ -215,7 +215,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
     for k in 0..w.records.len() {
         for range in tiles(w.records[k].limit, d.tile) {
-            lines::<L, 0>(d, w, k, range.clone(), weights, true);
+            lines::<L>(d, w, k, range.clone(), weights, true);
             for (i, m) in range.enumerate() {
                 let weight = L::load(&w.weights[i]);
                 projected_row::<L>(d, w, k, m, i);
@@ -410,7 +410,7 @@ impl Kernel for Residuals<'_> {
         for k in 0..w.records.len() {
             let mut all = vec![[Wide::ZERO; 2]; w.records[k].limit];
             for range in tiles(w.records[k].limit, d.tile) {
-                lines::<L, 0>(d, w, k, range.clone(), d.final_weights(), true);
+                lines::<L>(d, w, k, range.clone(), d.final_weights(), true);
                 for (i, m) in range.enumerate() {
                     let root = L::load(&w.weights[i]).sqrt();
                     (root * L::load(&w.residual_re[i])).store(&mut all[m][0]);

@@ -2,7 +2,7 @@
 //!
 //! It does what `uncertainty` does, operation by operation and to the bit, but meets each line once.
 
-use super::shape::{OUTPUT, POWERS, SUMS, Shape};
+use super::shape::{POWERS, SUMS, Shape};
 use super::steps::{Lines, Signals, accumulate, entry, prepare, products, read, weigh};
 use super::tables::{Space, Tables};
 use crate::estimate::uncertainty::{
@@ -93,16 +93,19 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
         if untrusted.any() && !differenced {
             return false;
         }
+        let output: (&[Wide], &[Wide]) = match method {
+            Method::Ml => (lines.hat.0, lines.hat.1),
+            _ => (&r.re[..count], &r.im[..count]),
+        };
         let by = Projected {
             projection: &r.projection,
             transient_inverse: &r.transient_inverse,
             inverse: &w.inverse,
             instruments: &r.instruments,
         };
-        let found = match method {
-            Method::Ls => rows::<L, N, I, Z, S, LS>(tables, &signals, &lines, &by),
-            Method::Ml => rows::<L, N, I, Z, S, ML>(tables, &signals, &lines, &by),
-            _ => rows::<L, N, I, Z, S, AWLS>(tables, &signals, &lines, &by),
+        let found = match differenced {
+            true => rows::<L, N, I, Z, S, true>(tables, &signals, output, &lines, &by),
+            false => rows::<L, N, I, Z, S, false>(tables, &signals, output, &lines, &by),
         };
         let variance = cost * L::splat(1.0 / degrees_of_freedom as f64);
         for i in 0..p {
@@ -122,11 +125,6 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
         true
     }
 }
-
-/// Methods, as a kernel is compiled for them.
-const LS: usize = 0;
-const AWLS: usize = 1;
-const ML: usize = 2;
 
 /// All sums of the data.
 #[inline(always)]
@@ -199,8 +197,8 @@ struct Projected<'a> {
     instruments: &'a [Wide],
 }
 
-/// Σ (Hz)(Hz)ᵀ v over the rows of all lines, upper triangle, θ behind the transient: with the v of HC3, and of `ls`
-/// also with the variances of the rows.
+/// Σ (Hz)(Hz)ᵀ v over the rows of all lines, upper triangle, θ behind the transient: with the v of HC3, and of
+/// differenced rows also with their variances. Columns are made of this output.
 #[inline(always)]
 fn rows<
     L: Lanes,
@@ -208,23 +206,21 @@ fn rows<
     const I: usize,
     const Z: usize,
     const S: usize,
-    const METHOD: usize,
+    const DIFFERENCED: bool,
 >(
     tables: &Tables,
     signals: &Signals<'_>,
+    output: (&[Wide], &[Wide]),
     lines: &Lines<'_>,
     by: &Projected<'_>,
 ) -> [[(L, L); S]; S] {
     let (zero, p) = (L::splat(0.0), S - N);
-    let floor = L::splat(if METHOD == LS { OBLIQUE_LEVERAGE } else { LEVERAGE });
+    let floor = L::splat(if DIFFERENCED { OBLIQUE_LEVERAGE } else { LEVERAGE });
     let mut cov = [[(zero, zero); S]; S];
     let count = lines.weights.len();
     for (m, powers) in tables.powers[..count].iter().enumerate() {
         let weight = L::load(&lines.weights[m]);
-        let output = match METHOD {
-            ML => (L::load(&lines.hat.0[m]), L::load(&lines.hat.1[m])),
-            _ => signals.at::<L>(OUTPUT, m),
-        };
+        let output = (L::load(&output.0[m]), L::load(&output.1[m]));
         let mut row = [(zero, zero); S];
         for c in N..S {
             row[c] = column::<L, N, Z>(c, output, signals, m, powers);
@@ -257,12 +253,11 @@ fn rows<
         }
         let mut z = [(zero, zero); S];
         for c in N..S {
-            z[c] = match METHOD {
-                LS => {
-                    let from = &by.instruments[m * 2 * p..][..2 * p];
-                    (L::load(&from[c - N]), L::load(&from[p + c - N]))
-                }
-                _ => (row[c].0 * weight, row[c].1 * weight),
+            z[c] = if DIFFERENCED {
+                let from = &by.instruments[m * 2 * p..][..2 * p];
+                (L::load(&from[c - N]), L::load(&from[p + c - N]))
+            } else {
+                (row[c].0 * weight, row[c].1 * weight)
             };
         }
         let mut influence = [(zero, zero); S];
@@ -287,7 +282,7 @@ fn rows<
                 cov[i][j].0 = a.mul_add(influence[j].0, sum);
             }
         }
-        if METHOD == LS {
+        if DIFFERENCED {
             let v = L::splat(1.0) / weight;
             for i in N..S {
                 let (a, b) = (influence[i].0 * v, influence[i].1 * v);
