@@ -1,7 +1,6 @@
 //! Many fits at once, one record after the other over threads, on lines chosen once.
 
 use super::fitter::TermsFit;
-
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::Worker;
 use crate::error::{Error, Status};
