@@ -127,6 +127,18 @@ pub(crate) fn reach(first: usize, line: isize) -> Option<(usize, bool)> {
     (line.unsigned_abs() >= first).then(|| (line.unsigned_abs() - first, line < 0))
 }
 
+/// Line that a step with this coefficient leads back to, and the coefficient of Im there, where line 0 has no datum.
+#[inline(always)]
+pub(crate) fn reach_back(first: usize, line: isize, c: f64) -> Option<(usize, f64)> {
+    let (at, mirrored) = reach(first, line)?;
+    let sign = match line {
+        0 => 0.0,
+        _ if mirrored => -c,
+        _ => c,
+    };
+    Some((at, sign))
+}
+
 /// Δⁿ of all columns at m into `row_re`, `row_im`.
 #[inline(always)]
 fn differenced_row<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: isize) {
@@ -156,13 +168,8 @@ fn scatter<L: Lanes>(d: &Design, w: &mut Workspace, k: usize, m: isize) {
     let size = d.ls_size();
     let first = d.records[k].lines.first;
     for (j, c) in d.differences.iter().enumerate() {
-        let Some((at, mirrored)) = reach(first, m + j as isize) else { continue };
+        let Some((at, sign)) = reach_back(first, m + j as isize, *c) else { continue };
         let to = &mut w.records[k].instruments[at * 2 * size..(at + 1) * 2 * size];
-        let sign = match m + j as isize {
-            0 => 0.0, // Im of line 0 is no datum
-            _ if mirrored => -*c,
-            _ => *c,
-        };
         let (c_re, c_im) = (L::splat(*c), L::splat(sign));
         for i in 0..size {
             c_re.mul_add(L::load(&w.row_re[i]), L::load(&to[i])).store(&mut to[i]);

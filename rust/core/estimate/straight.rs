@@ -7,8 +7,11 @@
 mod errors;
 mod ls;
 mod shape;
+mod solve;
 mod steps;
+mod sums;
 pub(crate) mod tables;
+mod weights;
 
 use super::design::Design;
 use super::rule::Run;

@@ -235,19 +235,21 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     }
     mirror(p, &mut w.cov_hc3);
     let variance = L::load(&w.progress.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
-    let from = if sandwich { None } else { Some(&w.inverse) };
-    classical::<L>(variance, from, &mut w.cov_nonrobust);
     if sandwich {
+        for own in &mut w.cov_nonrobust {
+            (L::load(own) * variance).store(own);
+        }
         mirror(p, &mut w.cov_nonrobust);
+    } else {
+        scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust);
     }
 }
 
-/// What stands in the covariance, or H where that is it, times σ̂².
+/// A covariance for noise of another variance than 1.
 #[inline(always)]
-pub(crate) fn classical<L: Lanes>(variance: L, from: Option<&Vec<Wide>>, cov: &mut [Wide]) {
-    for (k, to) in cov.iter_mut().enumerate() {
-        let unit = L::load(from.map_or(&*to, |from| &from[k]));
-        (unit * variance).store(to);
+pub(crate) fn scale<L: Lanes>(variance: L, unit: &[Wide], cov: &mut [Wide]) {
+    for (to, unit) in cov.iter_mut().zip(unit) {
+        (L::load(unit) * variance).store(to);
     }
 }
 

@@ -3,11 +3,12 @@
 //! It does what `uncertainty` does, operation by operation and to the bit, but meets each line once.
 
 use super::shape::{POWERS, SUMS, Shape};
-use super::steps::{Lines, Signals, accumulate, entry, prepare, products, read, weigh};
+use super::solve::entry;
+use super::steps::read;
+use super::sums::{Lines, Signals, accumulate, prepare, products};
 use super::tables::{Space, Tables};
-use crate::estimate::uncertainty::{
-    LEVERAGE, OBLIQUE_LEVERAGE, classical, deleted, mirror, project,
-};
+use super::weights::weigh;
+use crate::estimate::uncertainty::{LEVERAGE, OBLIQUE_LEVERAGE, deleted, mirror, project, scale};
 use crate::estimate::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
@@ -120,7 +121,7 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
         mirror(p, &mut w.cov_hc3);
         match differenced {
             true => mirror(p, &mut w.cov_nonrobust),
-            false => classical::<L>(variance, Some(&w.inverse), &mut w.cov_nonrobust),
+            false => scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust),
         }
         true
     }

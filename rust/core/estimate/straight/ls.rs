@@ -2,9 +2,9 @@
 
 use super::errors::column;
 use super::shape::{OUTPUT, POWERS};
-use super::steps::Signals;
+use super::sums::Signals;
 use crate::estimate::design::Design;
-use crate::estimate::ls::{reach, solve};
+use crate::estimate::ls::{reach, reach_back, solve};
 use crate::estimate::workspace::Workspace;
 use crate::simd::{Kernel, Lanes, Wide};
 
@@ -68,15 +68,9 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel for 
                 right[i] = re[i].mul_add(re[size], im[i].mul_add(im[size], right[i]));
             }
             for (j, c) in d.differences[..=N].iter().enumerate() {
-                let Some((at, mirrored)) = reach(record.lines.first, m + j as isize) else {
-                    continue;
-                };
+                let line = m + j as isize;
+                let Some((at, sign)) = reach_back(record.lines.first, line, *c) else { continue };
                 let to = &mut r.instruments[at * 2 * size..][..2 * size];
-                let sign = match m + j as isize {
-                    0 => 0.0, // Im of line 0 is no datum
-                    _ if mirrored => -*c,
-                    _ => *c,
-                };
                 let (c_re, c_im) = (L::splat(*c), L::splat(sign));
                 for i in 0..size {
                     c_re.mul_add(re[i], L::load(&to[i])).store(&mut to[i]);
