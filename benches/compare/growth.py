@@ -3,19 +3,17 @@
 `make bench` calls it. --quick: two rows of each table and one round, for the tests.
 """
 
-import argparse
 import os
 import sys
 import warnings
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")  # before NumPy loads
 
 import modfun as mf
 import numpy as np
 from measure import Contestant, compete, machine
-from section import PAGE, write
+from section import publish, rounds_of
 
 HEADING = "## How cost grows"
 DURATION, NSR = 10.0, 0.05
@@ -87,12 +85,7 @@ def contestants(setting: Setting) -> dict[str, Contestant]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="two rows of each table, one round")
-    parser.add_argument("--rounds", type=int, default=20, help="most rounds")
-    parser.add_argument("--seconds", type=float, default=120.0, help="most seconds of rounds")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
-    given = parser.parse_args()
+    given = rounds_of(__doc__, "two rows of each table, one round", seconds=120)
     warnings.simplefilter("ignore", mf.ModfunWarning)
     said = machine()
     timed = {}
@@ -102,7 +95,7 @@ def main() -> int:
             if setting not in timed:
                 timed[setting] = contestants(setting)
     every = [c for row in timed.values() for c in row.values()]
-    rounds = compete(every, 1 if given.quick else given.rounds, given.seconds)
+    rounds = compete(every, given.rounds, given.seconds)
     text = [HEADING, TEXT.format(rounds=rounds, machine=said)]
     for name, (symbol, values) in SWEEPS.items():
         columns = list(next(iter(timed.values())))
@@ -112,9 +105,7 @@ def main() -> int:
             cells = [f"{row[c].best / 1e3:.3g} µs ({row[c].name})" for c in columns]
             text.append(f"| {value} | {' | '.join(cells)} |")
         text.append("")
-    section = "\n".join(text)
-    print(section)
-    write(given.out, HEADING, section)
+    publish(given.out, text)
     return 0
 
 

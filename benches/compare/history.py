@@ -4,7 +4,6 @@
 docs/performance.md shows.
 """
 
-import argparse
 import csv
 import sys
 from datetime import UTC, datetime
@@ -13,7 +12,7 @@ from pathlib import Path
 from cargo_bench import ROOT, programs
 from measure import commit, instruction_set, machine, processor
 from report import amount
-from section import PAGE, write
+from section import arguments, publish
 
 KEPT = ROOT / "benches" / "history.csv"
 FIGURE = ROOT / "docs" / "figures" / "history.png"
@@ -97,15 +96,14 @@ def draw(kept: Path = KEPT, figure: Path = FIGURE) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = arguments(__doc__)
     parser.add_argument("--draw", action="store_true", help="draw what is kept and time nothing")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
     given = parser.parse_args()
     if not given.draw:
         about, minima = machine(), programs()
         append(minima)
         rows = [f"| {name} | {amount(ns)} |" for name, ns in minima.items()]
-        write(given.out, HEADING, "\n".join([HEADING, TEXT.format(machine=about).rstrip(), *rows]))
+        publish(given.out, [HEADING, TEXT.format(machine=about).rstrip(), *rows])
     draw()
     return 0
 

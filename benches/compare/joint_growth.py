@@ -3,11 +3,9 @@
 `make bench` calls it. --quick: two rows and one round, for the tests.
 """
 
-import argparse
 import os
 import sys
 import warnings
-from pathlib import Path
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")  # before NumPy loads
 
@@ -16,7 +14,7 @@ import numpy as np
 from cargo_bench import SETS, times
 from measure import Contestant, compete, instruction_set, machine
 from report import amount
-from section import PAGE, write
+from section import publish, rounds_of
 
 HEADING = "## How joint fits grow"
 # Outputs, inputs, poles of each output: outputs × poles × (1 + inputs) coefficients.
@@ -86,12 +84,7 @@ def work(outputs: int, inputs: int, poles: int) -> float:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="two rows, one round, no peak")
-    parser.add_argument("--rounds", type=int, default=20, help="most rounds")
-    parser.add_argument("--seconds", type=float, default=60.0, help="most seconds of rounds")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
-    given = parser.parse_args()
+    given = rounds_of(__doc__, "two rows, one round, no peak", seconds=60)
     warnings.simplefilter("ignore", mf.ModfunWarning)
     about = machine()
     peak = np.nan
@@ -99,7 +92,7 @@ def main() -> int:
         peak = 1 / times(["peak"], "multiply-adds")[f"multiply-adds/{SETS[instruction_set()]}"]
     sizes = ROWS[:2] if given.quick else ROWS
     found = {size: contestant(*size) for size in sizes}
-    rounds = compete([c for c, _, _ in found.values()], 1 if given.quick else given.rounds, given.seconds)
+    rounds = compete([c for c, _, _ in found.values()], given.rounds, given.seconds)
     text = [
         HEADING,
         TEXT.format(samples=SAMPLES, percent=100 * NSR, lines=LINES, rounds=rounds, peak=peak, machine=about),
@@ -111,9 +104,7 @@ def main() -> int:
         text.append(
             f"| {' | '.join(map(str, size))} | {coefficients} | {steps} | {amount(c.best)} | {share:.0%} |"
         )
-    section = "\n".join(text)
-    print(section)
-    write(given.out, HEADING, section)
+    publish(given.out, text)
     return 0
 
 

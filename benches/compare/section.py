@@ -1,5 +1,6 @@
 """Sections of pages that benches write, each its own and nothing else."""
 
+import argparse
 import re
 from pathlib import Path
 
@@ -15,3 +16,28 @@ def write(page: Path, heading: str, section: str) -> None:
     else:
         text = f"{text.rstrip()}\n\n{section.rstrip()}\n"
     page.write_text(text.rstrip("\n") + "\n")
+
+
+def publish(page: Path, lines: list[str]) -> None:
+    """Print a section, whose first line is its heading, and write it into the page."""
+    section = "\n".join(lines)
+    print(section)
+    write(page, lines[0], section)
+
+
+def arguments(about: str) -> argparse.ArgumentParser:
+    """What a bench that writes a section is told."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
+    return parser
+
+
+def rounds_of(about: str, quick: str, seconds: float) -> argparse.Namespace:
+    """What a bench in rounds was told; a quick one has a single round."""
+    parser = arguments(about)
+    parser.add_argument("--quick", action="store_true", help=quick)
+    parser.add_argument("--rounds", type=int, default=20, help="most rounds")
+    parser.add_argument("--seconds", type=float, default=seconds, help="most seconds of rounds")
+    given = parser.parse_args()
+    given.rounds = 1 if given.quick else given.rounds
+    return given

@@ -3,16 +3,14 @@
 `make bench` calls it; the times are those of `cargo bench`, which it runs.
 """
 
-import argparse
 import os
 import sys
-from pathlib import Path
 
 import contestants
 import setting as s
 from cargo_bench import SETS, times
 from measure import compete, instruction_set, machine
-from section import PAGE, write
+from section import arguments, publish
 
 HEADING = "## Where a replicate's time goes"
 TEXT = """
@@ -27,9 +25,7 @@ this core reaches in registers with nothing else to do ({peak:.1f} a nanosecond)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
-    given = parser.parse_args()
+    given = arguments(__doc__).parse_args()
     said = machine()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     benches = ["rng", "spectrum", "estimate", "peak"]
@@ -56,9 +52,7 @@ def main() -> int:
         text.append(f"| {name} | {time:.0f} | {time / study.best:.0%} | {work / peak:.0f} |")
     text.append(f"| noise added, errors counted, the call | {rest:.0f} | {rest / study.best:.0%} | |")
     text.append(f"| a replicate of a study | {study.best:.0f} | 100% | |")
-    section = "\n".join(text)
-    print(section)
-    write(given.out, HEADING, section)
+    publish(given.out, text)
     return 0
 
 

@@ -3,7 +3,6 @@
 `make bench` calls it. --quick: one round, for the tests.
 """
 
-import argparse
 import os
 import sys
 import tempfile
@@ -18,7 +17,7 @@ import modfun as mf
 import numpy as np
 from measure import Contestant, compete, machine
 from report import amount
-from section import PAGE, write
+from section import publish, rounds_of
 
 HEADING = "## What a user waits for"
 TEXT = """
@@ -77,12 +76,7 @@ def calls(scratch: Path) -> dict[str, Callable[[], object]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="one round, nothing kept")
-    parser.add_argument("--rounds", type=int, default=20, help="most rounds")
-    parser.add_argument("--seconds", type=float, default=120.0, help="most seconds of rounds")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page whose section is written")
-    given = parser.parse_args()
+    given = rounds_of(__doc__, "one round, nothing kept", seconds=120)
     warnings.simplefilter("ignore", mf.ModfunWarning)
     about = machine()
 
@@ -95,7 +89,7 @@ def main() -> int:
 
     with tempfile.TemporaryDirectory() as scratch:
         every = [Contestant(name, repeated(call), unit=1) for name, call in calls(Path(scratch)).items()]
-        rounds = compete(every, 1 if given.quick else given.rounds, given.seconds)
+        rounds = compete(every, given.rounds, given.seconds)
     text = [
         HEADING,
         TEXT.format(rounds=rounds, machine=about),
@@ -103,9 +97,7 @@ def main() -> int:
         "|---|---:|---:|",
     ]
     text += [f"| {c.name} | {amount(c.best)} | {amount(float(np.median(c.ns)))} |" for c in every]
-    section = "\n".join(text)
-    print(section)
-    write(given.out, HEADING, section)
+    publish(given.out, text)
     if not given.quick:
         history.append({c.name.replace("`", ""): c.best for c in every})
     return 0
