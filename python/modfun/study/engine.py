@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import nullcontext
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
@@ -102,6 +103,7 @@ class Submitted:
         self._futures: dict[Any, Part] = {}
         self._again: set[int] = set()
         self._taken = False
+        self._broken = False
 
     def begin(self, part: Part) -> None:
         try:
@@ -110,6 +112,7 @@ class Submitted:
         except ModfunError:
             raise
         except RuntimeError as error:
+            self._broken = isinstance(error, BrokenExecutor)
             raise _died(error) from error
         except Exception as error:
             if self._taken:  # it was sound, and is gone
@@ -147,8 +150,9 @@ class Submitted:
 
     def stop(self) -> None:
         with Held():
-            for future in self._futures:
-                future.cancel()
+            if not self._broken:  # a broken pool ends its futures itself, and fails at a cancelled one
+                for future in self._futures:
+                    future.cancel()
             stop(self._run)
 
 

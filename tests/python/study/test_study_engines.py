@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import textwrap
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -213,6 +213,28 @@ def test_a_worker_that_dies(context: Any) -> None:
         pytest.raises(mf.ModfunError, match=r"BrokenProcessPool.*are kept if directory= was given"),
     ):
         made.run(executor=pool, progress=False)
+
+
+class Breaking(Executor):
+    """Its workers die at once; as in a pool of processes, it is the pool that ends what was begun."""
+
+    def __init__(self) -> None:
+        self._max_workers, self.begun = 2, list[Future[Any]]()
+
+    def submit(self, call: Any, *parts: Any) -> Any:
+        if len(self.begun) == 4:
+            raise BrokenExecutor("a worker died")
+        self.begun.append(Future())
+        if len(self.begun) == 4:
+            self.begun[0].set_exception(BrokenExecutor("a worker died"))
+        return self.begun[-1]
+
+
+def test_what_a_broken_pool_ends_itself_is_not_cancelled() -> None:
+    pool = Breaking()
+    with pytest.raises(mf.ModfunError, match="BrokenExecutor: a worker died"):
+        study(replicates=5000).run(executor=pool, progress=False)
+    assert [future.cancelled() for future in pool.begun] == 4 * [False]
 
 
 def test_a_run_goes_on_after_a_worker_died(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
