@@ -4,6 +4,7 @@
 //! [`FOLDED_HARMONICS`] harmonics, a real FFT above, direct sums for uneven samples.
 
 mod folded;
+mod offset;
 mod padded;
 mod shifted;
 mod sliding;
@@ -19,6 +20,7 @@ use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::quadrature::{Hold, Rule, Weights, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use folded::FoldedSums;
+use offset::{levelled, offset, offsets};
 pub use padded::Padded;
 pub(crate) use shifted::Shifted;
 pub use sliding::Sliding;
@@ -77,11 +79,14 @@ impl Kind {
 }
 
 /// Scratch memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call
-/// for eight records allocates (its tables).
+/// for eight records allocates (its tables), and the first record with a large offset.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     wide: Vec<Wide>,
     record: Vec<f64>,
+    /// Samples less an offset, of one record and of eight.
+    level: Vec<f64>,
+    wide_level: Vec<Wide>,
     one_re: Vec<f64>,
     one_im: Vec<f64>,
     real: Vec<f64>,
@@ -270,7 +275,7 @@ impl CoefficientPlan {
 
     /// Coefficients of one record: V(m) = `re[m]` + i·`im[m]`, m = 0…M.
     ///
-    /// Up to [`FOLDED_HARMONICS`] no memory is needed, and the bits are those of any lane of
+    /// Up to [`FOLDED_HARMONICS`] no memory is needed but for a large offset, and the bits are those of any lane of
     /// [`CoefficientPlan::run_lanes`].
     ///
     /// # Errors
@@ -292,6 +297,28 @@ impl CoefficientPlan {
         scratch: &mut Scratch,
     ) -> Result<(), Error> {
         self.check_lengths(samples.len(), re.len(), im.len())?;
+        let constant = offset(samples.len(), |k| samples[k]);
+        if constant == 0.0 {
+            return self.sum(isa, samples, re, im, scratch);
+        }
+        let mut level = std::mem::take(&mut scratch.level);
+        level.clear();
+        level.extend(samples.iter().map(|v| v - constant));
+        let outcome = self.sum(isa, &level, re, im, scratch);
+        scratch.level = level;
+        re[0] += constant;
+        outcome
+    }
+
+    /// The coefficients of samples as they are.
+    fn sum(
+        &self,
+        isa: Isa,
+        samples: &[f64],
+        re: &mut [f64],
+        im: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> {
         match &self.sums {
             Sums::Folded(sums) => {
                 // Lanes are harmonics here.
@@ -319,8 +346,15 @@ impl CoefficientPlan {
     ) -> Result<(), Error> {
         self.check_lengths(samples.len(), re.len(), im.len())?;
         if let Sums::Folded(sums) = &self.sums {
-            let wide = &mut scratch.wide;
-            isa.run(EightRecords { plan: self, sums, samples, re, im, wide });
+            let constants = offsets(samples);
+            let Scratch { wide, wide_level, .. } = scratch;
+            if constants.0 == [0.0; LANES] {
+                isa.run(EightRecords { plan: self, sums, samples, re, im, wide });
+                return Ok(());
+            }
+            levelled(samples, &constants, wide_level);
+            isa.run(EightRecords { plan: self, sums, samples: wide_level, re, im, wide });
+            re[0].0.iter_mut().zip(constants.0).for_each(|(v, constant)| *v += constant);
             return Ok(());
         }
         let mut record = std::mem::take(&mut scratch.record);

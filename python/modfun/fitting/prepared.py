@@ -126,8 +126,9 @@ def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> Non
 
 
 def _stands(values: F64) -> bool:
-    # The ends differ as a rule, which is said at once.
-    return values.item(0) == values.item(-1) and bool(np.ptp(values) == 0)
+    first = values.item(0)
+    # As a rule the end or the middle differs, which is said at once.
+    return first == values.item(-1) == values.item(values.size // 2) and bool(np.ptp(values) == 0)
 
 
 def _made(

@@ -136,6 +136,12 @@ class Layout:
         numerators = [np.zeros(1) if degree is None else values[k : k + degree + 1] for degree, k in row]
         return np.concatenate([[1.0], values[at : at + order]]), numerators
 
+    def denominators(self, params: F64) -> list[list[float]]:
+        """Each denominator once (monic), descending powers."""
+        values = self.coefficients(params).tolist()
+        places = dict.fromkeys(zip(self.places[0], self.orders, strict=True))
+        return [[1.0, *values[at : at + order]] for at, order in places]
+
     def delays(self, params: F64, output: int = 0) -> tuple[float, ...]:
         """Delay of each input on its way to an output, s."""
         found = dict(zip(self.free_delays, params[len(self.free) :].tolist(), strict=True))

@@ -13,11 +13,7 @@ from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["OFFSET", "check_record"]
-
-# Mean over rms about it. A constant has no harmonics, but quadrature leaves a little of it in each: at a
-# thousand times the variation the estimates of a wide band move, at 10⁵ times those of any.
-OFFSET = 1000.0
+__all__ = ["check_record"]
 
 
 def check_record(record: Samples) -> Findings:
@@ -229,10 +225,9 @@ def _trend(record: Samples, name: str) -> Iterator[str]:
             "variance; if the sensor drifts, fit with trend='linear'; if the system integrates, leave it."
         )
     if abs(mean) > 3 * spread:
-        large = "; so large an offset costs digits, subtract it first" if abs(mean) > OFFSET * spread else ""
         yield (
             f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
-            f"trend='constant' (the default of linear models){large}."
+            f"trend='constant' (the default of linear models)."
         )
 
 

@@ -6,7 +6,8 @@
 //! ([`super::HoldFactor`]). Beyond its ends a smooth record goes on along the polynomial through its last six
 //! samples, which is what a plan interpolates there.
 
-use super::{CoefficientPlan, HoldFactor, Kind, ROUNDING, Scratch, source::TAPS, source::between};
+use super::{CoefficientPlan, HoldFactor, Kind, ROUNDING, Scratch};
+use super::{offset::offset, source::TAPS, source::between};
 use crate::error::Error;
 use crate::quadrature::{Rule, times};
 use crate::simd::Isa;
@@ -24,7 +25,9 @@ pub(crate) struct Shifted {
     /// Of windows that start at a sample, held signals summed as they are.
     plan: CoefficientPlan,
     scratch: Scratch,
+    /// Less their offset.
     samples: Vec<f64>,
+    offset: f64,
     /// Samples before the record's first.
     before: usize,
     /// Coefficients (Re, Im) of the windows that were asked for, by their first sample.
@@ -51,8 +54,9 @@ impl Shifted {
             return Err(super::source::too_few(samples.len()));
         }
         let plan = CoefficientPlan::new(intervals, harmonics, Kind::Rule(rule), 0.0, 0)?;
+        let offset = offset(samples.len(), |k| samples[k]);
         let mut all = vec![0.0; before];
-        all.extend_from_slice(samples);
+        all.extend(samples.iter().map(|v| v - offset));
         for k in (0..before).rev() {
             all[k] = (0..TAPS).map(|i| NEXT[i] * all[k + TAPS - i]).sum();
         }
@@ -68,6 +72,7 @@ impl Shifted {
             scratch: plan.scratch(),
             plan,
             samples: all,
+            offset,
             before,
             windows: vec![None; starts],
         })
@@ -114,6 +119,7 @@ impl Shifted {
                 }
             }
         }
+        re[0] += self.offset;
         Ok(())
     }
 
@@ -146,9 +152,11 @@ mod tests {
     #[test]
     fn every_delay_has_the_coefficients_of_a_plan_made_for_it() {
         let (intervals, lead) = (200, 9);
-        let samples: Vec<f64> =
-            (0..=intervals + lead).map(|k| ((k * k) % 101) as f64 / 50.0 - 1.0).collect();
-        for kind in Kind::ALL {
+        let wave = |level: f64| -> Vec<f64> {
+            (0..=intervals + lead).map(|k| level + ((k * k) % 101) as f64 / 50.0 - 1.0).collect()
+        };
+        for (kind, level) in Kind::ALL.into_iter().flat_map(|kind| [(kind, 0.0), (kind, 64.0)]) {
+            let samples = wave(level);
             for harmonics in [20, 80] {
                 let room = (intervals, lead);
                 let mut all = Shifted::new(Isa::Plain, &samples, kind, room, harmonics).unwrap();

@@ -11,7 +11,8 @@ use crate::error::Error;
 use crate::math::root_of_unity;
 use crate::quadrature::times;
 
-use super::{CoefficientPlan, Sums};
+use super::{CoefficientPlan, Scratch, Sums, offset::offset};
+use crate::simd::Isa;
 
 /// Samples at either end of the middle part whose coefficients are looked at one by one.
 const ENDS: usize = 16;
@@ -28,6 +29,8 @@ pub struct Sliding {
     first: usize,
     /// The window's samples, the latest at `(count − 1) % samples`.
     ring: Vec<f64>,
+    /// The plan's sums of a constant one.
+    constant: Vec<(f64, f64)>,
     /// Samples so far.
     count: u64,
     /// e^{2πik/N}, k = 0…N−1: (cos, sin).
@@ -101,6 +104,7 @@ impl Sliding {
             intervals: n,
             first,
             ring: vec![0.0; samples],
+            constant: sums(plan, &vec![1.0; samples])?,
             count: 0,
             window: zeros.clone(),
             block: zeros,
@@ -216,13 +220,15 @@ impl Sliding {
                 at -= self.intervals;
             }
         }
-        for (place, own) in &self.ends {
-            let value = self.at(*place);
+        let offset = offset(self.samples(), |place| self.at(place));
+        let values = self.ends.iter().map(|(place, own)| (self.at(*place), own));
+        for (value, own) in values.chain([(-offset, &self.constant)]) {
             for ((re, im), c) in re.iter_mut().zip(im.iter_mut()).zip(own) {
                 *re += value * c.0;
                 *im += value * c.1;
             }
         }
+        re[0] += offset;
     }
 
     /// Forgets all samples.
@@ -238,8 +244,13 @@ impl Sliding {
 fn unit(plan: &CoefficientPlan, place: usize) -> Result<Vec<(f64, f64)>, Error> {
     let mut record = vec![0.0; plan.samples()];
     record[place] = 1.0;
+    sums(plan, &record)
+}
+
+/// A plan's coefficients of a record as it is.
+fn sums(plan: &CoefficientPlan, record: &[f64]) -> Result<Vec<(f64, f64)>, Error> {
     let (mut re, mut im) = (vec![0.0; plan.harmonics + 1], vec![0.0; plan.harmonics + 1]);
-    plan.run(&record, &mut re, &mut im)?;
+    plan.sum(Isa::detect()?, record, &mut re, &mut im, &mut Scratch::default())?;
     Ok(re.into_iter().zip(im).collect())
 }
 
@@ -302,6 +313,17 @@ mod tests {
                 sliding.push(sample(k));
             }
             prop_assert!(off(&plan, &sliding, sample) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn an_offset_is_taken_out_as_from_a_record() {
+        for level in [100.0, -1e6] {
+            let signal = |k: u64| level + sample(k);
+            let plan = CoefficientPlan::new(300, 75, Kind::Rule(Rule::Gregory), 2.5, 3).unwrap();
+            let mut sliding = Sliding::new(&plan).unwrap();
+            (0..2000).for_each(|k| sliding.push(signal(k)));
+            assert!(off(&plan, &sliding, signal) < 1e-14, "{level}");
         }
     }
 

@@ -116,8 +116,10 @@ fn every_lane_and_instruction_set_gives_the_bits_of_the_single_record() {
     ] {
         for kind in Kind::ALL {
             let Ok(plan) = CoefficientPlan::new(n, top, kind, delay, lead) else { continue };
-            let records: Vec<_> =
+            let mut records: Vec<_> =
                 (0..LANES).map(|lane| noise(plan.samples(), lane as u64 + 1)).collect();
+            // Two of them about a large offset.
+            records.iter_mut().take(2).flatten().for_each(|v| *v -= 1e3);
             let wide: Vec<Wide> = (0..plan.samples())
                 .map(|k| Wide(std::array::from_fn(|lane| records[lane][k])))
                 .collect();
@@ -154,6 +156,26 @@ fn a_nan_stays_in_its_lane_and_the_slow_paths_serve_lanes() {
         for (m, (a, b)) in run(&plan, &record).into_iter().enumerate() {
             assert!(re[m].0[2].is_nan());
             assert_eq!((a, b), (re[m].0[5], im[m].0[5]));
+        }
+    }
+}
+
+#[test]
+fn an_offset_reaches_no_other_line() {
+    let times: Vec<f64> = (0..=204).map(|k| f64::from(k) + 0.3 * f64::from(k % 3)).collect();
+    for (kind, delay) in Kind::ALL.into_iter().flat_map(|kind| [(kind, 0.0), (kind, 2.4)]) {
+        for harmonics in [20, 80] {
+            let uneven = CoefficientPlan::uneven(&times, harmonics, kind);
+            let even = CoefficientPlan::new(200, harmonics, kind, delay, 3);
+            for plan in [even.unwrap(), uneven.unwrap()] {
+                let moved: Vec<f64> = noise(plan.samples(), 3).iter().map(|v| v + 4e9).collect();
+                let level = offset(moved.len(), |k| moved[k]);
+                assert!((level - 4e9).abs() < 1.0);
+                let about: Vec<f64> = moved.iter().map(|v| v - level).collect();
+                let (alone, moved) = (run(&plan, &about), run(&plan, &moved));
+                assert_eq!(alone[0].0 + level, moved[0].0);
+                assert_eq!(alone[1..], moved[1..], "{kind:?} {delay}");
+            }
         }
     }
 }
