@@ -72,6 +72,7 @@ bench-compare: .venv/created
 ## keeps what is computed, so that a run that was stopped goes on.
 rivals: .venv/rivals/created
 	.venv/rivals/bin/python benches/compare/accuracy.py $(if $(RECORDS),--keep $(RECORDS))
+	.venv/rivals/bin/python benches/compare/joint_rivals.py --out docs/rivals.md
 
 ## docs/validation.md: report, benchmarks, coverage, twins, orders, bits; minutes when idle. ONLY=orders makes one section.
 validate: .venv/dev

@@ -44,7 +44,11 @@ def test_commits_are_compared_by_minima():
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("script", "rows"),
-    [("waits.py", ["`fit.predict`", "`mf.fit_many`, 10 records"]), ("joint_growth.py", ["2 | 1 | 2"])],
+    [
+        ("waits.py", ["`fit.predict`", "`mf.fit_many`, 10 records"]),
+        ("joint_growth.py", ["2 | 1 | 2"]),
+        ("joint_rivals.py", ["| a fit | error"]),
+    ],
 )
 def test_tables_are_written(tmp_path, script, rows):
     page = tmp_path / "performance.md"
