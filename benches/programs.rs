@@ -367,6 +367,7 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
         band: Band::Harmonics(harmonics),
         levels: Some(vec![0.2]),
         levels_matter: true,
+        learn: false,
         options: SETTLED,
     };
     let fitter = TermsFitter::new(options, &[(count, Time::Even(dt))], &[], isa).unwrap();

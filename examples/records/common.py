@@ -61,23 +61,6 @@ def save(figure: Any, name: str, figures: Place) -> Path:
     return path
 
 
-def balanced(records: Any, model: Any, rounds: int = 4, first: Any = None) -> Any:
-    """A fit whose outputs count by the errors of their own simulation, found by fitting `rounds` times more.
-
-    Equations weigh outputs by the noise of the high band, which filters leave empty in flight records: the
-    ratio of what is left there says nothing of the errors in the band. The band is that of the first fit,
-    which may be given.
-    """
-    import modfun as mf
-
-    fit: Any = first or mf.fit(records, model)
-    band = fit.band
-    for _ in range(rounds):
-        errors = np.hstack([fit.errors(i) for i in range(len(fit.records))])
-        fit = mf.fit(records, model, noise=mf.Noise(y=errors.std(axis=1)), band=band)
-    return fit
-
-
 def estimates(fits: dict[str, Any], names: Any = None) -> Any:
     """A table of fits of one structure: a row each, estimates ± standard errors of these parameters."""
     import modfun as mf

@@ -85,12 +85,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     cases = {f"published, {word}": (a, b, read(folder, word)) for word in ("smooth", "foh", "zoh")}
     cases["published, Nda 0.9 % larger"] = a, more, rec
     found = {name: simulated(*case) for name, case in cases.items()}
-    first = mf.fit(rec, structure())
-    fits = {
-        "default weights": first,
-        "own weights": common.balanced(rec, structure(), first=first),
-        "two known": common.balanced(rec, structure(**known(rec))),
-    }
+    fits = {"all": mf.fit(rec, structure()), "two known": mf.fit(rec, structure(**known(rec)))}
     levels = {name: level for name, (level, _) in found.items()}
     levels |= {f"fit, {name}": fit.score()["signal_to_error"] for name, fit in fits.items()}
     columns: dict[str, Any] = {
@@ -104,15 +99,14 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
         off[name] = dict(zip(fit.param_names, (fit.params - truth[kept]) / fit.bse, strict=True))
         rows = {"parameter": fit.param_names, "published": truth[kept].round(5), "estimate": fit.params}
         rows |= {"se HC3": fit.bse, "off, errors": np.round(list(off[name].values()), 1)}
-        if name != "default weights":
-            rows["simulated, %"] = shares[name] = covered(a, b, truth, rec, fit)
+        rows["simulated, %"] = shares[name] = covered(a, b, truth, rec, fit)
         print(f"\n{mf.Table(rows, name)}")
     out: dict[str, Any] = {"truth": truth, "levels": levels, "fits": fits, "off": off, "covered": shares}
-    out["collinearity"] = {name: mf.collinearity(rec, fits[name]) for name in ("own weights", "two known")}
+    out["collinearity"] = {name: mf.collinearity(rec, fits[name]) for name in fits}
     for name, shown in out["collinearity"].items():
         print(f"\n{name}\n{shown}")
     if figures:
-        draw(rec, found, fits["own weights"], off, figures)
+        draw(rec, found, fits["all"], off, figures)
     return out
 
 
@@ -123,9 +117,9 @@ def draw(
     figure, (left, right) = common.panels(1, 2, size=(9.0, 3.8))
     left.plot(rec.t, found["published, smooth"][1][2], label="published matrices")
     left.plot(rec.t, found["published, Nda 0.9 % larger"][1][2], label="with Nδa .9 % larger")
-    left.plot(rec.t, fit.errors()[2], label="fit, own weights")
+    left.plot(rec.t, fit.errors()[2], label="fit")
     left.set(xlabel="t, s", ylabel="error of r, deg/s")
-    for shift, name in ((-0.12, "own weights"), (0.12, "two known")):
+    for shift, name in ((-0.12, "all"), (0.12, "two known")):
         at = [NAMES.index(one) + shift for one in off[name]]
         right.plot(at, list(off[name].values()), "o", ms=5, label=name)
     right.axhspan(-3, 3, color="0.9")

@@ -60,14 +60,14 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
         print(f"run {run}: {1000 * late:.0f} ms, with which they agree to {level:.1f} dB")
 
     shifted = {run: common.earlier(rec, "alpha") for run, rec in runs.items()}
-    fits = {"018, default weights": (mf.fit(runs["018"], SHORT_PERIOD), runs)}
+    fits = {}
     for word, records in (("", runs), (", alpha earlier", shifted)):
         for name, own in (
             ("018", [records["018"]]),
             ("019", [records["019"]]),
             ("both", [*records.values()]),
         ):
-            fits[name + word] = common.balanced(own, SHORT_PERIOD), records
+            fits[name + word] = mf.fit(own, SHORT_PERIOD), records
     out["fits"] = {name: fit for name, (fit, _) in fits.items()}
     out["levels"] = {
         name: {run: fit.score(rec)["signal_to_error"] for run, rec in records.items()}
@@ -81,10 +81,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     }
     print(f"\nS/E, dB\n{mf.Table({'fit': list(fits)} | {k: np.round(v, 1) for k, v in columns.items()})}")
     both, last = out["fits"]["both"], out["fits"]["both, alpha earlier"]
-    weights = mf.Noise(y=both.errors(0).std(axis=1))
-    out["late"] = mf.fit(
-        [*runs.values()], LATE_VANE, noise=weights, band=both.band, trend="constant", maxiter=200
-    )
+    out["late"] = mf.fit([*runs.values()], LATE_VANE, band=both.band, trend="constant")
     print(f"\nBoth runs, the lag h of the vane (s) a parameter\n{out['late'].table()}")
     print(f"\nBoth runs, alpha earlier\n{last.table()}")
 

@@ -69,9 +69,9 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     model, moved = structure(rec), common.earlier(rec, "beta")
     part = moved.window(2.5, 15.0)
     fits = {
-        "as recorded": common.balanced(rec, model, rounds=2),
-        "beta earlier": common.balanced(moved, model, rounds=2),
-        "and 2.5 to 15 s": common.balanced(part, model, rounds=2),
+        "as recorded": mf.fit(rec, model),
+        "beta earlier": mf.fit(moved, model),
+        "and 2.5 to 15 s": mf.fit(part, model),
     }
     out["fits"] = fits
     names = fits["as recorded"].param_names

@@ -58,6 +58,8 @@ struct GivenTerms {
     levels: Option<Vec<f64>>,
     #[pyo3(item)]
     levels_matter: bool,
+    #[pyo3(item)]
+    learn: bool,
 }
 
 impl GivenTerms {
@@ -93,6 +95,7 @@ impl GivenTerms {
             band: words.band()?,
             levels: self.levels,
             levels_matter: self.levels_matter,
+            learn: self.learn,
             options: words.iteration(Wanted::Covariance),
         })
     }
@@ -168,6 +171,7 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     let out = answered(py, f.answer)?;
     out.set_item("scale", f.scale)?;
     out.set_item("levels", vector(py, f.levels))?;
+    out.set_item("seen", vector(py, f.seen))?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
     out.set_item("at_bound", f.at_bound)?;
     let residuals = PyList::empty(py);

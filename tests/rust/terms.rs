@@ -36,6 +36,7 @@ fn options(band: Band, level: Option<f64>) -> TermsOptions {
         band,
         levels: level.map(|s| vec![s]),
         levels_matter: true,
+        learn: false,
         options,
     }
 }

@@ -80,6 +80,8 @@ def prepare_equation(
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
     words = options.core() | {"trend": trend, "intersample": (), "flat": options.noise == "equation"}
+    # Noise of inputs and outputs cannot be told apart by how large the residuals are.
+    words["learn"] = options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
     del words["noise"]
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
@@ -137,6 +139,7 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
         # Levels read between gaps are too rough to judge residuals by.
         noise_scale=found["scale"] if seen is None else nan,
         levels=levels,
+        seen=found["seen"],
         df_hc3=found["df_hc3"],
     )
 

@@ -43,7 +43,7 @@ def warnings_of(fit: Estimates) -> list[str]:
         if text
     ]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
-        found.append(text + (_weights(fit) if fit.chi2 > LEVEL**2 * fit.df_resid else ""))
+        found.append(text)
     return [f"fit: {text}" for text in found]
 
 
@@ -211,7 +211,7 @@ def check(fit: Estimates) -> Findings:
             f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
             f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}). Either the model misses something, or "
             "the record was low-pass filtered and the high band is empty of noise, as flight records often "
-            f"are.{_weights(fit)}"
+            "are."
         )
     elif too_small(d):
         found.append(
@@ -256,19 +256,6 @@ def check(fit: Estimates) -> Findings:
 
 def _of(fit: Estimates, output: str) -> str:
     return f" of {output}" if len(fit.row_names) > 1 else ""
-
-
-def _weights(fit: Estimates) -> str:
-    """What to do where equations weigh outputs by levels that are not those of their misfit."""
-    if len(fit.outputs) < 2 or fit.layout.rational or isinstance(fit.options.noise, Noise):
-        return ""
-    which = "0" if len(fit.intervals) > 1 else ""
-    masked = fit.records is not None and any(rec.mask is not None for rec in fit.records)
-    spread = f"np.nanstd(fit.errors({which}), axis=1)" if masked else f"fit.errors({which}).std(axis=1)"
-    return (
-        f" {', '.join(fit.outputs)} count by the noise of the unused high band, not by their errors here: "
-        f"weigh them by these, noise=mf.Noise(y={spread}), and so again until nothing changes."
-    )
 
 
 def numbers(values: Any) -> str:

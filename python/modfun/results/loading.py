@@ -24,7 +24,7 @@ from .storage import ARRAYS, KIND, PLAIN, SCHEMA, TUPLES
 
 __all__ = ["fit_from_dict"]
 
-OF_EQUATIONS = ("levels", "df_hc3")
+OF_EQUATIONS = ("levels", "seen", "df_hc3")
 
 
 def fit_from_dict(values: Any) -> Fit:

@@ -31,13 +31,17 @@ class EquationFit(Fit):
     Attributes
     ----------
     levels : (noisy channel,) array
-        Standard deviation of the noise that weighed the lines: given, or seen in the unused high band.
+        Standard deviation of the noise that weighed the lines: given, seen in the unused high band, or, where
+        the residuals of several outputs contradict that, estimated with the parameters.
+    seen : (noisy channel,) array
+        The same as given or as seen in the high band.
     df_hc3 : (p,) array
         Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
     levels: F64 = field(default_factory=lambda: np.empty(0))
+    seen: F64 = field(default_factory=lambda: np.empty(0))
 
     @property
     def trend(self) -> str | None:
@@ -110,14 +114,15 @@ class EquationFit(Fit):
         """Noise level of each output as seen in the unused high band; nan where it was given."""
         given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
         outputs = len(self.outputs)
-        return np.full(outputs, np.nan) if given else self.levels[:outputs]
+        return np.full(outputs, np.nan) if given else self.seen[:outputs]
 
     @property
     def chi2(self) -> float:
         """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
         weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
         known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
-        return self.df_resid * self.noise_scale if weighted and known else float("nan")
+        over = self.noise_scale * np.mean((self.levels / self.seen) ** 2)  # nothing but 1 where they agree
+        return self.df_resid * float(over) if weighted and known else float("nan")
 
     def _gradient(self, of: Any) -> Any:
         """Values of a function of the linear model, and its derivatives to the parameters."""
@@ -179,4 +184,4 @@ class EquationFit(Fit):
 
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have."""
-        return {"levels": self.levels.tolist()}
+        return {"levels": self.levels.tolist(), "seen": self.seen.tolist()}

@@ -1,7 +1,7 @@
 //! The constant about which a channel moves, where it dwarfs the movement: taken out before the sums and put back
 //! into V(0), so that neither rounding nor what a rule leaves of a constant at m > 0 reaches the other lines.
 
-use crate::simd::{LANES, Wide};
+use crate::simd::Wide;
 
 /// Samples that are looked at.
 const LOOKS: usize = 16;
@@ -39,6 +39,7 @@ pub(super) fn levelled(samples: &[Wide], offsets: &Wide, out: &mut Vec<Wide>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::LANES;
 
     fn of(samples: &[f64]) -> f64 {
         offset(samples.len(), |k| samples[k])

@@ -20,8 +20,6 @@ def test_state_equations_predict_both_channels(numbers):
     fitted, predicted = numbers["levels"]["018, alpha earlier"].values()
     assert np.all(fitted > 26.5)
     assert np.all(predicted > 28)
-    # The weights of the high band lose alpha by 10 dB.
-    assert numbers["levels"]["018, default weights"]["018"][0] < fitted[0] - 10
 
 
 def test_runs_agree_within_their_errors(numbers):
@@ -44,7 +42,7 @@ def test_the_vane_is_late_in_both_runs(numbers):
 
 
 def test_nondimensional_derivatives(numbers):
-    """By hand: Cma = -9.776 * 24273/(55.97 * 422.48 * 6.496) = -1.545, Cmq = -3.007 * .1580 * 72.9."""
+    """By hand: Cma = -9.770 * 24273/(55.97 * 422.48 * 6.496) = -1.544, Cmq = -2.999 * .1580 * 72.9."""
     found = dict(zip(numbers["derived"]["name"], numbers["derived"]["value"], strict=True))
-    assert found["Cma"] == pytest.approx(-1.545, abs=0.002)
-    assert found["Cmq"] == pytest.approx(-34.64, abs=0.05)
+    assert found["Cma"] == pytest.approx(-1.544, abs=0.002)
+    assert found["Cmq"] == pytest.approx(-34.54, abs=0.05)

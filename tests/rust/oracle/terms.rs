@@ -26,6 +26,7 @@ fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> 
         band: last,
         levels: Some(levels.to_vec()),
         levels_matter: true,
+        learn: false,
         options: OPTIONS,
     }
 }

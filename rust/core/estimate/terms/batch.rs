@@ -38,7 +38,7 @@ impl TermsFitter {
         };
         let one = std::slice::from_ref(first);
         self.check(one)?;
-        let variances = self.variances(one)?;
+        let variances = self.first_variances(one, &self.variances(one)?)?;
         let chosen = self.choose(one, &variances)?;
         // Where one record's parameters are a good start for all; a linear start needs none.
         let start = match self.o.equations.linear {

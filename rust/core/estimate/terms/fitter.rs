@@ -26,6 +26,8 @@ pub struct TermsFit {
     pub scale: f64,
     /// Standard deviation of each noisy channel that weighed the rows.
     pub levels: Vec<f64>,
+    /// The same as given, or as seen in the high band.
+    pub seen: Vec<f64>,
     /// Degrees of freedom of each HC3 standard error (Satterthwaite).
     pub hc3_degrees: Vec<f64>,
     /// Whether each parameter stands at a bound.
@@ -41,12 +43,14 @@ impl TermsFitter {
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
     pub fn fit(&self, records: &[TermsRecord<'_>]) -> Result<TermsFit, Error> {
         self.check(records)?;
-        let variances = self.variances(records)?;
+        let seen = self.variances(records)?;
+        let variances = self.first_variances(records, &seen)?;
         let chosen = self.choose(records, &variances)?;
         let mut lent = self.workers.lend();
         let worker = lent.get_or(Worker::default);
-        let (fit, back) = self.finish(records, variances, &chosen, std::mem::take(worker))?;
+        let (mut fit, back) = self.finish(records, variances, &chosen, std::mem::take(worker))?;
         *worker = back;
+        fit.seen = levels(&seen);
         Ok(fit)
     }
 
@@ -58,7 +62,6 @@ impl TermsFitter {
         chosen: &Choice,
         worker: Worker,
     ) -> Result<(TermsFit, Worker), Error> {
-        let levels: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
         let other = match &chosen.theta {
             Some(_) => None,
             None => self.narrow_guess(records, &variances, &chosen.ranges)?,
@@ -71,8 +74,9 @@ impl TermsFitter {
                 ended = second;
             }
         }
+        let ended = self.learn(&mut problem, ended)?;
         let ended = self.again(&mut problem, ended)?;
-        let fit = self.finished(&mut problem, &ended, levels, chosen.rule)?;
+        let fit = self.finished(&mut problem, &ended, chosen.rule)?;
         Ok((fit, problem.into_worker()))
     }
 
@@ -200,7 +204,7 @@ impl TermsFitter {
     }
 
     /// Estimates from θ, or from where one may begin without.
-    fn estimate(
+    pub(super) fn estimate(
         &self,
         problem: &mut TermsProblem<'_>,
         from: Option<&[f64]>,
@@ -237,14 +241,18 @@ impl TermsFitter {
         Ok(Ended { nit, ..second })
     }
 
+    /// Whether the default rule looks at the samples.
+    pub(super) fn band_is_sought(&self) -> bool {
+        self.o.band == Band::Default && self.weights().0 == RowWeights::Adapted
+    }
+
     /// Lines as given, or by the default rule: wide from two starts, then the fewest that lose nothing.
     pub(crate) fn choose(
         &self,
         records: &[TermsRecord<'_>],
         variances: &[f64],
     ) -> Result<Choice, Error> {
-        let adapts = self.weights().0 == RowWeights::Adapted;
-        if self.o.band != Band::Default || !adapts {
+        if !self.band_is_sought() {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
@@ -314,7 +322,6 @@ impl TermsFitter {
         &self,
         problem: &mut TermsProblem<'_>,
         ended: &Ended,
-        levels: Vec<f64>,
         band_rule: Option<BandRule>,
     ) -> Result<TermsFit, Error> {
         let e = &self.o.equations;
@@ -366,7 +373,8 @@ impl TermsFitter {
                 band_rule,
             },
             scale,
-            levels,
+            levels: levels(&problem.variances),
+            seen: levels(&problem.variances),
             hc3_degrees,
             at_bound: ended.at_bound.clone(),
             residuals,
@@ -374,7 +382,11 @@ impl TermsFitter {
     }
 }
 
+fn levels(variances: &[f64]) -> Vec<f64> {
+    variances.iter().map(|v| v.sqrt()).collect()
+}
+
 /// Whether an estimate is one.
-fn usable(e: &Ended) -> bool {
+pub(super) fn usable(e: &Ended) -> bool {
     matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
 }

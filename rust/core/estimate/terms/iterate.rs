@@ -30,7 +30,7 @@ const LEVEL: f64 = 1e-9;
 /// Records on their lines at one θ, with what a step needs.
 pub(crate) struct TermsProblem<'a> {
     pub fitter: &'a TermsFitter,
-    records: &'a [TermsRecord<'a>],
+    pub records: &'a [TermsRecord<'a>],
     /// Variance of each noisy channel.
     pub variances: Vec<f64>,
     pub spots: Vec<Spot>,
@@ -114,6 +114,13 @@ impl<'a> TermsProblem<'a> {
             factor: Factor::default(),
             spots,
         }
+    }
+
+    /// Other levels from now on.
+    pub fn set_variances(&mut self, variances: Vec<f64>) {
+        self.variances = variances;
+        self.loaded = Loaded::Nothing;
+        self.stands = None;
     }
 
     /// The step that was found last.

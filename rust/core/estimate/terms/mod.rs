@@ -17,6 +17,7 @@ mod factor;
 mod fitter;
 mod instruments;
 mod iterate;
+mod levels;
 mod lines;
 mod noise;
 mod plan;

@@ -37,6 +37,8 @@ pub struct TermsOptions {
     pub levels: Option<Vec<f64>>,
     /// Whether the levels' sizes matter, not only their existence.
     pub levels_matter: bool,
+    /// Whether levels of several noisy channels are estimated with the parameters.
+    pub learn: bool,
     /// Iteration.
     pub options: Options,
 }

@@ -14,6 +14,7 @@ use super::lines::{Desk, Pairs, Spectra};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::dense::{Panel, whiten, whiten_more};
 use crate::linalg::qr::dot;
+use crate::math::ln_1;
 use crate::modulation::Lines;
 use crate::simd::{Isa, Wide};
 use crate::structure::Trend;
@@ -216,6 +217,11 @@ impl Spot {
             }
         }
         dot(&self.residual, &self.residual)
+    }
+
+    /// log det of the rows' covariance where [`Spot::evaluate`] last took adapted weights.
+    pub fn log_det(&self) -> f64 {
+        (0..self.rows.len()).map(|i| 2.0 * ln_1(self.panel.row(i)[i])).sum()
     }
 
     /// Σ g s^k V of each equation.
