@@ -106,7 +106,8 @@ pub struct CoefficientPlan {
 
 #[derive(Clone)]
 enum Sums {
-    Folded(FoldedSums),
+    /// Plans of one window and rule share them.
+    Folded(Arc<FoldedSums>),
     Fft { weights: Weights, transform: Arc<dyn RealToComplex<f64>> },
     Uneven { t: Vec<f64>, weights: Vec<f64> },
 }
@@ -179,7 +180,7 @@ impl CoefficientPlan {
             Kind::Rule(_) => {}
         }
         plan.sums = if harmonics <= FOLDED_HARMONICS {
-            Sums::Folded(FoldedSums::new(weights, harmonics))
+            Sums::Folded(Arc::new(FoldedSums::new(weights, harmonics)))
         } else {
             let transform = modfun_fft::forward(intervals);
             Sums::Fft { weights, transform }
