@@ -35,6 +35,7 @@ __all__ = ["OrderSelection", "select_order"]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 MOST = 100  # numbers of poles
+LOOK = 1e-5  # precision of estimates that only say which band is needed
 FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
@@ -200,14 +201,13 @@ def select_order(
     fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
-        wide = race.wide()
-        found = race.run(wide)
-        needed = (wide[0], max(race.guideline(), fits[found.best].band[1]))
-        if needed[1] < wide[1]:
-            found = race.run(needed)
+        band, least = race.wide(), race.guideline()
+        if least < band[1]:
+            look = race.run(band, LOOK)
+            band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
     else:
-        found = race.run(fits[-1].band)
-    return found.selection()
+        band = fits[-1].band
+    return race.run(band).selection()
 
 
 def candidates(
@@ -279,9 +279,10 @@ class _Race:
         lines = 3 * (fit.params.size + (fit.trend is not None) + (fit.trend == "linear")) + self.transient
         return max(lines * w for w in fit.omega0)
 
-    def run(self, band: tuple[float, float]) -> _Judged:
+    def run(self, band: tuple[float, float], tol: float = 0.0) -> _Judged:
         """Every candidate on the band, each from several starts: larger ones have many minima."""
-        options = self.options.replace(harmonics=None, band=(band[0], band[1] * (1 + 1e-9)))
+        edges = (band[0], band[1] * (1 + 1e-9))
+        options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
         ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
         rows: list[dict[str, Any]] = []
         core = None
@@ -310,21 +311,17 @@ def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
     Nothing, where the larger one has not the same paths with one zero, or one pole, more.
     """
     smaller: Fit = row["fit"]
-    if [d is None for d in larger.layout.numerators[0]] != [d is None for d in smaller.layout.numerators[0]]:
+    degrees, poles = smaller.layout.numerators[0], larger.layout.orders[0] - smaller.layout.orders[0]
+    zeros = 1 - poles
+    if poles not in (0, 1) or larger.layout.numerators[0] != tuple(
+        None if d is None else d + zeros for d in degrees
+    ):
         return []
-    more = {
-        b - a
-        for a, b in zip(smaller.layout.numerators[0], larger.layout.numerators[0], strict=True)
-        if a is not None and b is not None
-    }
     den, nums = smaller.layout.polynomials(row["theta"])
-    degrees = smaller.layout.numerators[0]
     paths = [num for num, degree in zip(nums, degrees, strict=True) if degree is not None]
-    if larger.order == smaller.order and more == {1}:
-        return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])]
-    if larger.order == smaller.order + 1 and more <= {0}:
+    if poles:
         return [np.concatenate([np.convolve(den, [1.0, far])[1:], *(far * num for num in paths)])]
-    return []
+    return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])] if paths else []
 
 
 # Which one ------------------------------------------------------------------------------------------
