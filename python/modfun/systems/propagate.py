@@ -18,6 +18,8 @@ from ..signals.sources import Source, evaluate, is_samples
 
 __all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 
+NODES = gauss_legendre()[0]  # of the quadrature within a sample, as parts of it
+
 
 def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...]:
     """One behaviour between samples an input, checked."""
@@ -197,13 +199,13 @@ def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F6
     cubic spline and hold their first value before the record.
     """
     at: F64 = grid - delay
-    inside: F64 = at[:-1, None] + gauss_legendre()[0] * dt
+    inside: F64 = at[:-1, None] + NODES * dt
     if not is_samples(source):
         return evaluate(source, at), evaluate(source, inside.ravel()).reshape(inside.shape)
     values = evaluate(source, grid)
     curve = spline(grid, values)
     if delay == 0.0:
-        return values, np.ascontiguousarray(curve(inside))
+        return values, np.ascontiguousarray(curve.c.T @ np.vander(NODES * dt, len(curve.c)).T)
     return curve(np.maximum(at, 0.0)), np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
 
 
