@@ -108,8 +108,14 @@ pub struct CoefficientPlan {
 enum Sums {
     /// Plans of one window and rule share them.
     Folded(Arc<FoldedSums>),
-    Fft { weights: Weights, transform: Arc<dyn RealToComplex<f64>> },
-    Uneven { t: Vec<f64>, weights: Vec<f64> },
+    Fft {
+        weights: Weights,
+        transform: Arc<dyn RealToComplex<f64>>,
+    },
+    Uneven {
+        t: Vec<f64>,
+        weights: Vec<f64>,
+    },
 }
 
 /// What turns the plain sum F(m) of held values into the coefficient: α F + β₀ (u_N − u_0) + β₁ (u_{N+1} − u_1).

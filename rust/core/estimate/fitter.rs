@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::answer::{Answer, unit_diagonal};
-use super::band::{BandRule, Choice, Range};
+use super::band::{BandRule, CLOSE, Choice, Range};
 use super::design::Design;
 use super::fit::{Fit, FitOptions, RecordView, Time};
 use super::many::Many;
@@ -22,8 +22,6 @@ use crate::spectrum::{CoefficientPlan, Scratch};
 
 /// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
 const PROBLEMS: usize = 4;
-/// Precision of an estimate that only a band is chosen by, and that is the start of another.
-const CLOSE: f64 = 1e-5;
 /// Bands lately chosen for batches that are kept.
 const BANDS: usize = 4;
 

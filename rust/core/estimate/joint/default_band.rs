@@ -8,15 +8,16 @@ use super::single::Single;
 use super::structure::Delay;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::band::{Band, BandRule, CLOSE, Choice, Range, SAME, fewest_lines};
 use crate::estimate::{Options, Outcome, Wanted};
 use crate::simd::LANES;
 use crate::structure::Method;
 
 /// Most steps, and alternations with Σ, of a fit that chooses the band.
 const TRIAL: usize = 15;
-/// Precision of a first look at delays.
+/// Precision of a first look at delays, and its steps.
 const LOOK: f64 = 1e-4;
+const GLANCE: usize = 6;
 /// Most delays tried, over all paths together.
 const TRIALS: usize = 128;
 
@@ -105,7 +106,7 @@ impl JointFitter {
         near: Option<&[f64]>,
     ) -> Result<(f64, bool), Error> {
         // To choose a band, an estimate near the minimum will do.
-        let options = self.few_steps();
+        let options = Options { tol: self.o.options.tol.max(CLOSE), ..self.few_steps() };
         let mut delayed = self.delayed(records);
         let d = single.d;
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
@@ -179,7 +180,7 @@ impl JointFitter {
         if fine {
             // A look at all says from where it is worth to go on.
             let tol = options.tol.max(LOOK);
-            let look = Options { tol, maxiter: options.maxiter.min(TRIAL), ..options };
+            let look = Options { tol, maxiter: options.maxiter.min(GLANCE), ..options };
             let mut costs = Vec::with_capacity(trials);
             for some in followed.chunks(LANES) {
                 let live = place(&mut w, some);
@@ -190,7 +191,8 @@ impl JointFitter {
             let sizes: Vec<usize> = grids.iter().map(Vec::len).collect();
             followed.retain(|trial| is_least(&costs, &sizes, *trial));
         }
-        let few = Options { maxiter: options.maxiter.min(2 * TRIAL), ..options };
+        let tol = options.tol.max(CLOSE);
+        let few = Options { tol, maxiter: options.maxiter.min(2 * TRIAL), ..options };
         let (mut best, mut lowest) = (None, f64::INFINITY);
         for some in followed.chunks(LANES) {
             let live = place(&mut w, some);
