@@ -75,13 +75,6 @@ pub(crate) struct Problem {
     pub space: Workspace,
 }
 
-/// A single fit is lane 0 of eight.
-pub(crate) const LIVE: [bool; LANES] = {
-    let mut live = [false; LANES];
-    live[0] = true;
-    live
-};
-
 /// A cost that fits may be compared by: infinite where there is no estimate.
 fn comparable(status: Status, cost: f64) -> f64 {
     match status {

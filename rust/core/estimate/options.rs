@@ -36,7 +36,7 @@ pub enum Start<'a> {
 }
 
 impl Start<'_> {
-    /// Lanes of a single fit that iterate.
+    /// Lanes of a single fit that iterate: the first, and one a start behind it.
     pub(crate) fn lanes(&self) -> [bool; LANES] {
         let last = if let Start::Each(starts) = self { starts.len() } else { 0 };
         std::array::from_fn(|lane| lane <= last)

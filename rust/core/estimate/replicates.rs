@@ -1,7 +1,6 @@
 //! The estimate of eight replicates: start, iteration, uncertainty, statuses.
 
 use super::design::Design;
-use super::fitter::LIVE;
 use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::{Outcome, lost_in_rounding, statuses};
@@ -61,7 +60,7 @@ pub fn estimate(
 /// Lane 0 where `wls` leads, the lanes behind it at these parameters with the transients that belong to them.
 fn begin_each(isa: Isa, d: &Design, w: &mut Workspace, starts: &[Vec<f64>], o: &Options) {
     let live = w.progress.active;
-    w.progress.active = Wide(LIVE.map(f64::from));
+    w.progress.active = Wide(Start::Wls.lanes().map(f64::from));
     iterate(isa, d, w, Rule::Wls, o);
     let first = w.iterates.clone();
     for (lane, theta) in starts.iter().enumerate().map(|(k, theta)| (k + 1, theta)) {
