@@ -144,6 +144,8 @@ class Fitter:
         cls,
         samples: Sequence[int],
         time: Sequence[float | _F64],
+        *,
+        beside: Fitter | None = None,
         **options: Unpack[_Options],
     ) -> Self: ...
     def fit(

@@ -111,9 +111,16 @@ pub struct CoefficientPlan {
 
 #[derive(Clone)]
 enum Sums {
-    Folded(FoldedSums),
-    Fft { weights: Weights, transform: Arc<dyn RealToComplex<f64>> },
-    Uneven { t: Vec<f64>, weights: Vec<f64> },
+    /// Plans of one window and rule share them.
+    Folded(Arc<FoldedSums>),
+    Fft {
+        weights: Weights,
+        transform: Arc<dyn RealToComplex<f64>>,
+    },
+    Uneven {
+        t: Vec<f64>,
+        weights: Vec<f64>,
+    },
 }
 
 /// What turns the plain sum F(m) of held values into the coefficient: α F + β₀ (u_N − u_0) + β₁ (u_{N+1} − u_1).
@@ -184,7 +191,7 @@ impl CoefficientPlan {
             Kind::Rule(_) => {}
         }
         plan.sums = if harmonics <= FOLDED_HARMONICS {
-            Sums::Folded(FoldedSums::new(weights, harmonics))
+            Sums::Folded(Arc::new(FoldedSums::new(weights, harmonics)))
         } else {
             let transform = modfun_fft::forward(intervals);
             Sums::Fft { weights, transform }

@@ -228,12 +228,14 @@ pub struct Fitter {
 
 #[pymethods]
 impl Fitter {
-    /// Makes ready for records of these numbers of samples and steps, or instants.
+    /// Makes ready for records of these numbers of samples and steps, or instants, with what another that was
+    /// made for the same records knows of them.
     #[new]
-    #[pyo3(signature = (samples, time, **options))]
+    #[pyo3(signature = (samples, time, *, beside=None, **options))]
     fn new(
         samples: Vec<usize>,
         time: Vec<When<'_>>,
+        beside: Option<&Bound<'_, Fitter>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Fitter> {
         let given: Given = asked(options)?.extract()?;
@@ -241,7 +243,8 @@ impl Fitter {
         let sampling = sampling(&samples, &time)?;
         let inputs = o.structure.numerators.len();
         let isa = Isa::detect().map_err(to_python)?;
-        Ok(Fitter { core: Core::new(o, &sampling, isa).map_err(to_python)?, inputs })
+        let beside = beside.map(|other| &other.get().core);
+        Ok(Fitter { core: Core::beside(beside, o, &sampling, isa).map_err(to_python)?, inputs })
     }
 
     /// Fits one structure to one record, or to several as one problem: lists of (channel, time). Of the fits

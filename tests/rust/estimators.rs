@@ -226,3 +226,41 @@ fn halved_steps_settle_where_whole_ones_do_not() {
         assert!(nit > 12, "order {order}, M + n = {last}: no step was halved in {nit}");
     }
 }
+
+/// Of several starts a lane each ends where it would from that start alone, to the bit.
+#[test]
+fn starts_in_lanes_are_starts_alone() {
+    let isa = Isa::detect().unwrap();
+    let options = Options { tol: 1e-9, maxiter: 50, wanted: Wanted::Covariance };
+    for (order, zeros, method, trend) in [
+        (2, 0, Method::Ml, Trend::None),
+        (2, 1, Method::Awls, Trend::Constant),
+        (4, 2, Method::Ml, Trend::Constant),
+    ] {
+        let d = design(order, zeros, method, trend, 60, omega0());
+        let of = block(5, 0, 0.2, 60);
+        let same = |(re, im): &(Vec<Wide>, Vec<Wide>)| {
+            let first = |all: &[Wide]| all.iter().map(|x| Wide::splat(x.0[0])).collect();
+            (first(re), first(im))
+        };
+        let one = Block { y: same(&of.y), u: same(&of.u) };
+        let found = |start: Start<'_>, live: [bool; LANES]| {
+            let mut w = Workspace::new(&d);
+            common::load(&mut w, &d, &one);
+            let outcome = estimate(isa, &d, &mut w, live, start, &options);
+            let theta: Vec<f64> = w.theta(&d, 0).collect();
+            (theta, (0..LANES).map(|k| common::bits(&d, &w, &outcome, k)).collect::<Vec<_>>())
+        };
+        let first = std::array::from_fn(|lane| lane == 0);
+        let (theta, alone) = found(Start::Wls, first);
+        let starts: Vec<Vec<f64>> =
+            [1.1, 0.8].iter().map(|by| theta.iter().map(|t| t * by).collect()).collect();
+        let (_, together) =
+            found(Start::Each(&starts), std::array::from_fn(|lane| lane <= starts.len()));
+        assert_eq!(together[0], alone[0], "{order} poles, {method:?}");
+        for (k, start) in starts.iter().enumerate() {
+            let (_, own) = found(Start::Theta(start), first);
+            assert_eq!(together[k + 1], own[0], "{order} poles, {method:?}, start {k}");
+        }
+    }
+}

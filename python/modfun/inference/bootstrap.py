@@ -269,7 +269,7 @@ def bootstrap(
     parts: list[FitMany] = []
     with Progress(progress, f"{kind} bootstrap") as bar:
         for block in _blocks(count, records):
-            ys = [y + e for y, e in zip(clean, noise(block), strict=True)]
+            ys = [np.add(y, e, out=e) for y, e in zip(clean, noise(block), strict=True)]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
     figures = ["params", "bse", "status", "cost", "nit", *(() if parts[0].df_hc3 is None else ("df_hc3",))]

@@ -47,18 +47,17 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
         nuisance = fit.order + len(trend_columns(records[0].t, fit.trend))
         freedom = sum(e.shape[1] for e in errors) - fit.params.size - nuisance * len(records)
         root = np.diag(np.sqrt(sum(np.sum(e**2, axis=1) for e in errors) / freedom))
-    sizes = [1.0 if rec.sigma is None else rec.sigma for rec in records]
 
     def draw(block: range) -> list[F64]:
-        drawn = [
-            root
-            @ normal_rows(seed, "bootstrap", 0, block.start, k, len(block), y.size).reshape(-1, *y.shape)
-            * size
-            for k, (y, size) in enumerate(zip(clean, sizes, strict=True))
-        ]
-        return (
-            [y * np.expm1(e) for y, e in zip(clean, drawn, strict=True)] if noise == "log-normal" else drawn
-        )
+        drawn = []
+        for k, (y, rec) in enumerate(zip(clean, records, strict=True)):
+            z = normal_rows(seed, "bootstrap", 0, block.start, k, len(block), y.size).reshape(-1, *y.shape)
+            # Megabytes are written where they stand.
+            e = np.multiply(root, z, out=z) if root.size == 1 else root @ z
+            if rec.sigma is not None:
+                e *= rec.sigma
+            drawn.append(y * np.expm1(e) if noise == "log-normal" else e)
+        return drawn
 
     return draw
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from math import inf, isfinite, log, nan, sqrt
 from typing import Any, Unpack
@@ -34,6 +35,7 @@ __all__ = ["OrderSelection", "select_order"]
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 MOST = 100  # numbers of poles
+LOOK = 1e-5  # precision of estimates that only say which band is needed
 FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
@@ -199,14 +201,13 @@ def select_order(
     fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
-        wide = race.wide()
-        found = race.run(wide)
-        needed = (wide[0], max(race.guideline(), found.best.band[1]))
-        if needed[1] < wide[1]:
-            found = race.run(needed)
+        band, least = race.wide(), race.guideline()
+        if least < band[1]:
+            look = race.run(band, LOOK)
+            band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
     else:
-        found = race.run(fits[-1].band)
-    return found
+        band = fits[-1].band
+    return race.run(band).selection()
 
 
 def candidates(
@@ -278,15 +279,18 @@ class _Race:
         lines = 3 * (fit.params.size + (fit.trend is not None) + (fit.trend == "linear")) + self.transient
         return max(lines * w for w in fit.omega0)
 
-    def run(self, band: tuple[float, float]) -> OrderSelection:
+    def run(self, band: tuple[float, float], tol: float = 0.0) -> _Judged:
         """Every candidate on the band, each from several starts: larger ones have many minima."""
-        options = self.options.replace(harmonics=None, band=(band[0], band[1] * (1 + 1e-9)))
+        edges = (band[0], band[1] * (1 + 1e-9))
+        options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
         ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
         rows: list[dict[str, Any]] = []
+        core = None
         for own in self.fits:
             core = Fitter(
                 [rec.y.shape[1] for rec in self.records],
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
+                beside=core,
                 transient=self.transient,
                 **plain_words(own.layout, own.intersample, options),
             )
@@ -294,7 +298,7 @@ class _Race:
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
             row = core.fit(ys, us, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})
-        return _judge(self, rows, band)
+        return _Judged(self, rows, band)
 
 
 def _usable(found: dict[str, Any]) -> bool:
@@ -307,83 +311,97 @@ def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
     Nothing, where the larger one has not the same paths with one zero, or one pole, more.
     """
     smaller: Fit = row["fit"]
-    if [d is None for d in larger.layout.numerators[0]] != [d is None for d in smaller.layout.numerators[0]]:
+    degrees, poles = smaller.layout.numerators[0], larger.layout.orders[0] - smaller.layout.orders[0]
+    zeros = 1 - poles
+    if poles not in (0, 1) or larger.layout.numerators[0] != tuple(
+        None if d is None else d + zeros for d in degrees
+    ):
         return []
-    more = {
-        b - a
-        for a, b in zip(smaller.layout.numerators[0], larger.layout.numerators[0], strict=True)
-        if a is not None and b is not None
-    }
     den, nums = smaller.layout.polynomials(row["theta"])
-    degrees = smaller.layout.numerators[0]
     paths = [num for num, degree in zip(nums, degrees, strict=True) if degree is not None]
-    if larger.order == smaller.order and more == {1}:
-        return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])]
-    if larger.order == smaller.order + 1 and more <= {0}:
-        return [np.concatenate([np.polymul(den, [1.0, far])[1:], *(far * num for num in paths)])]
-    return []
+    if poles:
+        return [np.concatenate([np.convolve(den, [1.0, far])[1:], *(far * num for num in paths)])]
+    return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])] if paths else []
 
 
 # Which one ------------------------------------------------------------------------------------------
 
 
-def _judge(race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> OrderSelection:
-    from scipy.special import fdtrc
+class _Judged:
+    """Candidates on one band: their costs, what follows from these, and the one chosen."""
 
-    usable = np.array([row["usable"] for row in rows])
-    if not usable.any():
-        raise FitError(
-            "select_order: no candidate could be fitted on the common band "
-            f"({', '.join(sorted({row['status'] for row in rows}))}); "
-            "give a record in which the inputs move more, or fewer poles"
+    def __init__(self, race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> None:
+        self.race, self.rows, self.band = race, rows, band
+        self.usable = np.array([row["usable"] for row in rows])
+        if not self.usable.any():
+            raise FitError(
+                "select_order: no candidate could be fitted on the common band "
+                f"({', '.join(sorted({row['status'] for row in rows}))}); "
+                "give a record in which the inputs move more, or fewer poles"
+            )
+        self.cost = np.where(self.usable, [row["cost"] for row in rows], nan)
+        params = np.array([row["theta"].size for row in rows])
+        self.count = params + np.array([row["fit"].order for row in rows])
+        self.free = np.array([row["df_resid"] for row in rows])
+        self.n = n = int(self.free[0] + params[0])
+        self.high, self.sigma, self.notes = _levels(rows[-1], race.fits[-1], race.finest())
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.bic = n * np.log(self.cost / n) + self.count * log(n)
+            self.calibrated = self.cost / self.sigma**2 + self.count * log(n)
+        self.criterion = "calibrated_bic" if isfinite(self.sigma) else "bic"
+        self.score = np.where(self.usable, self.calibrated if isfinite(self.sigma) else self.bic, inf)
+
+    @cached_property
+    def best(self) -> int:
+        """The candidate of the lowest score in which no pole and zero cancel, if there is one."""
+        ranked = np.argsort(self.score, kind="stable").tolist()
+        sound = (k for k in ranked if isfinite(self.score[k]) and not self.apart(k) < CANCELS)
+        return next(sound, int(np.argmin(self.score)))
+
+    def apart(self, k: int) -> float:
+        """Standard errors between the pole and the zero of a candidate that are nearest to cancelling."""
+        row = self.rows[k]
+        return cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if row["usable"] else nan
+
+    def selection(self) -> OrderSelection:
+        from scipy.special import fdtrc
+
+        race, rows, n, best = self.race, self.rows, self.n, self.best
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room, chi2 = n - self.count, self.cost / self.high**2
+            aicc = n * np.log(self.cost / n) + 2 * (self.count + 1) * n / np.maximum(room - 2, 1)
+        pairs = [self.apart(k) for k in range(len(rows))]
+        growths = [_growth(row) if row["usable"] else nan for row in rows]
+        columns = {
+            "poles": [s.poles for s in race.structures],
+            "zeros": [s.zeros if race.records[0].inputs else None for s in race.structures],
+            "unknowns": self.count.tolist(),
+            "cost": self.cost.tolist(),
+            "residual": np.sqrt(self.cost / n).tolist(),
+            "chi2": chi2.tolist(),
+            "p_value": fdtrc(self.free, high_band_df(race.fits[-1]), chi2 / self.free).tolist(),
+            "aicc": np.where(room > 2, aicc, nan).tolist(),
+            "bic": self.bic.tolist(),
+            "calibrated_bic": self.calibrated.tolist(),
+            "cancelling": [None if not isfinite(d) else d for d in pairs],
+            "stable": [growth < 0 for growth in growths],
+            "status": [row["status"] for row in rows],
+        }
+        notes = self.notes
+        if not columns["stable"][best]:
+            notes += (
+                f"The chosen candidate is unstable: a pole has real part {growths[best]:.3g} rad/s. "
+                "Right for an unstable system; else take the best of those that the table calls stable.",
+            )
+        return OrderSelection(
+            table=Table(columns),
+            best=race.fits[best],
+            fits=race.fits,
+            criterion=self.criterion,
+            band=self.band,
+            sigma=self.sigma,
+            notes=(_chosen(race.structures[best], best, self.score, self.criterion, n), *notes),
         )
-    cost = np.where(usable, [row["cost"] for row in rows], nan)
-    params = np.array([row["theta"].size for row in rows])
-    count = params + np.array([row["fit"].order for row in rows])
-    free = np.array([row["df_resid"] for row in rows])
-    n = int(free[0] + params[0])
-    high, pooled, notes = _levels(rows[-1], race.fits[-1], race.finest())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        level = n * np.log(cost / n)
-        bic = level + count * log(n)
-        aicc = np.where(n - count > 2, level + 2 * (count + 1) * n / np.maximum(n - count - 2, 1), nan)
-        chi2, calibrated = cost / high**2, cost / pooled**2 + count * log(n)
-    pairs = np.array(
-        [cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if row["usable"] else nan for row in rows]
-    )
-    criterion = "calibrated_bic" if isfinite(pooled) else "bic"
-    score = np.where(usable, calibrated if isfinite(pooled) else bic, inf)
-    kept = np.where(pairs < CANCELS, inf, score)
-    best = int(np.argmin(kept if np.isfinite(kept).any() else score))
-    columns = {
-        "poles": [s.poles for s in race.structures],
-        "zeros": [s.zeros if race.records[0].inputs else None for s in race.structures],
-        "unknowns": count.tolist(),
-        "cost": cost.tolist(),
-        "residual": np.sqrt(cost / n).tolist(),
-        "chi2": chi2.tolist(),
-        "p_value": fdtrc(free, high_band_df(race.fits[-1]), chi2 / free).tolist(),
-        "aicc": aicc.tolist(),
-        "bic": bic.tolist(),
-        "calibrated_bic": calibrated.tolist(),
-        "cancelling": [None if not isfinite(d) else d for d in pairs.tolist()],
-        "stable": [row["usable"] and _growth(row) < 0 for row in rows],
-        "status": [row["status"] for row in rows],
-    }
-    if not columns["stable"][best]:
-        notes += (
-            f"The chosen candidate is unstable: a pole has real part {_growth(rows[best]):.3g} rad/s. "
-            "Right for an unstable system; else take the best of those that the table calls stable.",
-        )
-    return OrderSelection(
-        table=Table(columns),
-        best=race.fits[best],
-        fits=race.fits,
-        criterion=criterion,
-        band=band,
-        sigma=pooled,
-        notes=(_chosen(race.structures[best], best, score, criterion, n), *notes),
-    )
 
 
 def _growth(row: dict[str, Any]) -> float:

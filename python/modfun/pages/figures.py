@@ -22,6 +22,8 @@ _COLOURS = {
     "#666666": "var(--soft)",
     "#ffffff": "var(--paper)",
 }
+_POWER = re.compile(r"\^\{(.*?)\}")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COLOUR = re.compile("|".join(_COLOURS), re.IGNORECASE)
 
 
@@ -54,6 +56,7 @@ def drawn(
     """
     style = optional("matplotlib.style", "report", "a report")
     figures = optional("matplotlib.figure", "report", "a report")
+    svg = optional("matplotlib.backends.backend_svg", "report", "a report")
     words = {"svg.fonttype": "none", "svg.hashsalt": "modfun"}
     with warnings.catch_warnings(), style.context(["default", words]):
         # The page's fonts have letters that matplotlib's own has not.
@@ -68,6 +71,10 @@ def drawn(
                 line.set_rasterized(len(line.get_xdata()) > MANY)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        svg.FigureCanvasSVG(figure)
+        # Here and not by `savefig`, which draws everything once more for it.
+        figure.get_layout_engine().execute(figure)
+        figure.set_layout_engine("none")
         figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
     text = buffer.getvalue()
     text = re.sub(r"<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
@@ -84,6 +91,19 @@ def _plain_names(here: Any, height: float) -> None:
         words = axis.get_major_formatter()
         if type(words).__name__ == "FuncFormatter":  # names at the ticks
             axis.set_major_formatter(partial(_tick, words))
+        for of in (words, axis.get_minor_formatter()):
+            if type(of).__name__.startswith("LogFormatter"):
+                of.format_ticks = partial(_powers, of.format_ticks)
+
+
+def _powers(labels: Callable[[Any], list[str]], places: Any) -> list[str]:
+    """Powers of ten as text: matplotlib takes milliseconds to set each as a formula."""
+
+    def text(label: str) -> str:
+        plain = label.removeprefix(r"$\mathdefault{").removesuffix("}$").replace(r"\times", "×")
+        return _POWER.sub(lambda found: found[1].translate(_RAISED), plain)
+
+    return [text(label) for label in labels(places)]
 
 
 def _tick(words: Any, place: float, position: int) -> str:

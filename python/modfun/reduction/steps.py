@@ -27,6 +27,8 @@ __all__ = ["Found", "of_lines", "to_order", "to_structure"]
 
 Contender = tuple[str, Response, Realisation | None]
 
+LOOK = 1e-3  # relative fall of the cost at which a start for others is good enough
+NEAR = 0.1  # of their size: poles on the way to the same model
 PATIENCE = 20  # reweightings that lower the largest error by less than .1 % before the search ends
 
 
@@ -139,7 +141,7 @@ def _fitted_modes(
     candidates = [found] if dcgain else [found, full.balanced.truncated(start.order)]
     if whole.d.size == 1:  # of one path the poles say all, and other starts for them cost little
         layout = _layout(TransferFunction(poles=start.order), 1, 1)
-        poles = fit_rational(
+        rational = fit_rational(
             lines.omega,
             (lines.response - whole.d).transpose(1, 2, 0),
             layout,
@@ -147,13 +149,18 @@ def _fitted_modes(
             unstable=0,
             region=region,
             dcgain=dc,
+            tol=LOOK,
             maxiter=200,
-        ).poles[0]
-        fractions = Fractions(poles).state
-        begin = Realisation(fractions[0], fractions[1][:, None], start.c, whole.d)
-        other, more = fit(criterion.weight, begin, 200)
-        candidates.append(other)
-        nit += more
+        )
+        left = lines.response - found.response(lines.omega)
+        lower = rational.cost < float(criterion.weight @ np.abs(left[:, 0, 0]) ** 2)
+        # Where it comes near to what stands already, the way ends there.
+        if lower or not _near(rational.poles[0], found.poles):
+            fractions = Fractions(rational.poles[0]).state
+            begin = Realisation(fractions[0], fractions[1][:, None], start.c, whole.d)
+            other, more = fit(criterion.weight, begin, 200)
+            candidates.append(other)
+            nit += more
     if criterion.minimax:
 
         def largest(one: Realisation) -> float:
@@ -167,6 +174,13 @@ def _fitted_modes(
     if criterion.kind == "h2" and criterion.whole:
         return min(candidates, key=lambda one: h2_norm(whole.minus(one))), nit
     return min(candidates, key=lambda one: criterion.cost(one.response(lines.omega))), nit
+
+
+def _near(poles: C128, others: C128) -> bool:
+    """Whether each pole has one of the others within a fraction of its size, and the other way round."""
+    apart = np.abs(poles[:, None] - others)
+    close = apart <= NEAR * np.minimum(np.abs(poles)[:, None], np.abs(others))
+    return bool(np.all(close.any(axis=0)) and np.all(close.any(axis=1)))
 
 
 def _region(whole: Realisation, minimax: bool) -> Region:

@@ -17,7 +17,7 @@ from .gradients import differences, root_gradients
 
 __all__ = ["cancelling", "damp", "derived"]
 
-Root = tuple[complex, C128]  # and its derivatives (parameter)
+Roots = tuple[C128, C128]  # and their derivatives (root, parameter)
 
 
 def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:
@@ -88,33 +88,34 @@ def cancelling(fit: Estimates, theta: F64, cov: F64) -> float:
         sqrt(d' C^-1 d), d the distance of the two in the plane (on the axis where both are real) and C its
         covariance; inf where a path has no zeros.
     """
-    den, nums = fit.layout.polynomials(theta)
     degrees = fit.layout.numerators[0]
+    if not fit.order or min((d for d in degrees if d is not None), default=0) == 0:
+        return np.inf
+    den, nums = fit.layout.polynomials(theta)
     ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in degrees)])
-    found = _roots(den, [None, *range(fit.order)], theta.size)
+    poles = root_gradients(den, [None, *range(fit.order)], theta.size)
     paths = [
-        _roots(num, range(at, at + num.size), theta.size)
+        _nearest(poles, root_gradients(num, range(at, at + num.size), theta.size), cov)
         for num, at, d in zip(nums, ends[:-1].tolist(), degrees, strict=True)
         if d is not None
     ]
-    apart = [max((_nearest(pole, path, cov) for path in paths), default=np.inf) for pole in found]
-    return min(apart, default=np.inf)
+    return float(np.min(np.max(paths, axis=0)))
 
 
-def _roots(polynomial: F64, places: Sequence[int | None], size: int) -> list[Root]:
-    return list(zip(*root_gradients(polynomial, places, size), strict=True))
-
-
-def _nearest(pole: Root, zeros: list[Root], cov: F64) -> float:
-    distances = [np.inf]
-    for zero, gradient in zeros:
-        apart, slope = pole[0] - zero, pole[1] - gradient
-        plane = np.array([slope.real, slope.imag])[: 1 if pole[0].imag == zero.imag == 0 else 2]
-        d = np.array([apart.real, apart.imag])[: len(plane)]
-        spread = plane @ cov @ plane.T
-        if np.all(np.isfinite(spread)) and np.linalg.det(spread) > 0:
-            distances.append(float(np.sqrt(d @ np.linalg.solve(spread, d))))
-    return min(distances)
+def _nearest(poles: Roots, zeros: Roots, cov: F64) -> F64:
+    """Standard errors from each pole to the nearest zero."""
+    d = poles[0][:, None] - zeros[0]
+    slope = poles[1][:, None] - zeros[1]
+    x, y = slope.real, slope.imag
+    with np.errstate(all="ignore"):  # repeated roots have no derivatives
+        xx, xy, yy = (np.sum((a @ cov) * b, axis=-1) for a, b in ((x, x), (x, y), (y, y)))
+        det = xx * yy - xy**2
+        plane = (yy * d.real**2 - 2 * xy * d.real * d.imag + xx * d.imag**2) / det
+        axis = d.real**2 / xx
+    real = (poles[0].imag == 0)[:, None] & (zeros[0].imag == 0)
+    known = np.where(real, xx > 0, det > 0) & np.isfinite(xx + xy + yy)
+    squares = np.where(known, np.maximum(np.where(real, axis, plane), 0.0), np.inf)
+    return np.asarray(np.sqrt(np.min(squares, axis=1, initial=np.inf)))
 
 
 def damp(fit: Estimates) -> Table:

@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike
 from .._core import simulate_uneven
 from ..base.arguments import shown
 from ..base.arrays import F64
-from ..base.samples import LARGEST
+from ..base.samples import LARGEST, frozen
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
 from ..systems.lti import LTI
-from ..systems.making import tf
-from ..systems.polynomials import companion
+from ..systems.polynomials import companion, strip
 from .observer import observe
 from .regression import free_response, regress, trend_columns
 
@@ -70,7 +69,13 @@ class InitialState:
 def path_model(layout: Layout, params: F64, output: int) -> LTI:
     """The transfer functions to one output, with the delays of their own."""
     den, nums = layout.polynomials(params, output)
-    return tf([nums], den, delay=layout.delays(params, output))
+    own = frozen(den)
+    return LTI(
+        (tuple(frozen(strip(num)) for num in nums),),
+        ((own,) * len(nums),),
+        None,
+        layout.delays(params, output),
+    )
 
 
 def simulate_paths(
@@ -187,9 +192,8 @@ def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
         return np.zeros(rec.t.size)
     model = path_model(layout, params, output)
     if rec.dt is not None:
-        return np.asarray(
-            model.simulate(u=list(rec.u), dt=rec.dt, intersample=rec.intersample), dtype=float
-        ).reshape(-1)
+        response: F64 = model.respond(list(rec.u), rec.dt, rec.intervals, None, rec.intersample)[0]
+        return response
     if any(model.delays):
         raise DataError(
             f"simulating the fit: delays of {model.delays} s need even sampling and this record's steps are "

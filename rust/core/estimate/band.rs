@@ -8,6 +8,9 @@ const TOLERANCE: f64 = 1.01;
 /// Costs that differ by less, in parts of themselves, are those of one minimum.
 pub(crate) const SAME: f64 = 1e-9;
 
+/// Precision of an estimate that a band is chosen by, and that is only the start of another.
+pub(crate) const CLOSE: f64 = 1e-5;
+
 /// First and last line of a record.
 pub(crate) type Range = (usize, usize);
 

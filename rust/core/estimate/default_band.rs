@@ -12,7 +12,6 @@
 
 use super::band::{BandRule, Choice, Range, SAME, fewest_lines};
 use super::fitter::{Desk, Fitter, Problem};
-use super::options::Start;
 use super::pass::prepare;
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
@@ -23,44 +22,34 @@ impl Fitter {
     pub(crate) fn default_band(&self, desk: &mut Desk, wide: Vec<Range>) -> Result<Choice, Error> {
         let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
+        let second = if narrow == wide { None } else { self.start(desk, &narrow) };
         let mut all = self.problem(desk, &wide)?;
-        let (first_cost, first) = all.trial(self, Start::Wls);
-        let mut rule = BandRule {
-            wide: last(&wide),
-            narrow: last(&narrow),
-            costs: [first_cost, f64::INFINITY],
-            chosen: last(&wide),
-        };
-        let mut best = first;
-        if let Some(start) = (narrow != wide).then(|| self.start(desk, &narrow)).flatten() {
-            let (cost, second) = all.trial(self, Start::Theta(&start));
-            rule.costs[1] = cost;
-            if cost < first_cost * (1.0 + SAME) {
-                best = second;
-            } else if let Some(theta) = &best {
-                // The workspace must stand at the estimate that is kept.
-                all.trial(self, Start::Theta(theta));
-            }
-        }
-        let ranges = match best {
-            Some(_) => self.narrowest(&mut all, &wide),
+        let costs = all.trial(self, second.as_slice());
+        let lane = usize::from(costs[1] < costs[0] * (1.0 + SAME));
+        let theta = costs[lane].is_finite().then(|| all.space.theta(&all.design, lane).collect());
+        let (most, few) = (last(&wide), last(&narrow));
+        let ranges = match theta {
+            Some(_) => self.narrowest(&mut all, &wide, lane),
             None => wide,
         };
-        rule.chosen = last(&ranges);
         desk.keep(all);
-        Ok(Choice { ranges, rule: Some(rule), theta: best })
+        let [first, second, ..] = costs;
+        let chosen = last(&ranges);
+        let rule = BandRule { wide: most, narrow: few, costs: [first, second], chosen };
+        Ok(Choice { ranges, rule: Some(rule), theta })
     }
 
     /// The estimate of the narrow fit, where there is one.
     fn start(&self, desk: &mut Desk, narrow: &[Range]) -> Option<Vec<f64>> {
         let mut few = self.problem(desk, narrow).ok()?;
-        let (_, theta) = few.trial(self, Start::Wls);
+        let found = few.trial(self, &[])[0].is_finite();
+        let theta = found.then(|| few.space.theta(&few.design, 0).collect());
         desk.keep(few);
         theta
     }
 
-    /// The fewest lines whose standard errors at equal σ stay within the tolerance.
-    fn narrowest(&self, problem: &mut Problem, wide: &[Range]) -> Vec<Range> {
+    /// The fewest lines whose standard errors at equal σ stay within the tolerance, at the estimate of a lane.
+    fn narrowest(&self, problem: &mut Problem, wide: &[Range], lane: usize) -> Vec<Range> {
         let (d, w) = (&problem.design, &mut problem.space);
         let omega0: Vec<f64> = self.records.iter().map(|r| r.window.omega0).collect();
         let p = d.parameters();
@@ -75,8 +64,8 @@ impl Fitter {
                 return None;
             }
             self.isa.run(Information { design: d, space: w, covariance: true });
-            mend_inverse(d, w, 0);
-            Some((0..p).map(|k| w.inverse[k * p + k].0[0]).collect())
+            mend_inverse(d, w, lane);
+            Some((0..p).map(|k| w.inverse[k * p + k].0[lane]).collect())
         })
     }
 }

@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::answer::{Answer, unit_diagonal};
-use super::band::{BandRule, Choice, Range};
+use super::band::{BandRule, CLOSE, Choice, Range};
 use super::design::Design;
 use super::fit::{Fit, FitOptions, RecordView, Time};
 use super::many::Many;
@@ -75,12 +75,13 @@ pub(crate) struct Problem {
     pub space: Workspace,
 }
 
-/// A single fit is lane 0 of eight.
-pub(crate) const LIVE: [bool; LANES] = {
-    let mut live = [false; LANES];
-    live[0] = true;
-    live
-};
+/// A cost that fits may be compared by: infinite where there is no estimate.
+fn comparable(status: Status, cost: f64) -> f64 {
+    match status {
+        Status::Ok | Status::MaxIter if cost.is_finite() => cost,
+        _ => f64::INFINITY,
+    }
+}
 
 /// The power of two at the size of a channel, so that dividing by it changes no digit; one for nothing.
 pub(crate) fn binary_unit(size: f64) -> f64 {
@@ -94,6 +95,19 @@ impl Fitter {
     /// # Errors
     /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
     pub fn new(o: FitOptions, sampling: &[(usize, Time<'_>)], isa: Isa) -> Result<Fitter, Error> {
+        Fitter::beside(None, o, sampling, isa)
+    }
+
+    /// The same with the plans of another fitter, where that makes the same coefficients.
+    ///
+    /// # Errors
+    /// As [`Fitter::new`].
+    pub fn beside(
+        other: Option<&Fitter>,
+        o: FitOptions,
+        sampling: &[(usize, Time<'_>)],
+        isa: Isa,
+    ) -> Result<Fitter, Error> {
         o.check()?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
@@ -108,15 +122,23 @@ impl Fitter {
                 o.structure.transient
             )));
         }
-        let plan = |(samples, time): &(usize, Time<'_>)| {
+        let channels = o.channels();
+        let other = other.filter(|f| f.o.channels() == channels).map_or(&[][..], |f| &f.records);
+        let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, o.longest_delay())?;
             let (wide, narrow) = o.default_lines(window.intervals);
             let range = window.given(o.band, o.structure.order)?.unwrap_or((0, wide));
-            let plans = coefficient_plans(&o.channels(), *time, window, range.1)?;
             let dt = if let Time::Even(dt) = time { Some(*dt) } else { None };
+            let same = |r: &&RecordPlan| {
+                dt.is_some() && (r.samples, r.dt, r.range.1) == (*samples, dt, range.1)
+            };
+            let plans = match other.get(k).filter(same) {
+                Some(same) => same.plans.clone(),
+                None => coefficient_plans(&channels, *time, window, range.1)?,
+            };
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
         };
-        let records = sampling.iter().map(plan).collect::<Result<_, Error>>()?;
+        let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         Ok(Fitter { o, isa, records, desks: Spare::new(), shared: Mutex::new(Vec::new()) })
     }
 
@@ -202,14 +224,17 @@ impl Fitter {
         let mut desk = self.desks.lend();
         let desk = desk.get_or(|| self.desk());
         let Choice { ranges, rule, theta } = self.choose(desk, records)?;
-        let start = theta.as_deref().map_or(Start::Wls, Start::Theta);
-        let mut best = self.finish(desk, &ranges, start, rule)?;
-        let cost = |fit: &Fit| match fit.answer.status {
-            Status::Ok | Status::MaxIter if fit.answer.cost.is_finite() => fit.answer.cost,
-            _ => f64::INFINITY,
+        // As many at once as there are lanes beside that of `wls`.
+        let mut starts = starts.chunks(LANES - 1);
+        let start = match (&theta, starts.next()) {
+            (Some(theta), _) => Start::Theta(theta),
+            (None, Some(first)) => Start::Each(first),
+            (None, None) => Start::Wls,
         };
-        for theta in starts {
-            let other = self.finish(desk, &ranges, Start::Theta(theta), None)?;
+        let cost = |fit: &Fit| comparable(fit.answer.status, fit.answer.cost);
+        let mut best = self.finish(desk, &ranges, start, rule)?;
+        for more in starts {
+            let other = self.finish(desk, &ranges, Start::Each(more), None)?;
             if cost(&other) < cost(&best) {
                 best = other;
             }
@@ -327,7 +352,7 @@ impl Fitter {
         Ok(problem)
     }
 
-    /// The estimate on the chosen lines with everything a user sees.
+    /// The estimate on the chosen lines with everything a user sees; of several starts the best.
     fn finish(
         &self,
         desk: &mut Desk,
@@ -338,22 +363,26 @@ impl Fitter {
         let mut problem = self.problem(desk, ranges)?;
         let (d, w) = (&problem.design, &mut problem.space);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let outcome = estimate(self.isa, d, w, LIVE, start, &options);
+        let live = start.lanes();
+        let outcome = estimate(self.isa, d, w, live, start, &options);
+        let cost = |lane: usize| comparable(outcome.status[lane], w.cost(lane));
+        let lowest = |best: usize, k: usize| if cost(k) < cost(best) { k } else { best };
+        let lane = (0..LANES).filter(|k| live[*k]).fold(0, lowest);
         let degrees_of_freedom = d.degrees_of_freedom();
-        let plain_sigma = (w.cost(0) / degrees_of_freedom as f64).sqrt();
+        let plain_sigma = (w.cost(lane) / degrees_of_freedom as f64).sqrt();
         let mut residuals = Vec::new();
         self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
-        let over = |v: &[Wide; 2]| (v[0].0[0] / plain_sigma, v[1].0[0] / plain_sigma);
+        let over = |v: &[Wide; 2]| (v[0].0[lane] / plain_sigma, v[1].0[lane] / plain_sigma);
         let fit = Fit {
             answer: Answer {
-                theta: w.theta(d, 0).collect(),
-                cov_nonrobust: w.cov_nonrobust(d, 0),
-                cov_hc3: w.cov_hc3(d, 0),
-                gram: unit_diagonal(|k| w.gram[k].0[0], d.parameters()),
-                cost: w.cost(0) * d.cost_unit() * d.cost_unit(),
+                theta: w.theta(d, lane).collect(),
+                cov_nonrobust: w.cov_nonrobust(d, lane),
+                cov_hc3: w.cov_hc3(d, lane),
+                gram: unit_diagonal(|k| w.gram[k].0[lane], d.parameters()),
+                cost: w.cost(lane) * d.cost_unit() * d.cost_unit(),
                 degrees_of_freedom,
-                status: outcome.status[0],
-                nit: outcome.nit[0],
+                status: outcome.status[lane],
+                nit: outcome.nit[lane],
                 lines: d.lines(),
                 band_rule,
             },
@@ -402,15 +431,18 @@ impl Problem {
         }
     }
 
-    /// Runs without covariance: cost, θ, and whether it may be used.
-    pub(crate) fn trial(&mut self, fitter: &Fitter, start: Start<'_>) -> (f64, Option<Vec<f64>>) {
+    /// Runs without covariance from `wls` and from these parameters, a lane each, close to the end: costs.
+    pub(crate) fn trial(&mut self, fitter: &Fitter, starts: &[Vec<f64>]) -> [f64; LANES] {
         let (d, w) = (&self.design, &mut self.space);
-        let options = Options { wanted: Wanted::Cost, ..fitter.o.options };
-        let outcome = estimate(fitter.isa, d, w, LIVE, start, &options);
-        let usable = matches!(outcome.status[0], Status::Ok | Status::MaxIter);
-        match usable {
-            true => (w.cost(0) * d.cost_unit() * d.cost_unit(), Some(w.theta(d, 0).collect())),
-            false => (f64::INFINITY, None),
-        }
+        let given = fitter.o.options;
+        let options = Options { wanted: Wanted::Cost, tol: given.tol.max(CLOSE), ..given };
+        let start = if starts.is_empty() { Start::Wls } else { Start::Each(starts) };
+        let live = start.lanes();
+        let outcome = estimate(fitter.isa, d, w, live, start, &options);
+        let unit = d.cost_unit() * d.cost_unit();
+        std::array::from_fn(|lane| match live[lane] {
+            true => comparable(outcome.status[lane], w.cost(lane) * unit),
+            false => f64::INFINITY,
+        })
     }
 }

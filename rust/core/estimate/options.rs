@@ -1,5 +1,7 @@
 //! When an iteration stops, where it starts, and what is computed at its end.
 
+use crate::simd::LANES;
+
 /// When an iteration stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -29,4 +31,14 @@ pub enum Start<'a> {
     Wls,
     /// From given parameters, in the user's units.
     Theta(&'a [f64]),
+    /// Lane 0 from `wls`, one lane after the other from each of these; all lanes hold the same data.
+    Each(&'a [Vec<f64>]),
+}
+
+impl Start<'_> {
+    /// Lanes of a single fit that iterate: the first, and one a start behind it.
+    pub(crate) fn lanes(&self) -> [bool; LANES] {
+        let last = if let Start::Each(starts) = self { starts.len() } else { 0 };
+        std::array::from_fn(|lane| lane <= last)
+    }
 }

@@ -37,6 +37,7 @@ pub fn estimate(
                 prepare(isa, d, w);
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
+            Start::Each(starts) => begin_each(isa, d, w, starts, o),
         }
     }
     match d.method {
@@ -54,6 +55,27 @@ pub fn estimate(
         (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
+}
+
+/// Lane 0 where `wls` leads, the lanes behind it at these parameters with the transients that belong to them.
+fn begin_each(isa: Isa, d: &Design, w: &mut Workspace, starts: &[Vec<f64>], o: &Options) {
+    let live = w.progress.active;
+    w.progress.active = Wide(Start::Wls.lanes().map(f64::from));
+    iterate(isa, d, w, Rule::Wls, o);
+    let first = w.iterates.clone();
+    for (lane, theta) in starts.iter().enumerate().map(|(k, theta)| (k + 1, theta)) {
+        for ((to, value), scale) in w.iterates.theta.now.iter_mut().zip(theta).zip(&d.scale) {
+            to.0[lane] = value / scale;
+        }
+        w.progress.active.0[lane] = live.0[lane];
+    }
+    prepare(isa, d, w);
+    isa.run(uncertainty::Transients { design: d, space: w });
+    for (own, from) in w.iterates.transients.iter_mut().zip(&first.transients) {
+        for (to, from) in own.now.iter_mut().zip(&from.now) {
+            to.0[0] = from.0[0];
+        }
+    }
 }
 
 fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {

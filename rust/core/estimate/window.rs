@@ -94,7 +94,8 @@ impl Window {
     }
 }
 
-/// One plan a channel, of this kind and this delay in seconds; the unit variance is the output's.
+/// One plan a channel, of this kind and this delay in seconds, made once for those that agree in both; the unit
+/// variance is the output's.
 pub(crate) fn coefficient_plans(
     channels: &[(Kind, f64)],
     time: Time<'_>,
@@ -107,5 +108,12 @@ pub(crate) fn coefficient_plans(
             CoefficientPlan::new(window.intervals, highest, *kind, delay / dt, window.lead)
         }
     };
-    channels.iter().map(plan).collect()
+    let mut plans: Vec<CoefficientPlan> = Vec::with_capacity(channels.len());
+    for (k, channel) in channels.iter().enumerate() {
+        plans.push(match channels[..k].iter().position(|other| other == channel) {
+            Some(same) => plans[same].clone(),
+            None => plan(channel)?,
+        });
+    }
+    Ok(plans)
 }

@@ -152,3 +152,8 @@ def test_the_call_does_not_invent_how_a_file_was_read(rec, tmp_path, undrawn):
 def test_a_page_needs_a_name(fit):
     with pytest.raises(mf.SpecError, match="the file is 3; give its name as a text or a Path"):
         fit.report(3)
+
+
+def test_powers_at_ticks_are_text(page):
+    assert re.search(r">10⁻¹</text>", page)
+    assert "mathdefault" not in page

@@ -8,13 +8,16 @@ use super::single::Single;
 use super::structure::Delay;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
-use crate::estimate::{Options, Wanted};
+use crate::estimate::band::{Band, BandRule, CLOSE, Choice, Range, SAME, fewest_lines};
+use crate::estimate::{Options, Outcome, Wanted};
 use crate::simd::LANES;
 use crate::structure::Method;
 
 /// Most steps, and alternations with Σ, of a fit that chooses the band.
 const TRIAL: usize = 15;
+/// Precision of a first look at delays, and its steps.
+const LOOK: f64 = 1e-4;
+const GLANCE: usize = 6;
 /// Most delays tried, over all paths together.
 const TRIALS: usize = 128;
 
@@ -103,7 +106,7 @@ impl JointFitter {
         near: Option<&[f64]>,
     ) -> Result<(f64, bool), Error> {
         // To choose a band, an estimate near the minimum will do.
-        let options = self.few_steps();
+        let options = Options { tol: self.o.options.tol.max(CLOSE), ..self.few_steps() };
         let mut delayed = self.delayed(records);
         let d = single.d;
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
@@ -133,46 +136,73 @@ impl JointFitter {
             3 => 5,
             _ => 2,
         };
+        let mut fine = true;
         let grids: Vec<Vec<f64>> = free
             .iter()
             .map(|s| match d.structure.paths[*s].delay {
                 Delay::Free { start, min, max } => {
                     // An eighth of the shortest period: from there the way leads down.
                     let step = 0.125 * std::f64::consts::TAU / d.band_edge;
-                    let count = (((max - min) / step).ceil() as usize + 1).clamp(2, each);
+                    let wanted = ((max - min) / step).ceil() as usize + 1;
+                    fine &= wanted <= each;
+                    let count = wanted.clamp(2, each);
                     let grid =
                         (0..count).map(|k| min + (max - min) * k as f64 / (count - 1) as f64);
-                    std::iter::once(start).chain(grid).collect()
+                    let mut grid: Vec<f64> = grid.chain([start]).collect();
+                    grid.sort_by(f64::total_cmp);
+                    grid
                 }
                 Delay::Known(delay) => vec![delay],
             })
             .collect();
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
         let mut delayed = self.delayed(records);
-        let options = Options { wanted: Wanted::Cost, ..self.o.options };
-        let few = Options { maxiter: self.o.options.maxiter.min(2 * TRIAL), ..options };
-        let (mut best, mut lowest) = (None, f64::INFINITY);
-        for first in (0..trials).step_by(LANES) {
-            let count = (trials - first).min(LANES);
+        let mut refresh =
+            |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
+        // Puts delays into lanes; which of these count.
+        let place = |w: &mut JointSpace, some: &[usize]| {
             for lane in 0..LANES {
-                let mut rest = first + lane.min(count - 1);
+                let mut rest = some[lane.min(some.len() - 1)];
                 for (at, grid) in grids.iter().enumerate() {
                     let tau = grid[rest % grid.len()];
                     rest /= grid.len();
                     w.iterates.theta.now[d.free.len() + at].0[lane] = tau / d.delay_scale;
                 }
             }
-            let live = std::array::from_fn(|lane| lane < count);
-            let mut refresh =
-                |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
+            std::array::from_fn(|lane| lane < some.len())
+        };
+        let cost = |w: &JointSpace, outcome: &Outcome, lane: usize| match outcome.status[lane] {
+            Status::Ok | Status::MaxIter => w.criterion(&d, lane),
+            _ => f64::INFINITY,
+        };
+        let options = Options { wanted: Wanted::Cost, ..self.o.options };
+        let mut followed: Vec<usize> = (0..trials).collect();
+        if fine {
+            // A look at all says from where it is worth to go on.
+            let tol = options.tol.max(LOOK);
+            let look = Options { tol, maxiter: options.maxiter.min(GLANCE), ..options };
+            let mut costs = Vec::with_capacity(trials);
+            for some in followed.chunks(LANES) {
+                let live = place(&mut w, some);
+                let start = JointStart::Held;
+                let outcome = estimate(self.isa, &d, &mut w, live, start, &look, &mut refresh)?;
+                costs.extend((0..some.len()).map(|lane| cost(&w, &outcome, lane)));
+            }
+            let sizes: Vec<usize> = grids.iter().map(Vec::len).collect();
+            followed.retain(|trial| is_least(&costs, &sizes, *trial));
+        }
+        let tol = options.tol.max(CLOSE);
+        let few = Options { tol, maxiter: options.maxiter.min(2 * TRIAL), ..options };
+        let (mut best, mut lowest) = (None, f64::INFINITY);
+        for some in followed.chunks(LANES) {
+            let live = place(&mut w, some);
             // First with the delays where they are, then on from there.
             estimate(self.isa, &d, &mut w, live, JointStart::Held, &few, &mut refresh)?;
             let outcome =
                 estimate(self.isa, &d, &mut w, live, JointStart::Here, &few, &mut refresh)?;
-            for lane in 0..count {
-                let cost = w.criterion(&d, lane);
-                let usable = matches!(outcome.status[lane], Status::Ok | Status::MaxIter);
-                if usable && cost < lowest {
+            for lane in 0..some.len() {
+                let cost = cost(&w, &outcome, lane);
+                if cost < lowest {
                     (best, lowest) = (Some(w.theta(&d, lane).collect()), cost);
                 }
             }
@@ -194,4 +224,16 @@ impl JointFitter {
             enough.then(|| single.variances(&columns, &limits))
         })
     }
+}
+
+/// Whether none of its neighbours in a grid of these sizes, first index fastest, undercuts a trial.
+fn is_least(costs: &[f64], sizes: &[usize], trial: usize) -> bool {
+    let lower = |other: usize| costs.get(other).is_some_and(|cost| *cost < costs[trial]);
+    let mut stride = 1;
+    costs[trial].is_finite()
+        && sizes.iter().all(|size| {
+            let (own, across) = (trial / stride % size, stride);
+            stride *= size;
+            !(own > 0 && lower(trial - across) || own + 1 < *size && lower(trial + across))
+        })
 }
