@@ -28,18 +28,21 @@ def constrained(
 
 def least_squares(columns: F64, target: F64) -> tuple[F64, F64]:
     """Orthonormal columns that span the given ones, and the solution; what depends on others is left out."""
-    from scipy.linalg import qr, solve_triangular
+    from scipy.linalg.lapack import dgeqp3, dorgqr, dtrtrs
 
-    size = np.linalg.norm(columns, axis=0)
+    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     size[size == 0] = 1.0
     if columns.shape[1] == 0:
         return columns, np.zeros(0)
-    q, r, order = qr(columns / size, mode="economic", pivoting=True, check_finite=False)
-    diagonal = np.abs(np.diag(r))
+    # Without SciPy's own functions around them, which take longer than a fit's few columns.
+    factors, order, tau, _, _ = dgeqp3(columns / size)
+    diagonal = np.abs(np.diagonal(factors))
     rank = int(np.sum(diagonal > 1e-14 * diagonal[0])) if diagonal[0] > 0 else 0
+    q = dorgqr(factors[:, : tau.size], tau)[0][:, :rank]
     found = np.zeros(columns.shape[1])
-    found[order[:rank]] = solve_triangular(r[:rank, :rank], q[:, :rank].T @ target)
-    return q[:, :rank], found / size
+    if rank:
+        found[order[:rank] - 1] = dtrtrs(factors[:rank, :rank], q.T @ target)[0]
+    return q, found / size
 
 
 def beyond(values: F64, bounds: list[tuple[float, float]]) -> tuple[int, float] | None:

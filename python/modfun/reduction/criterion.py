@@ -162,8 +162,7 @@ def measured(
     if criterion.whole or model is not None:
         # A light pole of the model may stand between two lines.
         own_poles = np.abs(model.poles.imag) if model is not None else np.zeros(0)
-        lines = np.append(grid.omega, own_poles)
-        hinf = hinf_norm(lambda omega: target.response(omega) - gains(omega), lines)[0]
+        hinf = hinf_norm(lambda omega: target.response(omega) - gains(omega), grid.omega, error, own_poles)[0]
     else:
         hinf = float(np.max(sizes))
     return {

@@ -38,6 +38,11 @@ class _Section:
         p = self.pole
         return np.array([1.0, -p.real]) if self.size == 1 else np.array([1.0, -2 * p.real, abs(p) ** 2])
 
+    def at(self, s: C128) -> C128:
+        """The denominator at points s."""
+        p = self.pole
+        return s - p.real if self.size == 1 else (s - 2 * p.real) * s + abs(p) ** 2
+
 
 def _sections(poles: C128) -> list[_Section]:
     kept = [complex(p) for p in poles if p.imag >= 0]
@@ -75,7 +80,7 @@ class Fractions:
         at = 0
         for section in self.sections:
             drive = outputs[section.parent] if section.parent is not None else np.ones_like(s)
-            own = drive / np.polyval(section.quadratic, s)
+            own = drive / section.at(s)
             if section.size == 1:
                 found[:, at] = own
             else:
@@ -141,9 +146,11 @@ class Numerators:
     poles : ndarray of complex, shape (n,)
     degree : int
         At most n.
+    whole : Fractions, optional
+        Those over the same poles, where there are.
     """
 
-    def __init__(self, poles: C128, degree: int) -> None:
+    def __init__(self, poles: C128, degree: int, whole: Fractions | None = None) -> None:
         self.degree = degree
         self.order = poles.size
         self.constant = degree == self.order
@@ -159,18 +166,23 @@ class Numerators:
                     left -= section.size
                 else:
                     self.rest += own
-        self.fractions = Fractions(np.array(chosen, dtype=np.complex128))
+        if whole is None or self.order - 1 > degree:
+            whole = Fractions(np.array(chosen, dtype=np.complex128))
+        self.fractions = whole
         self.leading = [0, 1] if left else [0] if self.constant or self.rest else []
         self.size = len(self.leading) + self.fractions.size
         self.speed = max((abs(p) for p in self.rest), default=1.0) or 1.0
 
-    def values(self, s: C128) -> C128:
-        """The functions at points s, (point, function)."""
+    def values(self, s: C128, known: C128 | None = None) -> C128:
+        """The functions at points s, (point, function), from the fractions there where these are known."""
+        fractions = self.fractions.values(s) if known is None else known
+        if not self.leading:
+            return fractions
         factor = np.ones_like(s)
         for p in self.rest:
             factor = factor * ((abs(p) or 1.0) / (s - p))
         lead = [factor * (s / self.speed) ** k for k in self.leading]
-        return np.column_stack([*lead, factor[:, None] * self.fractions.values(s)])
+        return np.column_stack([*lead, factor[:, None] * fractions])
 
     @cached_property
     def polynomials(self) -> F64:

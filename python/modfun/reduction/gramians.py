@@ -189,9 +189,8 @@ def _compressed(factor: F64) -> F64:
     """Fewer columns with the same product FFᵀ."""
     if factor.shape[1] <= 8:
         return factor
-    q, r = np.linalg.qr(factor.T) if factor.shape[1] > factor.shape[0] else (None, factor)
-    if q is not None:
-        return np.ascontiguousarray(r.T)
+    if factor.shape[1] > factor.shape[0]:
+        return np.ascontiguousarray(np.transpose(np.linalg.qr(factor.T, mode="r")))
     u, s, _ = np.linalg.svd(factor, full_matrices=False)
     keep = int(np.sum(s > 1e-16 * s[0])) if s[0] > 0 else 1
     return np.asarray(u[:, :keep] * s[:keep])

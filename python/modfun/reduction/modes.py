@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import C128, F64
 from ..base.least_squares import levenberg_marquardt
@@ -25,81 +25,95 @@ HEAVY = 1e5
 
 @dataclass(frozen=True)
 class _Lines:
-    s: C128
+    omega: F64
     data: C128  # (omega, output, input)
     amplitude: F64
 
     @cached_property
     def target(self) -> F64:
-        """Weighted real rows (omega and input), a column an output."""
-        return _real(self.amplitude[:, None, None] * self.data.transpose(0, 2, 1))
+        """Weighted real rows: (input, output, row), row = (part, omega)."""
+        weighted = self.amplitude * self.data.transpose(2, 1, 0)
+        return np.concatenate([weighted.real, weighted.imag], axis=2)
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """Least squares of the target on the states, whose scaled rows are `rows` = QR."""
+    """Least squares of the target on the states, whose columns of `size` are scaled."""
 
-    rows: F64
-    r: F64
+    triangle: F64  # of the functions, from QR
     size: F64
-    found: F64  # in units of the scaled rows
+    found: F64  # in units of the scaled columns
     cost: float
-
-    @property
-    def orthonormal(self) -> F64:
-        """Q."""
-        from scipy.linalg import solve_triangular
-
-        pivots = np.abs(np.diag(self.r))
-        if pivots.min(initial=1.0) < 1e-8 * pivots.max(initial=0.0):  # R says too little of Q
-            return np.asarray(np.linalg.qr(self.rows)[0])
-        return np.asarray(solve_triangular(self.r, self.rows.T, trans="T", check_finite=False).T)
 
 
 @dataclass(frozen=True)
 class _Modes:
-    """Real blocks of A (one state, or two of a pair), B, and the best C."""
+    """Real blocks of A (one state, or two of a pair), B, and the best C.
+
+    (sI − A)⁻¹ is made of as many functions of s as there are states: 1/(s − a) of a real pole, (s − re)/q and
+    im/q of a pair with q = (s − re)² + im². Inputs and outputs only mix these, so that all that is as long as
+    the lines is done once for the functions, and what a path adds is a product of small matrices.
+    """
 
     a: F64
     b: F64
     pairs: tuple[tuple[int, int], ...]  # first state and size of each block
     lines: _Lines
 
+    def _firsts(self, size: int) -> NDArray[np.int64]:
+        """First states of the blocks of a size."""
+        return np.array([first for first, own in self.pairs if own == size], dtype=np.int64)
+
     @cached_property
-    def resolvent(self) -> list[C128]:
-        """(sI − A)⁻¹ of each block: (omega,) or (omega, 2, 2)."""
-        found = []
-        for first, size in self.pairs:
-            if size == 1:
-                found.append(1 / (self.lines.s - self.a[first, first]))
-            else:
-                re, im = self.a[first, first], self.a[first, first + 1]
-                x = self.lines.s - re
-                top = np.array([[x, np.full_like(x, im)], [np.full_like(x, -im), x]])
-                found.append((top / (x**2 + im**2)).transpose(2, 0, 1))
+    def functions(self) -> F64:
+        """(function, part, omega), real parts before imaginary ones."""
+        omega, single, upper = self.lines.omega, self._firsts(1), self._firsts(2)
+        found = np.empty((len(self.a), 2, omega.size))
+        re = self.a[single, single][:, None]
+        square = re**2 + omega**2
+        found[single, 0], found[single, 1] = -re / square, -omega / square
+        re, im = self.a[upper, upper][:, None], self.a[upper, upper + 1][:, None]
+        x, y = re**2 + (im - omega) * (im + omega), -2 * re * omega  # q
+        square = x**2 + y**2
+        x, y = x / square, -y / square
+        found[upper, 0], found[upper, 1] = -re * x - omega * y, omega * x - re * y
+        found[upper + 1, 0], found[upper + 1, 1] = im * x, im * y
         return found
 
     @cached_property
-    def states(self) -> C128:
-        """(sI − A)⁻¹ B, (omega, state, input)."""
-        found = np.empty((self.lines.s.size, *self.b.shape), dtype=np.complex128)
-        for (first, size), x in zip(self.pairs, self.resolvent, strict=True):
-            if size == 1:
-                found[:, first] = x[:, None] * self.b[first]
-            else:
-                found[:, first : first + 2] = x @ self.b[first : first + 2]
+    def weighted(self) -> F64:
+        """The functions as weighted real rows, (function, row)."""
+        return np.asarray((self.functions * self.lines.amplitude).reshape(len(self.a), -1))
+
+    def _mixed(self, by: F64, sign: float) -> F64:
+        """Functions as a column of B (sign 1) or a row of C (−1) mixes them, (column, function, state)."""
+        single, upper = self._firsts(1), self._firsts(2)
+        found = np.zeros((by.shape[1], len(by), len(by)))
+        found[:, single, single] = by[single].T
+        found[:, upper, upper], found[:, upper, upper + 1] = by[upper].T, by[upper + 1].T
+        found[:, upper + 1, upper], found[:, upper + 1, upper + 1] = (
+            sign * by[upper + 1].T,
+            -sign * by[upper].T,
+        )
         return found
+
+    @cached_property
+    def states(self) -> F64:
+        """(sI − A)⁻¹ B of each input in the functions, (input, function, state)."""
+        return self._mixed(self.b, 1.0)
 
     @cached_property
     def _solved(self) -> _Solved:
-        rows = _real(self.lines.amplitude[:, None, None] * self.states.transpose(0, 2, 1))
-        size = np.linalg.norm(rows, axis=0)
+        n, (inputs, outputs, rows) = len(self.a), self.lines.target.shape
+        r = _triangle(np.vstack([self.weighted, self.lines.target.reshape(-1, rows)]).T)
+        columns = (r[:n, :n] @ self.states).reshape(-1, n)
+        size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
-        rows /= size
-        n = size.size
-        r: F64 = np.asarray(np.linalg.qr(np.hstack([rows, self.lines.target]), mode="r"))
-        found: F64 = np.asarray(np.linalg.lstsq(r[:n, :n], r[:n, n:], rcond=1e-14)[0])
-        return _Solved(rows, r[:n, :n], size, found, float(np.sum(r[n:, n:] ** 2)))
+        ahead = r[:n, n:].reshape(-1, inputs, outputs).transpose(1, 0, 2).reshape(-1, outputs)
+        small = _triangle(np.hstack([columns / size, ahead]))
+        found = np.asarray(np.linalg.lstsq(small[:n, :n], small[:n, n:], rcond=1e-14)[0])
+        cost = np.sum(r[n:, n:] ** 2) + np.sum(small[n:, n:] ** 2)
+        return _Solved(r[:n, :n], size, found, float(cost))
 
     @property
     def poles(self) -> C128:
@@ -118,50 +132,72 @@ class _Modes:
         """Squares that are left of the target."""
         return self._solved.cost if np.isfinite(self._solved.cost) else float("inf")
 
+    def _orthonormal(self) -> tuple[F64, F64]:
+        """Q as rows, and R, of the weighted functions."""
+        from scipy.linalg.blas import dtrsm
+
+        r = self._solved.triangle
+        pivots = np.abs(np.diag(r)) / np.maximum(np.linalg.norm(r, axis=0), 1e-300)
+        if len(r) < len(self.a) or pivots.min(initial=1.0) < 1e-8:  # R says too little of Q
+            q, r = np.linalg.qr(self.weighted.T)
+            return q.T, r
+        return np.asarray(dtrsm(1.0, r, self.weighted.T, side=1)).T, r
+
     def normal(self) -> tuple[F64, F64]:
         """JᵀJ and Jᵀe over moves of the poles (A − uδᵀ) and of B; C follows.
 
         For output i and input j the columns of J are d_i S_j for the poles, with S = (s − A)⁻¹B and
-        d = C(s − A)⁻¹u, and −C_i(s − A)⁻¹ for the column j of B, less their part in the span of S. J is never
-        put together: its products are those of matrices (omega, n).
+        d = C(s − A)⁻¹u, and −C_i(s − A)⁻¹ for the column j of B, less their part in the span of S. With Q
+        and R of the functions S_j is Q·inward_j and C_i(s − A)⁻¹ is Q·outward_i: what is left to be summed
+        over lines are Q's products with itself, weighted by d.
         """
-        solved, (n, inputs) = self._solved, self.b.shape
-        outputs, count = solved.found.shape[1], self.lines.s.size
-        amplitude = self.lines.amplitude[:, None]
-        q = _complex(solved.orthonormal, inputs)
-        left = _complex(self.lines.target - solved.rows @ solved.found, inputs)  # orthogonal to all of S
-        by_output = np.empty((outputs, count, n), dtype=np.complex128)  # C (sI − A)⁻¹
-        for (first, size), x in zip(self.pairs, self.resolvent, strict=True):
-            c = self.c[:, first : first + size]
-            by_output[:, :, first : first + size] = (
-                c[:, None] * x[:, None] if size == 1 else (c @ x).transpose(1, 0, 2)
-            )
-        drive = by_output @ self.drive
-        by_output *= -amplitude
+        n, (inputs, outputs, rows) = len(self.a), self.lines.target.shape
+        q, r = self._orthonormal()
+        at_outputs = self._mixed(self.c.T, -1.0)
+        inward, outward = r @ self.states, r @ at_outputs
+        scaled = (inward / self._solved.size).reshape(-1, n)
+        back = np.linalg.qr(scaled)[0].reshape(inputs, len(r), -1).transpose(0, 2, 1)  # to the span of S
+        model = (self.states @ self.c.T).transpose(0, 2, 1)
+        left = self.lines.target - (model.reshape(-1, n) @ self.weighted).reshape(self.lines.target.shape)
+        drive = ((at_outputs @ self.drive) @ self.functions.reshape(n, -1)).reshape(outputs, 2, -1)
+
+        parts = q.reshape(len(r), 2, -1)
+        whole = (parts * np.sqrt(np.sum(drive**2, axis=(0, 1)))).reshape(q.shape)
+        one = np.empty_like(parts)
+        turned = np.empty((outputs, len(r), len(r)))  # Q* d Q of each output
+        for to, (re, im) in zip(turned, drive, strict=True):
+            twist = np.multiply(parts[:, 1], im, out=one[:, 1]) @ parts[:, 0].T
+            np.multiply(parts, re, out=one)
+            to[:] = one.reshape(q.shape) @ q.T + twist - twist.T
+        errors = left[:, :, : rows // 2] + 1j * left[:, :, rows // 2 :]
+        pulled = np.sum((drive[:, 0] - 1j * drive[:, 1]) * errors, axis=1)
+
         moves = n * (1 + inputs if inputs > 1 else 1)
-        gram, slope, part = np.zeros((moves, moves)), np.zeros(moves), np.zeros((outputs, n, moves))
-        together = np.sqrt(np.sum(np.abs(drive) ** 2, axis=0))[:, None]
-        crossed = _real(np.sum(drive.conj()[:, :, None] * by_output, axis=0))
-        outward = [_real(one) for one in by_output]
-        own = sum(one.T @ one for one in outward)
-        for j in range(inputs):
-            states, ahead = amplitude * self.states[:, :, j], _real(q[:, j])
-            inward, rows = _real(states), _real(together * states)
-            gram[:n, :n] += rows.T @ rows
-            slope[:n] += inward.T @ _real(np.sum(drive.conj().T * left[:, j], axis=1, keepdims=True))[:, 0]
-            for i in range(outputs):
-                part[i, :, :n] += ahead.T @ _real(drive[i][:, None] * states)
-            if inputs > 1:
+        gram, slope = np.zeros((moves, moves)), np.zeros(moves)
+        part = np.zeros((outputs, back.shape[1], moves))
+        gram[:n, :n] = np.sum(inward.transpose(0, 2, 1) @ (whole @ whole.T) @ inward, axis=0)
+        slope[:n] = np.ravel(np.hstack([pulled.real, pulled.imag]) @ q.T) @ inward.reshape(-1, n)
+        part[:, :, :n] = np.sum(back @ (turned[:, None] @ inward), axis=1)
+        if inputs > 1:
+            crossed = np.sum(turned.transpose(0, 2, 1) @ outward, axis=0)
+            stacked = outward.reshape(-1, n)
+            own, ahead = stacked.T @ stacked, left @ q.T
+            for j in range(inputs):
                 at = slice(n + j * n, n + (j + 1) * n)
-                gram[:n, at] = inward.T @ crossed
+                gram[:n, at] = -inward[j].T @ crossed
                 gram[at, :n] = gram[:n, at].T
                 gram[at, at] = own
-                for i in range(outputs):
-                    part[i, :, at] = ahead.T @ outward[i]
-                    slope[at] += outward[i].T @ _real(left[:, j, i : i + 1])[:, 0]
-        for one in part:
-            gram -= one.T @ one
+                part[:, :, at] = -back[j] @ outward
+                slope[at] = -ahead[j].ravel() @ stacked
+        together = part.reshape(-1, moves)
+        gram -= together.T @ together
         return gram, slope
+
+    def gains(self, c: F64) -> C128:
+        """C(sI − A)⁻¹B, (omega, output, input)."""
+        count, paths = self.lines.omega.size, (self.states @ c.T).transpose(0, 2, 1)
+        found = (paths @ self.functions.reshape(len(self.a), -1)).transpose(2, 1, 0)
+        return np.asarray(found[:count] + 1j * found[count:])
 
     @property
     def drive(self) -> F64:
@@ -186,7 +222,7 @@ def fit_modes(
     dcgain: F64 | None = None,
     tol: float = 1e-10,
     maxiter: int = 100,
-) -> tuple[Realisation, int]:
+) -> tuple[Realisation, C128, int]:
     """The stable model of the order of a start with the least Σ amplitude²‖G(iω) − C(iω − A)⁻¹B‖².
 
     Parameters
@@ -207,14 +243,16 @@ def fit_modes(
     -------
     model : Realisation
         A in real blocks of one or two states, D = 0.
+    gains : ndarray, shape (omega, output, input)
+        The model's.
     nit : int
     """
-    s, weight = (1j * omega).astype(np.complex128), amplitude
+    weight = amplitude
     if dcgain is not None:
         size = HEAVY * np.sqrt(np.sum(amplitude**2))
-        s, weight = np.append(s, 0), np.append(weight, size)
+        omega, weight = np.append(omega, 0.0), np.append(weight, size)
         data = np.concatenate([data, dcgain[None].astype(np.complex128)])
-    here = _modes(start.a, start.b, _Lines(np.asarray(s, dtype=np.complex128), data, weight))
+    here = _modes(start.a, start.b, _Lines(omega, data, weight))
 
     def moved(at: _Modes, move: F64) -> _Modes | None:
         trial = at.moved(move)
@@ -228,7 +266,13 @@ def fit_modes(
     if dcgain is not None:  # what the heavy weight has left
         inner = -np.linalg.solve(here.a, here.b)
         c = c + (dcgain - c @ inner) @ np.linalg.pinv(inner)
-    return Realisation(here.a, here.b, c, np.zeros((c.shape[0], here.b.shape[1]))), nit + (ended == "settled")
+    model = Realisation(here.a, here.b, c, np.zeros((c.shape[0], here.b.shape[1])))
+    return model, here.gains(c)[: amplitude.size], nit + (ended == "settled")
+
+
+def _triangle(columns: F64) -> F64:
+    """R of QR."""
+    return np.asarray(np.linalg.qr(columns, mode="r"))
 
 
 def _step(_: _Modes, normal: tuple[F64, F64], damping: float) -> tuple[F64, float]:
@@ -236,7 +280,7 @@ def _step(_: _Modes, normal: tuple[F64, F64], damping: float) -> tuple[F64, floa
     gram, slope = normal
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     scaled = gram / np.outer(scale, scale)
-    step = np.linalg.lstsq(scaled + damping * np.eye(scale.size), -slope / scale, rcond=1e-15)[0]
+    step = np.linalg.solve(scaled + damping * np.eye(scale.size), -slope / scale)
     return step / scale, -float(step @ (2 * slope / scale + scaled @ step))
 
 
@@ -268,15 +312,3 @@ def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:
         for first, size in blocks:
             own[first : first + size] = [[1.0]] if size == 1 else [[0.0], [1.0]]
     return _Modes(diagonal, own, tuple(blocks), lines)
-
-
-def _complex(rows: F64, inputs: int) -> C128:
-    """Real rows as (omega, input, column)."""
-    half = len(rows) // 2
-    return np.asarray(rows[:half] + 1j * rows[half:]).reshape(-1, inputs, rows.shape[1])
-
-
-def _real(rows: Any) -> F64:
-    """(omega, input, column) as real rows, a column each."""
-    flat = rows.reshape(-1, rows.shape[-1])
-    return np.concatenate([flat.real, flat.imag])

@@ -147,22 +147,28 @@ def largest_gain(gains: C128) -> F64:
     """Largest singular value on each line."""
     if 1 in gains.shape[1:]:
         return np.asarray(np.linalg.norm(gains.reshape(gains.shape[0], -1), axis=1))
-    return np.asarray(np.linalg.norm(gains, 2, axis=(1, 2)))
+    unit = float(np.max(np.abs(gains), initial=0.0)) or 1.0
+    own = gains / unit if gains.shape[1] <= gains.shape[2] else gains.transpose(0, 2, 1) / unit
+    squares = np.linalg.eigvalsh(own @ own.conj().transpose(0, 2, 1))[:, -1]
+    return np.asarray(unit * np.sqrt(squares), dtype=np.float64)
 
 
-def hinf_norm(response: Response, omega: F64) -> tuple[float, float]:
+def hinf_norm(response: Response, omega: F64, gains: C128, light: F64) -> tuple[float, float]:
     """The largest gain over all frequencies and where it is: a grid, its highest peaks refined.
 
     Parameters
     ----------
     response : callable
-    omega : ndarray
-        Ascending, fine enough to show each peak.
+    omega, gains : ndarray
+        Frequencies fine enough to show each peak but the light ones, and the response there.
+    light : ndarray
+        More frequencies to look at.
     """
     from scipy.optimize import minimize_scalar
 
-    omega = np.unique(np.append(0.0, omega))
-    sizes = largest_gain(response(omega))
+    more = np.append(0.0, light)
+    omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
+    sizes = np.concatenate([largest_gain(gains), largest_gain(response(more))])[first]
     inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
     peak = int(np.argmax(sizes))
     best, at = float(sizes[peak]), float(omega[peak])

@@ -40,11 +40,16 @@ class _Solved:
 class Point:
     """Poles (without held integrators) of each denominator, delays, and the numerators best for them."""
 
-    poles: list[C128]
+    fractions: list[Fractions]
+    values: list[C128]  # of these on the lines
     delays: F64
     numerators: list[Numerators | None]
     blocks: list[_Solved]
     response: C128
+
+    @property
+    def poles(self) -> list[C128]:
+        return [own.poles for own in self.fractions]
 
     @cached_property
     def residuals(self) -> F64:
@@ -168,9 +173,10 @@ class Problem:
             for order, integrators in zip(self.orders, self.integrators, strict=True):
                 free = order - integrators
                 pairs = 0 if kind == "real" else free // 2
-                spread = np.linspace if kind == "difference" else np.geomspace
-                places = spread(low, high, 2 * pairs + 1)[1::2] if pairs else np.zeros(0)
-                real = -np.geomspace(low, high, 2 * (free - 2 * pairs) + 1)[1::2]
+                share = (np.arange(pairs) + 0.5) / max(pairs, 1)
+                places = low + (high - low) * share if kind == "difference" else low * (high / low) ** share
+                singles = free - 2 * pairs
+                real = -low * (high / low) ** ((np.arange(singles) + 0.5) / max(singles, 1))
                 upper = places * (-0.03 + 1j)
                 poles.append(np.concatenate([upper, upper.conj(), real + 0j]))
             found.append(poles)
@@ -215,6 +221,8 @@ class Problem:
 
     def point(self, poles: list[C128], delays: F64) -> Point:
         """The best numerators for some poles."""
+        fractions = [Fractions(own) for own in poles]
+        on_lines = [own.values(self.s) for own in fractions]
         numerators: list[Numerators | None] = []
         values: list[C128] = []
         for p, degree in enumerate(self.degrees):
@@ -223,12 +231,16 @@ class Problem:
                 values.append(np.zeros((self.s.size, 0), np.complex128))
                 continue
             g = self.group(p)
-            basis = Numerators(np.concatenate([poles[g], np.zeros(self.integrators[g])]), degree)
+            if self.integrators[g]:
+                basis = Numerators(np.concatenate([poles[g], np.zeros(self.integrators[g])]), degree)
+            else:
+                basis = Numerators(poles[g], degree, fractions[g])
             numerators.append(basis)
-            values.append(basis.values(self.s) * self.wait(delays, p)[:, None])
+            known = on_lines[g] if basis.fractions is fractions[g] else None
+            values.append(basis.values(self.s, known) * self.wait(delays, p)[:, None])
         tied = bool(np.any(np.isfinite(self.gain)))
         zero = np.zeros(1, np.complex128)
-        at_zero = [Fractions(own).values(zero)[0].real if tied else np.zeros(own.size) for own in poles]
+        at_zero = [own.values(zero)[0].real if tied else np.zeros(own.size) for own in fractions]
         response = np.zeros_like(self.data)
         blocks = []
         for block in self.blocks:
@@ -239,7 +251,7 @@ class Problem:
                 response[p] = values[p] @ solved.coefficients[first:last]
                 first = last
             blocks.append(solved)
-        return Point(poles, delays, numerators, blocks, response)
+        return Point(fractions, on_lines, delays, numerators, blocks, response)
 
     def _numerators(
         self, block: list[int], bases: list[Numerators | None], values: list[C128], at_zero: list[F64]
@@ -300,15 +312,14 @@ class Problem:
 
     def slopes(self, here: Point, gains: C128, project: bool = True) -> F64:
         """Rows over changes of the denominators (as fractions of themselves) and of free delays."""
-        fractions = [Fractions(own).values(self.s) for own in here.poles]
-        starts = np.cumsum([0, *(own.shape[1] for own in fractions)])
+        starts = np.cumsum([0, *(own.size for own in here.fractions)])
         late = self.layout.free_delays
         found = []
         for solved in here.blocks:
             total = np.zeros((solved.residuals.size, starts[-1] + len(late)))
             for p in solved.paths:
                 g = self.group(p)
-                part = gains[p][:, None] * fractions[g]
+                part = gains[p][:, None] * here.values[g]
                 total[:, starts[g] : starts[g + 1]] += self.rows(solved.paths, p, part)
                 i, j = self.paths[p]
                 route = self.layout.routes[i][j]
@@ -317,7 +328,8 @@ class Problem:
                     at = starts[-1] + late.index(route)
                     total[:, at : at + 1] += self.rows(solved.paths, p, moved)
             if project:
-                total[:, : starts[-1]] -= solved.columns @ solved.slope
+                if np.any(solved.slope):
+                    total[:, : starts[-1]] -= solved.columns @ solved.slope
                 total -= solved.space @ (solved.space.T @ total)
             found.append(total)
         return np.concatenate(found)
@@ -328,10 +340,12 @@ class Problem:
         size[size == 0] = 1.0
         damped = np.vstack([rows / size, np.sqrt(damping) * np.eye(size.size)]) if damping else rows / size
         target = np.concatenate([-here.residuals, np.zeros(damped.shape[0] - here.residuals.size)])
-        if damped.shape[0] > 4 * damped.shape[1]:  # the same problem with few rows
+        polynomials, current, fixed, bounds = self._denominators(here)
+        if (
+            len(bounds) and damped.shape[0] > 4 * damped.shape[1]
+        ):  # the same problem with few rows, many times
             q, damped = np.linalg.qr(damped)
             target = q.T @ target
-        polynomials, current, fixed, bounds = self._denominators(here)
         equal = [
             (row / size, value - now)
             for row, value, now in zip(polynomials, fixed, current, strict=True)
@@ -350,8 +364,8 @@ class Problem:
         x = x / size
         poles = []
         first = 0
-        for own in here.poles:
-            poles.append(Fractions(own).zeros_with(x[first : first + own.size]) if own.size else own)
+        for own in here.fractions:
+            poles.append(own.zeros_with(x[first : first + own.size]) if own.size else own.poles)
             first += own.size
         return (poles, here.delays + x[first:]), here.cost - float(left @ left)
 
@@ -370,18 +384,18 @@ class Problem:
 
     def _denominators(self, here: Point) -> tuple[F64, F64, F64, list[tuple[float, float]]]:
         """Held or bounded coefficients and delays: rows over the step, values now, held values, bounds."""
-        total = sum(own.size for own in here.poles)
+        total = sum(own.size for own in here.fractions)
         late = self.layout.free_delays
         rows, current, fixed, bounds = [], [], [], []
         first = 0
-        for own, place in zip(here.poles, self.dens, strict=True):
+        for own, place in zip(here.fractions, self.dens, strict=True):
             for k in range(own.size):
                 at = place.start + k
                 if np.isfinite(self.fixed[at]) or self.low[at] > -inf or self.high[at] < inf:
                     row = np.zeros(total + len(late))
-                    row[first : first + own.size] = Fractions(own).polynomials[:, k]
+                    row[first : first + own.size] = own.polynomials[:, k]
                     rows.append(row)
-                    current.append(monic(own)[k + 1])
+                    current.append(monic(own.poles)[k + 1])
                     fixed.append(self.fixed[at])
                     bounds.append((float(self.low[at]), float(self.high[at])))
             first += own.size
@@ -440,10 +454,8 @@ class Problem:
             top += solved.residuals.size
             left += size
         first = left
-        for own, place in zip(here.poles, self.dens, strict=True):
-            params[place.start : place.start + own.size, first : first + own.size] = Fractions(
-                own
-            ).polynomials.T
+        for own, place in zip(here.fractions, self.dens, strict=True):
+            params[place.start : place.start + own.size, first : first + own.size] = own.polynomials.T
             first += own.size
         params[len(self.layout.names) :, first:] = np.eye(here.delays.size)
         polynomials, current, fixed, bounds = self._denominators(here)

@@ -26,6 +26,7 @@ from .reducible import FullOrder, Lines, realisation
 __all__ = ["Found", "of_lines", "to_order", "to_structure"]
 
 Contender = tuple[str, Response, Realisation | None]
+Modal = tuple[Realisation, C128]  # and its gains on the lines
 
 LOOK = 1e-3  # relative fall of the cost at which a start for others is good enough
 NEAR = 0.1  # of their size: poles on the way to the same model
@@ -125,20 +126,23 @@ def _fitted_modes(
     dc = whole.response(np.zeros(1))[0].real - whole.d if dcgain else None
     region = _region(whole, criterion.minimax)
 
-    def fit(weight: F64, begin: Realisation, most: int) -> tuple[Realisation, int]:
-        found, nit = fit_modes(
+    def fit(weight: F64, begin: Modal, most: int) -> tuple[Modal, int]:
+        found, gains, nit = fit_modes(
             lines.omega,
             lines.response - whole.d,
             np.sqrt(weight),
-            begin,
+            begin[0],
             region,
             dcgain=dc,
             maxiter=most,
         )
-        return Realisation(found.a, found.b, found.c, whole.d), nit
+        return (Realisation(found.a, found.b, found.c, whole.d), gains + whole.d), nit
 
-    found, nit = fit(criterion.weight, start, 200)
-    candidates = [found] if dcgain else [found, full.balanced.truncated(start.order)]
+    def begun(one: Realisation) -> Modal:
+        return one, one.response(lines.omega)
+
+    found, nit = fit(criterion.weight, begun(start), 200)
+    candidates = [found] if dcgain else [found, begun(full.balanced.truncated(start.order))]
     if whole.d.size == 1:  # of one path the poles say all, and other starts for them cost little
         layout = _layout(TransferFunction(poles=start.order), 1, 1)
         rational = fit_rational(
@@ -152,28 +156,30 @@ def _fitted_modes(
             tol=LOOK,
             maxiter=200,
         )
-        left = lines.response - found.response(lines.omega)
+        left = lines.response - found[1]
         lower = rational.cost < float(criterion.weight @ np.abs(left[:, 0, 0]) ** 2)
         # Where it comes near to what stands already, the way ends there.
-        if lower or not _near(rational.poles[0], found.poles):
+        if lower or not _near(rational.poles[0], found[0].poles):
             fractions = Fractions(rational.poles[0]).state
             begin = Realisation(fractions[0], fractions[1][:, None], start.c, whole.d)
-            other, more = fit(criterion.weight, begin, 200)
+            other, more = fit(criterion.weight, begun(begin), 200)
             candidates.append(other)
             nit += more
     if criterion.minimax:
 
-        def largest(one: Realisation) -> float:
-            return hinf_norm(whole.minus(one).response, np.append(lines.omega, np.abs(one.poles.imag)))[0]
+        def largest(one: Modal) -> float:
+            own, gains = one
+            left, light = lines.response - gains, np.abs(own.poles.imag)
+            return hinf_norm(lambda w: whole.response(w) - own.response(w), lines.omega, left, light)[0]
 
-        def error(one: Realisation) -> F64:
-            return largest_gain(lines.response - one.response(lines.omega))
+        def error(one: Modal) -> F64:
+            return largest_gain(lines.response - one[1])
 
         found, more = _least_largest(fit, error, criterion, candidates)
-        return min([found, *candidates], key=largest), nit + more
+        return min([found, *candidates], key=largest)[0], nit + more
     if criterion.kind == "h2" and criterion.whole:
-        return min(candidates, key=lambda one: h2_norm(whole.minus(one))), nit
-    return min(candidates, key=lambda one: criterion.cost(one.response(lines.omega))), nit
+        return min(candidates, key=lambda one: h2_norm(whole.minus(one[0])))[0], nit
+    return min(candidates, key=lambda one: criterion.cost(one[1]))[0], nit
 
 
 def _near(poles: C128, others: C128) -> bool:

@@ -8,7 +8,8 @@ from ..base.arrays import C128, F64
 
 __all__ = ["SchurForm", "gains"]
 
-AT_ONCE = 256  # frequencies
+AT_ONCE, ROWS = 256, 32  # frequencies, and rows of the triangle, whose solutions one product carries on
+FEW = 10  # frequencies that are quicker one by one
 
 
 def gains(a: F64, b: F64, c: F64, d: F64, omega: F64) -> C128:
@@ -45,12 +46,23 @@ class SchurForm:
         """G(iω), (omega, output, input): triangular solves for many frequencies at once."""
         n, (outputs, inputs) = len(self.triangle), self.d.shape
         found = np.empty((omega.size, outputs, inputs), dtype=np.complex128)
+        if n and omega.size < FEW:
+            from scipy.linalg.blas import ztrsm
+
+            for k, w in enumerate(omega):
+                shifted = -self.triangle
+                shifted[np.diag_indices(n)] += 1j * w
+                found[k] = self.d + self.c @ ztrsm(1.0, shifted, self.b)
+            return found
         for first in range(0, omega.size, AT_ONCE):
             s = 1j * omega[first : first + AT_ONCE]
             x = np.empty((n, inputs * s.size), dtype=np.complex128)
-            for k in range(n - 1, -1, -1):
-                right = (self.triangle[k, k + 1 :] @ x[k + 1 :]).reshape(inputs, s.size)
-                x[k] = ((right + self.b[k][:, None]) / (s - self.triangle[k, k])).ravel()
+            for last in range(n, 0, -ROWS):
+                rows = slice(max(last - ROWS, 0), last)
+                x[rows] = self.triangle[rows, last:] @ x[last:] + np.repeat(self.b[rows], s.size, axis=1)
+                for k in range(last - 1, rows.start - 1, -1):
+                    right = x[k] + self.triangle[k, k + 1 : last] @ x[k + 1 : last]
+                    x[k] = (right.reshape(inputs, -1) / (s - self.triangle[k, k])).ravel()
             y = (self.c @ x).reshape(outputs, inputs, s.size)
             found[first : first + AT_ONCE] = self.d + y.transpose(2, 0, 1)
         return found
