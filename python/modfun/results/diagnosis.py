@@ -174,6 +174,8 @@ def growth(fit: Estimates) -> float:
 
 def surely_stable(denominator: Sequence[float]) -> bool:
     """Whether all roots have negative real parts, by Routh's scheme; False where rounding may decide."""
+    if len(denominator) <= 3:
+        return all([c > 0 for c in denominator])
     upper, lower = list(denominator[::2]), list(denominator[1::2])
     least = 0.0
     while lower:
