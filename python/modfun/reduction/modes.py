@@ -81,9 +81,18 @@ class _Modes:
         return found
 
     @cached_property
+    def _rows(self) -> F64:
+        """Weighted real rows of the functions, behind them those of the target: (function or path, row)."""
+        n, target = len(self.a), self.lines.target
+        found = np.empty((n + target.shape[0] * target.shape[1], target.shape[2]))
+        np.multiply(self.functions, self.lines.amplitude, out=found[:n].reshape(n, 2, -1))
+        found[n:] = target.reshape(-1, target.shape[2])
+        return found
+
+    @property
     def weighted(self) -> F64:
-        """The functions as weighted real rows, (function, row)."""
-        return np.asarray((self.functions * self.lines.amplitude).reshape(len(self.a), -1))
+        """The functions' rows, (function, row)."""
+        return self._rows[: len(self.a)]
 
     def _mixed(self, by: F64, sign: float) -> F64:
         """Functions as a column of B (sign 1) or a row of C (−1) mixes them, (column, function, state)."""
@@ -104,8 +113,8 @@ class _Modes:
 
     @cached_property
     def _solved(self) -> _Solved:
-        n, (inputs, outputs, rows) = len(self.a), self.lines.target.shape
-        r = _triangle(np.vstack([self.weighted, self.lines.target.reshape(-1, rows)]).T)
+        n, (inputs, outputs, _) = len(self.a), self.lines.target.shape
+        r = _triangle(self._rows.T)
         columns = (r[:n, :n] @ self.states).reshape(-1, n)
         size = np.linalg.norm(columns, axis=0)
         size[size == 0] = 1.0
