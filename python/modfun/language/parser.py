@@ -41,7 +41,7 @@ CONSTANTS = {"pi": np.float64(np.pi), "e": np.float64(np.e)}
 _SIGNS = "numbers, + - * / ** % < <= > >=, parentheses"
 _CALLS = ", ".join(FUNCTIONS)
 ALLOWED = (
-    f"allowed are signals with primes, parameters, t, pi, e, {_SIGNS}, D(expression, order) and {_CALLS}"
+    f"allowed are signals with primes, parameters, t, pi, {_SIGNS}, D(expression, order) and {_CALLS}"
 )
 
 # Of an equation, and of an expression in given names, for which a function may be given as well.

@@ -145,6 +145,12 @@ class _Meaning:
             )
         if name == "t":
             return time
+        if name == "e":
+            self.refuse(
+                node,
+                "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) for "
+                "the number",
+            )
         if name in CONSTANTS:
             return _CONSTANTS[name]
         return number(self.fixed[name]) if name in self.fixed else parameter(name)

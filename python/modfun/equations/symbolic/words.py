@@ -35,7 +35,7 @@ class _Printer(StrPrinter):  # type: ignore[misc]  # SymPy ships no types
         return str(super()._print_Rational(expr))
 
     def _print_Exp1(self, expr: Any) -> str:
-        return "e"
+        return "exp(1)"
 
 
 def said(expr: sympy.Expr, *, exact: bool = False) -> str:
