@@ -40,9 +40,7 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
 CONSTANTS = {"pi": np.float64(np.pi), "e": np.float64(np.e)}
 _SIGNS = "numbers, + - * / ** % < <= > >=, parentheses"
 _CALLS = ", ".join(FUNCTIONS)
-ALLOWED = (
-    f"allowed are signals with primes, parameters, t, pi, {_SIGNS}, D(expression, order) and {_CALLS}"
-)
+ALLOWED = f"allowed are signals with primes, parameters, t, pi, {_SIGNS}, D(expression, order) and {_CALLS}"
 
 # Of an equation, and of an expression in given names, for which a function may be given as well.
 MOST_CHARACTERS, MOST_DEPTH = 2000, 60

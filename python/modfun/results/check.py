@@ -14,7 +14,7 @@ from ..models.noise import Noise
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 
-__all__ = ["UNLIKELY", "check", "numbers", "too_large", "too_small", "warnings_of"]
+__all__ = ["UNLIKELY", "check", "numbers", "on_bound", "too_large", "too_small", "warnings_of"]
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 # Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight
@@ -39,7 +39,15 @@ def warnings_of(fit: Estimates) -> list[str]:
         return [f"fit: {text}" for text in (fit.message, far) if text]
     found = [
         text
-        for text in (far, _repeated(fit), _few_samples(fit), _unstable(fit), _minima(fit), _condition(fit))
+        for text in (
+            far,
+            on_bound(fit),
+            _repeated(fit),
+            _few_samples(fit),
+            _unstable(fit),
+            _minima(fit),
+            _condition(fit),
+        )
         if text
     ]
     if fit.options.method in ("awls", "ml") and (text := _disagreement(fit)):
@@ -67,6 +75,17 @@ def _rms(values: NDArray[np.float64], mean: float) -> float:
     """Standard deviation; `std` makes a copy, as large as the record."""
     parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
     return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
+
+
+def on_bound(fit: Estimates) -> str | None:
+    """That parameters ended on their bounds."""
+    if not fit.at_bound:
+        return None
+    which, them = ("a bound", "it") if len(fit.at_bound) == 1 else ("bounds", "them")
+    return (
+        f"{', '.join(fit.at_bound)} ended on {which}: the data would have {them} elsewhere, and the other "
+        f"standard errors hold only if the bound is right. Widen it, or hold {them} there if that is known."
+    )
 
 
 def _repeated(fit: Estimates) -> str | None:
@@ -245,12 +264,14 @@ def check(fit: Estimates) -> Findings:
                 f"The residuals correlate with {lag.channel} (p = {lag.p_value:.2g}), which has no path in "
                 "the structure: give it zeros."
             )
-    if fit.at_bound:
-        found.append(
-            f"{', '.join(fit.at_bound)} ended on a bound: the data would have it elsewhere, and "
-            "the other standard errors hold only if the bound is right."
-        )
-    found += [_repeated(fit), _disagreement(fit, d), _minima(fit), _few_samples(fit), _condition(fit)]
+    found += [
+        on_bound(fit),
+        _repeated(fit),
+        _disagreement(fit, d),
+        _minima(fit),
+        _few_samples(fit),
+        _condition(fit),
+    ]
     return Findings(title, [text for text in found if text])
 
 

@@ -13,7 +13,7 @@ from ..base.tables import Findings
 from ..errors import FitError, SpecError
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
-from .check import UNLIKELY
+from .check import UNLIKELY, on_bound
 from .diagnosis import growth
 from .fit import Fit
 from .page_records import Content, of_gains
@@ -136,11 +136,8 @@ class ResponseFit(Fit):
 
     def _failings(self) -> list[str]:
         found = [] if self.success else [self.message]
-        if self.at_bound:
-            found.append(
-                f"{', '.join(self.at_bound)} ended on a bound: the gains would have it elsewhere, and the "
-                "other standard errors hold only if the bound is right."
-            )
+        if text := on_bound(self):
+            found.append(text)
         if np.all(np.isfinite(self.params)) and (growing := growth(self)) > 0:
             found.append(
                 f"The estimate is unstable: a pole has real part {growing:.4g} rad/s. Right for an unstable "

@@ -116,6 +116,31 @@ def test_stacked_state_equations_are_what_dense_matrices_give():
     assert np.sqrt(np.diag(fit.cov_nonrobust))[order] == pytest.approx(np.sqrt(np.diag(oracle.cov)), rel=0.01)
 
 
+def test_learnt_levels_are_those_of_restricted_likelihood():
+    """At the levels each output's noise has of the weighted sum of squares what it has of the rows."""
+    case = nonlinear.short_period(600)
+    rng = np.random.default_rng(9)
+    slow = [
+        np.convolve(rng.standard_normal(800), np.hanning(101), "valid")[: case.t.size] / 6 for _ in range(2)
+    ]
+    size = np.sqrt(np.mean(case.v**2, axis=1))[:, None]
+    v = case.v + size * (np.array([[0.02], [0.2]]) * slow + 1e-4 * rng.standard_normal(case.v.shape))
+    rec = mf.Record(y=v, u=case.u(case.t), dt=case.t[1], outputs=["alpha", "q"], inputs=["de"])
+    model = mf.StateSpace(
+        [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], C=np.eye(2), states=["alpha", "q"], inputs=["de"]
+    )
+    fit = mf.fit(rec, model, trend=None, harmonics=13, tol=1e-12)
+    assert fit.seen == pytest.approx(1e-4 * size[:, 0], rel=0.2)
+    problem = terms.Problem(case.terms, v, rec.dt, fit.levels, 14)
+    theta = fit.params[[fit.param_names.index(name) for name in ("Za", "Zd", "Ma", "Mq", "Md")]]
+    whiten, _, residual = problem.at_theta(theta, theta)
+    inverse = whiten.T @ whiten
+    for level, lines in zip(fit.levels, problem.sensitivity(theta), strict=True):
+        squares = level**2 * np.sum((lines.T @ inverse @ residual) ** 2)
+        rows = level**2 * np.trace(inverse @ lines @ lines.T) * fit.df_resid / residual.size
+        assert squares == pytest.approx(rows, rel=0.01)
+
+
 def test_a_batch_is_its_single_fits_whatever_the_threads():
     rec, case, sigma = duffing()
     rng = np.random.default_rng(11)
@@ -168,7 +193,8 @@ def test_several_records_are_one_problem():
 def test_bounds_and_held_parameters():
     rec, _, _ = duffing(0.02)
     bounded = mf.Equation("y'' + d*y' + a*y + b*y**3 = u", params={"d": mf.Free(min=0.4)})
-    fit = mf.fit(rec, bounded, harmonics=11)
+    with pytest.warns(mf.ModfunWarning, match="d ended on a bound: .* Widen it, or hold it there"):
+        fit = mf.fit(rec, bounded, harmonics=11)
     assert fit["d"] == 0.4
     assert fit.at_bound == ("d",)
     assert fit.bse[0] == 0.0

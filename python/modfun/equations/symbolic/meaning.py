@@ -148,8 +148,8 @@ class _Meaning:
         if name == "e":
             self.refuse(
                 node,
-                "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) for "
-                "the number",
+                "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) "
+                "for the number",
             )
         if name in CONSTANTS:
             return _CONSTANTS[name]

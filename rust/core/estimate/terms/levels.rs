@@ -109,7 +109,7 @@ impl TermsProblem<'_> {
     /// What the residuals at θ say of the levels.
     fn learnt(&mut self, theta: &[f64], least: &[f64]) -> Result<Learnt, Error> {
         let own = self.variances.clone();
-        let (cost, log) = self.likelihood(theta)?;
+        let (cost, log_det) = self.likelihood(theta)?;
         let rows: usize = self.spots.iter().map(|s| s.rows.len()).sum();
         let spent: usize = self.spots.iter().map(|s| s.transients).sum();
         let degrees = rows.saturating_sub(spent + theta.len()).max(1) as f64;
@@ -119,8 +119,8 @@ impl TermsProblem<'_> {
             let mut moved = own.clone();
             moved[j] *= 1.0 + CHANGE;
             self.set_variances(moved);
-            let (c, l) = self.likelihood(theta)?;
-            let (q, t) = ((cost - c) / CHANGE, left * (l - log) / CHANGE);
+            let (near, log_det_near) = self.likelihood(theta)?;
+            let (q, t) = ((cost - near) / CHANGE, left * (log_det_near - log_det) / CHANGE);
             if !(q > 0.0 && t > 1.0) {
                 continue; // no row tells it
             }
