@@ -12,15 +12,17 @@ const LARGE: f64 = 4.0;
 /// The mean of a few samples of `count` if that is a large offset, else 0; exact for constants.
 #[inline(always)]
 pub(super) fn offset(count: usize, sample: impl Fn(usize) -> f64) -> f64 {
-    let (mut low, mut high, mut sum) = (sample(0), sample(0), 0.0);
+    let first = sample(0);
+    let (mut low, mut high, mut sum) = (first, first, 0.0);
     for look in 1..LOOKS {
         let value = sample(look * (count - 1) / (LOOKS - 1));
-        (low, high, sum) = (low.min(value), high.max(value), sum + (value - sample(0)));
+        (low, high, sum) = (low.min(value), high.max(value), sum + (value - first));
+        let dwarfs = high - low < low.abs().min(high.abs()) / LARGE;
+        if !dwarfs {
+            return 0.0; // more samples do not make the movement less
+        }
     }
-    match sum.is_finite() && high - low < low.abs().min(high.abs()) / LARGE {
-        true => sample(0) + sum / LOOKS as f64,
-        false => 0.0,
-    }
+    if sum.is_finite() { first + sum / LOOKS as f64 } else { 0.0 }
 }
 
 /// The same of eight records.
