@@ -90,7 +90,7 @@ LONG = {
     "mu": "plant = mf.timelag.DelaySystem(A={0: [[-1, -3], [2, -5]], 1.0: [[1.66, -.697], [.93, -.33]]}, "
     "B={.4: [1, 0]}); again(plant.mu, plant.place([-2.5, -3]), A={0: 0.1 * np.ones((2, 2))})",
     "push": "pushed()",
-    "elimination": "again(lambda: mf.Equation(['x1\\' = a*x2 + b*x1', 'x2\\' = c*x1 + e*u', 'y = x1'], "
+    "elimination": "again(lambda: mf.Equation(['x1\\' = a*x2 + b*x1', 'x2\\' = c*x1 + d*u', 'y = x1'], "
     "outputs=['y'], inputs=['u'], hidden=['x1', 'x2']).compiled())",
     "output error": "again(mf.rivals.output_error(tf2), big, rng)",
     "pem": "again(mf.rivals.pem(tf2), rec, rng)",
