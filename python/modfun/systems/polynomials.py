@@ -98,12 +98,7 @@ def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
     q = p / p[0]
     w = time_unit(q)
     q = q * w ** -np.arange(float(q.size))
-    last = int(np.flatnonzero(q)[-1])
-    matrix = np.eye(last, k=-1)
-    matrix[:1] = -q[1 : last + 1]
-    found = np.zeros(q.size - 1, dtype=np.complex128)  # with those at zero
-    found[:last] = np.linalg.eigvals(matrix)
-    return np.asarray(found * w, dtype=np.complex128), q, w
+    return np.asarray(np.roots(q) * w, dtype=np.complex128), q, w
 
 
 def roots_of(p: F64) -> C128:

@@ -148,48 +148,23 @@ def too_steep(values: F64, step: float) -> DataError:
 
 
 def spline(grid: F64, values: F64) -> Any:
-    """The cubic spline through samples, as SciPy makes it and with what its piecewise polynomials offer.
+    """The cubic spline through samples; SciPy's, with what it offers.
 
     Raises
     ------
     DataError
         Its slopes are beyond floating point.
     """
-    from scipy.interpolate import PPoly
+    from scipy.interpolate import CubicSpline
 
     with np.errstate(over="ignore", invalid="ignore"):
-        c = _cubics(grid, values)
-    if not np.all(np.isfinite(c)):
-        raise too_steep(values, float(grid[1] - grid[0]))
-    return PPoly.construct_fast(c, grid, extrapolate=True)
-
-
-def _cubics(grid: F64, values: F64) -> F64:
-    """Coefficients of the spline, (power, interval): third derivatives pass the second knots at both ends.
-
-    SciPy's own way to these numbers looks at its arguments for three times as long as they take.
-    """
-    from scipy.interpolate import CubicSpline
-    from scipy.linalg.lapack import dgtsv
-
-    if grid.size < 4:  # a line or a parabola
         try:
-            return np.asarray(CubicSpline(grid, values).c)
-        except ValueError:  # of slopes that overflow
-            return np.full(4, np.nan)
-    step = np.diff(grid)
-    rise = np.diff(values) / step
-    first, last = grid[2] - grid[0], grid[-1] - grid[-3]
-    begin = ((step[0] + 2 * first) * step[1] * rise[0] + step[0] ** 2 * rise[1]) / first
-    end = (step[-1] ** 2 * rise[-2] + (2 * last + step[-1]) * step[-2] * rise[-1]) / last
-    slope = dgtsv(
-        np.append(step[1:], last),
-        np.concatenate([step[1:2], 2 * (step[:-1] + step[1:]), step[-2:-1]]),
-        np.append(first, step[:-1]),
-        np.concatenate([[begin], 3 * (step[1:] * rise[:-1] + step[:-1] * rise[1:]), [end]]),
-    )[3]
-    bend = (slope[:-1] + slope[1:] - 2 * rise) / step
-    return np.array([bend / step, (rise - slope[:-1]) / step - bend, slope[:-1], values[:-1]])
+            found = CubicSpline(grid, values)
+        except ValueError:
+            found = None
+    if found is None or not np.all(np.isfinite(found.c)):
+        raise too_steep(values, float(grid[1] - grid[0]))
+    return found
 
 
 def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F64]:

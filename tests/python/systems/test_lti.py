@@ -7,9 +7,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from modfun.systems.gains import SchurForm
-from modfun.systems.propagate import spline
 from scipy import integrate, signal
-from scipy.interpolate import CubicSpline
 
 EQ24 = mf.tf([5], [1, 3, 8])
 
@@ -130,15 +128,6 @@ def test_smooth_text_input_is_exact(num, den, x0):
     y = mf.tf(num, den).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=x0)
     expected = response_by_quadrature(num, den, lambda s: np.sin(s**2 / 5), t, x0)
     np.testing.assert_allclose(y, expected, atol=2e-10)
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 5, 60])
-def test_the_spline_is_scipys(count):
-    rng = np.random.default_rng(count)
-    for grid in (0.1 * np.arange(count), np.cumsum(rng.uniform(0.1, 1.0, count))):
-        values = rng.standard_normal(count)
-        wanted = CubicSpline(grid, values).c
-        np.testing.assert_allclose(spline(grid, values).c, wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_smooth_samples_go_through_a_spline():
