@@ -227,7 +227,7 @@ def _trend(record: Samples, name: str) -> Iterator[str]:
     if abs(mean) > 3 * spread:
         yield (
             f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
-            f"trend='constant' (the default of linear models)."
+            f"trend='constant', the default of transfer functions; equations need it said."
         )
 
 

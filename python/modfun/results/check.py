@@ -25,6 +25,8 @@ CONDITION = 1e6
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
 UNLIKELY = 0.01  # p-value below which a test speaks
+SURE = 1e-4  # p-value below which a fit warns by itself
+FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 BLOCK = 2**16  # samples
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
@@ -36,11 +38,12 @@ def warnings_of(fit: Estimates) -> list[str]:
     """What deserves a warning when the fit is made."""
     far = _offset(fit)
     if not fit.success:
-        return [f"fit: {text}" for text in (fit.message, far) if text]
+        return [f"fit: {text}" for text in (fit.message, far, _mean(fit)) if text]
     found = [
         text
         for text in (
             far,
+            _mean(fit),
             on_bound(fit),
             _repeated(fit),
             _few_samples(fit),
@@ -75,6 +78,36 @@ def _rms(values: NDArray[np.float64], mean: float) -> float:
     """Standard deviation; `std` makes a copy, as large as the record."""
     parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
     return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
+
+
+def _mean(fit: Estimates) -> str | None:
+    """That line 0, the mean of a record, contradicts equations without a constant."""
+    without = not fit.layout.rational and fit.trend is None and any(low == 0 for low, _ in fit.lines)
+    if not without or fit.df_resid < 2 or not fit.records:
+        return None
+    from scipy.special import stdtr
+
+    cure = 'Fit with trend="constant", or write a constant into the equation.'
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
+    means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
+    if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
+        # The equation took the offset for the signal.
+        return (
+            f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
+            f"constant, and no parameter is larger than its standard error. {cure}"
+        )
+    at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
+    if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
+        return None
+    # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
+    worst, others = float(np.max(at)), fit.df_resid - 1
+    t = worst / math.sqrt(max(fit.df_resid - worst**2, 1e-9) / others)
+    if 2 * float(stdtr(others, -t)) * np.size(at) > SURE:
+        return None
+    return (
+        f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
+        f"have an offset, and the equation has no constant. {cure}"
+    )
 
 
 def on_bound(fit: Estimates) -> str | None:
@@ -265,6 +298,7 @@ def check(fit: Estimates) -> Findings:
                 "the structure: give it zeros."
             )
     found += [
+        _mean(fit),
         on_bound(fit),
         _repeated(fit),
         _disagreement(fit, d),

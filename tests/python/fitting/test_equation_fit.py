@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from itertools import product
 
 import modfun as mf
@@ -200,6 +201,30 @@ def test_bounds_and_held_parameters():
     assert fit.bse[0] == 0.0
     held = mf.Equation("y'' + d*y' + a*y + b*y**3 = u", params={"d": 0.4})
     assert mf.fit(rec, held, harmonics=11).params == pytest.approx(fit.params[1:], rel=1e-9)
+
+
+@pytest.mark.parametrize("offset", [0.05, 0.3, 20.0])
+def test_an_offset_without_a_constant_is_seen(offset):
+    """Of the output, in its rms; the cure that is named is one. False alarm without: 1e-4 a record."""
+
+    def told(rec, model, **options):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            fit = mf.fit(rec, model, harmonics=11, **options)
+        assert ("no constant" in str(fit.check())) == any("no constant" in str(one.message) for one in said)
+        return fit, any('Fit with trend="constant"' in str(one.message) for one in said)
+
+    swing, drive = duffing(0.05)[0], chirp(nsr=0.05)
+    # So far from its equilibrium a hardening spring is another system.
+    for rec, model in ((drive, LINEAR), *([(swing, DUFFING)] if offset < 1 else [])):
+        moved = rec.assign(y=rec["y"] + offset * rec["y"].std())
+        assert not told(rec, model)[1]
+        assert told(moved, model)[1]
+        cured, again = told(moved, model, trend="constant")
+        assert not again
+        if model is LINEAR:
+            wanted = told(rec, model, trend="constant")[0]
+            assert cured.params == pytest.approx(wanted.params, abs=0.01 * np.min(wanted.bse))
 
 
 def test_signals_that_depend_on_a_parameter():
