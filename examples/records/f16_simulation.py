@@ -97,7 +97,11 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     for name, fit in fits.items():
         kept = [NAMES.index(one) for one in fit.param_names]
         off[name] = dict(zip(fit.param_names, (fit.params - truth[kept]) / fit.bse, strict=True))
-        rows = {"parameter": fit.param_names, "published": truth[kept].round(5), "estimate": fit.params}
+        rows: dict[str, Any] = {
+            "parameter": fit.param_names,
+            "published": truth[kept].round(5),
+            "estimate": fit.params,
+        }
         rows |= {"se HC3": fit.bse, "off, errors": np.round(list(off[name].values()), 1)}
         rows["simulated, %"] = shares[name] = covered(a, b, truth, rec, fit)
         print(f"\n{mf.Table(rows, name)}")
