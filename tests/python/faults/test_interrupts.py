@@ -158,7 +158,7 @@ def test_ctrl_c(call: str, forks: subprocess.Popen[bytes], tmp_path: Path) -> No
             time.sleep(0.01)
         assert not ended(forks, 0.5), "the call was to take longer"
         os.killpg(child, signal.SIGINT)  # all processes of a terminal get it
-        assert ended(forks, 20), "Ctrl-C did not end the call"
+        assert ended(forks, 20), f"Ctrl-C did not end the call: {(tmp_path / 'err').read_text()}"
     finally:
         with suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)
