@@ -56,14 +56,18 @@ def system(outputs: int, inputs: int, poles: int) -> mf.LTI:
     return mf.ss(a, rng.standard_normal((outputs * size, inputs)), c, np.zeros((outputs, inputs)))
 
 
+def record(size: tuple[int, int, int], seed: int, nsr: float) -> mf.Record:
+    """Held random inputs, and what a system of so many outputs, inputs and poles makes of them from rest."""
+    u = np.repeat(np.random.default_rng(seed).standard_normal((size[1], SAMPLES // 4)), 4, axis=1)
+    return mf.simulate(
+        system(*size), input=u, duration=0.1 * (SAMPLES - 1), intervals=SAMPLES - 1, intersample="zoh",
+        nsr=nsr, seed=seed,
+    )  # fmt: skip
+
+
 def contestant(outputs: int, inputs: int, poles: int) -> tuple[Contestant, int, int]:
     """A fit to time, its unknowns and its steps."""
-    rng = np.random.default_rng(1)
-    u = np.repeat(rng.standard_normal((inputs, SAMPLES // 4)), 4, axis=1)
-    rec = mf.simulate(
-        system(outputs, inputs, poles), input=u, duration=0.1 * (SAMPLES - 1), intervals=SAMPLES - 1,
-        intersample="zoh", nsr=NSR, seed=1,
-    )  # fmt: skip
+    rec = record((outputs, inputs, poles), 1, NSR)
     structure = mf.TransferFunction(poles=poles, zeros=poles - 1, denominator="separate")
     options = {"harmonics": LINES, "trend": None}
 

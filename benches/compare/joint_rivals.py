@@ -11,17 +11,15 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 
 from time import process_time
 
-import modfun as mf
 import numpy as np
 from competitors import silence
-from joint_growth import NSR, SAMPLES, system
+from joint_growth import NSR, SAMPLES, record
 from measure import machine
 from report import amount
 from rivals import joint
 from section import publish, rounds_of
 
 HEADING = "## Several outputs"
-DT = 0.1
 # Outputs, inputs, poles of each output.
 PROBLEMS = ((2, 2, 2), (3, 3, 4))
 ENTRANTS = {
@@ -39,15 +37,6 @@ processor time of a call, minimum, in one process on one thread.
 
 {machine}
 """
-
-
-def record(size: tuple[int, int, int], seed: int, nsr: float) -> mf.Record:
-    """Held random inputs and what the system makes of them, from rest."""
-    u = np.repeat(np.random.default_rng(seed).standard_normal((size[1], SAMPLES // 4)), 4, axis=1)
-    return mf.simulate(
-        system(*size), input=u, duration=DT * (SAMPLES - 1), intervals=SAMPLES - 1, intersample="zoh",
-        nsr=nsr, seed=seed,
-    )  # fmt: skip
 
 
 def row(name: str, size: tuple[int, int, int], records: int, rounds: int) -> str:

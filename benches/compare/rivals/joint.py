@@ -3,9 +3,6 @@
 A simulator gives the outputs, (output, time), that its model has for other inputs, from rest.
 """
 
-import contextlib
-import io
-
 import modfun as mf
 import numpy as np
 from scipy.linalg import expm
@@ -71,12 +68,9 @@ def scipy_output_error(rec, poles):
 
 def sippy_n4sid(rec, poles):
     """SIPPY's N4SID of as many states as the outputs have in all, horizons of 20 samples."""
-    from sippy_unipi import system_identification
+    from .oe_sippy import quietly
 
-    with contextlib.redirect_stdout(io.StringIO()):
-        model = system_identification(
-            rec.y, rec.u, "N4SID", SS_fixed_order=poles * rec.y.shape[0], SS_f=20, SS_p=20
-        )
+    model = quietly(rec.y, rec.u, "N4SID", SS_fixed_order=poles * rec.y.shape[0], SS_f=20, SS_p=20)
     return simulator(*(np.asarray(part) for part in (model.A, model.B, model.C, model.D)), rec.dt)
 
 

@@ -10,7 +10,7 @@ from sippy_unipi import system_identification
 from .discrete import continuous, orders
 
 
-def _quietly(*args, **options):
+def quietly(*args, **options):
     with contextlib.redirect_stdout(io.StringIO()):
         return system_identification(*args, **options)
 
@@ -28,7 +28,7 @@ class SippyOE:
         u, y = rec.u, rec.y
         if not self.delay:  # its models have a delay of one sample: the input comes one earlier
             u, y = u[:, 1:], y[:, :-1]
-        model = _quietly(y, u, "OE", OE_orders=[self.count, n, 0], tsample=rec.dt)
+        model = quietly(y, u, "OE", OE_orders=[self.count, n, 0], tsample=rec.dt)
         b = np.concatenate([np.zeros(self.delay), np.ravel(model.NUMERATOR)[: self.count]])
         return continuous(b, np.ravel(model.DENOMINATOR)[: n + 1], self.problem)
 
@@ -41,7 +41,7 @@ class SippyN4SID:
 
     def __call__(self, rec):
         """θ of a record."""
-        model = _quietly(
+        model = quietly(
             rec.y, rec.u, "N4SID", SS_fixed_order=self.problem.poles, SS_f=20, SS_p=20,
             SS_D_required=self.problem.hold != "zoh",
         )  # fmt: skip

@@ -24,6 +24,7 @@ from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
+from ..results.check import FINEST
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.fit import Fit
@@ -36,7 +37,6 @@ CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lo
 DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 MOST = 100  # numbers of poles
 LOOK = 1e-5  # precision of estimates that only say which band is needed
-FINEST = 1e-3  # of the output: finer residuals may be errors of the quadrature
 
 
 @public

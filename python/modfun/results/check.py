@@ -14,7 +14,7 @@ from ..models.noise import Noise
 from .diagnosis import Diagnosis, diagnose, disagreement, fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 
-__all__ = ["UNLIKELY", "check", "numbers", "on_bound", "too_large", "too_small", "warnings_of"]
+__all__ = ["FINEST", "UNLIKELY", "check", "numbers", "on_bound", "too_large", "too_small", "warnings_of"]
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 # Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight

@@ -85,10 +85,7 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
     rows = np.vstack([columns, y]) * weight
-    # Norms of rows of any size.
-    peak = np.abs(rows[:k]).max(axis=1)
-    peak[peak == 0] = 1.0
-    scale = peak * np.linalg.norm(rows[:k] / peak[:, None], axis=1)
+    scale = np.array([rms(row) for row in rows[:k]]) * np.sqrt(y.size)
     scale[scale == 0] = 1.0
     rows[:k] /= scale[:, None]
     # R of the columns and the series behind them is all that their least squares need.

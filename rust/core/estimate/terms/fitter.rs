@@ -258,8 +258,6 @@ impl TermsFitter {
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let wide = self.widest(records, variances)?;
         let mut all = self.problem(records, variances.to_vec(), &wide, Worker::default())?;
-        let usable =
-            |e: &Ended| matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite();
         let first = self.estimate(&mut all, None)?;
         let mut rule = BandRule {
             wide: last(&wide),
@@ -328,9 +326,7 @@ impl TermsFitter {
         let (weights, factors) = self.weights();
         let cost = problem.cost(&ended.theta, weights)?;
         problem.jacobian(factors);
-        let rows: usize = problem.spots.iter().map(|s| s.rows.len()).sum();
-        let spent: usize = problem.spots.iter().map(|s| s.transients).sum();
-        let degrees = rows.saturating_sub(spent + e.parameters).max(1);
+        let degrees = problem.degrees_of_freedom();
         let scale = cost / degrees as f64;
         let lost = matches!(ended.status, Status::Rank | Status::NonFinite);
         let p = e.parameters;

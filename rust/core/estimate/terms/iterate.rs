@@ -116,6 +116,13 @@ impl<'a> TermsProblem<'a> {
         }
     }
 
+    /// Degrees of freedom: rows less transients and parameters.
+    pub fn degrees_of_freedom(&self) -> usize {
+        let rows: usize = self.spots.iter().map(|s| s.rows.len()).sum();
+        let spent: usize = self.spots.iter().map(|s| s.transients).sum();
+        rows.saturating_sub(spent + self.equations().parameters).max(1)
+    }
+
     /// Other levels from now on.
     pub fn set_variances(&mut self, variances: Vec<f64>) {
         self.variances = variances;

@@ -111,8 +111,7 @@ impl TermsProblem<'_> {
         let own = self.variances.clone();
         let (cost, log_det) = self.likelihood(theta)?;
         let rows: usize = self.spots.iter().map(|s| s.rows.len()).sum();
-        let spent: usize = self.spots.iter().map(|s| s.transients).sum();
-        let degrees = rows.saturating_sub(spent + theta.len()).max(1) as f64;
+        let degrees = self.degrees_of_freedom() as f64;
         let (left, scale) = (degrees / rows as f64, cost / degrees);
         let mut found = Learnt { variances: own.clone(), change: 0.0, contradiction: 0.0 };
         for j in 0..own.len() {
