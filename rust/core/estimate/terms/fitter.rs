@@ -265,7 +265,7 @@ impl TermsFitter {
             costs: [first.cost, f64::INFINITY],
             chosen: last(&wide),
         };
-        let mut best = Some(first).filter(|e| usable(e));
+        let mut best = Some(first).filter(usable);
         if self.narrow != wide
             && let Ok(mut few) =
                 self.problem(records, variances.to_vec(), &self.narrow, Worker::default())
