@@ -83,6 +83,17 @@ pub enum Trend {
     Linear,
 }
 
+impl Trend {
+    /// Its unknowns.
+    pub(crate) fn terms(self) -> usize {
+        match self {
+            Trend::None => 0,
+            Trend::Constant => 1,
+            Trend::Linear => 2,
+        }
+    }
+}
+
 /// Where the noise enters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Noise {

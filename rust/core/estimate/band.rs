@@ -48,6 +48,12 @@ pub(crate) struct Choice {
     pub theta: Option<Vec<f64>>,
 }
 
+/// Lines that tell so many unknowns an output: the narrow fit of the default rule, and of second starts, goes so
+/// many lines up from its lowest.
+pub(crate) fn narrow_lines(unknowns: usize, order: usize) -> usize {
+    unknowns.saturating_mul(3).saturating_add(order)
+}
+
 /// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
 ///
 /// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
@@ -57,7 +63,7 @@ pub(crate) fn default_lines(
     order: usize,
     intervals: usize,
 ) -> (usize, usize) {
-    let narrow = unknowns.saturating_mul(3).saturating_add(order);
+    let narrow = narrow_lines(unknowns, order);
     let wide = (intervals / 8).max((intervals / 4).min(16));
     match method {
         Method::Ls | Method::Wls => {

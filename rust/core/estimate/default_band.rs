@@ -15,14 +15,15 @@ use super::fitter::{Desk, Fitter, Problem};
 use super::pass::prepare;
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
+use crate::structure::{Method, Noise};
 
 impl Fitter {
     /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
     /// fewest lines that keep every standard error within 1 % of the wide one's at equal σ.
     pub(crate) fn default_band(&self, desk: &mut Desk, wide: Vec<Range>) -> Result<Choice, Error> {
-        let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
+        let narrow = self.narrow(&wide);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
-        let second = if narrow == wide { None } else { self.start(desk, &narrow) };
+        let second = self.narrow_estimate(desk, &wide);
         let mut all = self.problem(desk, &wide)?;
         let costs = all.trial(self, second.as_slice());
         let lane = usize::from(costs[1] < costs[0] * (1.0 + SAME));
@@ -39,9 +40,22 @@ impl Fitter {
         Ok(Choice { ranges, rule: Some(rule), theta })
     }
 
-    /// The estimate of the narrow fit, where there is one.
-    fn start(&self, desk: &mut Desk, narrow: &[Range]) -> Option<Vec<f64>> {
-        let mut few = self.problem(desk, narrow).ok()?;
+    /// Few lines at the lower end of each range.
+    fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
+        let each = ranges.iter().zip(&self.records);
+        each.map(|((first, last), r)| (*first, (first + r.narrow).min(*last))).collect()
+    }
+
+    /// The second start of a fit on these lines: the estimate on few of them, where they are more than few and it
+    /// has one. Where noise rules the upper lines, `wls` on all of them may lead astray.
+    pub(crate) fn narrow_estimate(&self, desk: &mut Desk, ranges: &[Range]) -> Option<Vec<f64>> {
+        let adapts =
+            self.o.noise == Noise::Output && matches!(self.o.method, Method::Awls | Method::Ml);
+        let narrow = self.narrow(ranges);
+        if !adapts || narrow == ranges {
+            return None;
+        }
+        let mut few = self.problem(desk, &narrow).ok()?;
         let found = few.trial(self, &[])[0].is_finite();
         let theta = found.then(|| few.space.theta(&few.design, 0).collect());
         desk.keep(few);

@@ -1,5 +1,6 @@
 //! The plan of one estimation problem: columns, sums, lines and scales; nothing in it depends on the data.
 
+use super::band::narrow_lines;
 use super::straight::tables::{Tables, sizes};
 use super::sums::{Products, SumPlan, plan_sums};
 use crate::error::Error;
@@ -180,6 +181,20 @@ impl Design {
     pub fn degrees_of_freedom(&self) -> usize {
         let rows: usize = self.records.iter().map(equations).sum();
         rows - self.parameters() - self.transient * self.records.len()
+    }
+
+    /// Lines of a record that a second start is found on.
+    pub(crate) fn few_lines(&self) -> usize {
+        // Line 0 is one more.
+        narrow_lines(self.parameters + self.trend.terms(), self.structure.order) + 1
+    }
+
+    /// Whether so many lines of each record give more equations than there are unknowns.
+    pub(crate) fn determined(&self, lines: impl Iterator<Item = usize>) -> bool {
+        let each = self.records.iter().zip(lines);
+        let rows =
+            each.map(|(r, lines)| 2 * lines - usize::from(r.lines.first == 0)).sum::<usize>();
+        rows > self.parameters + self.transient * self.records.len()
     }
 
     /// The lines of each record.

@@ -100,9 +100,7 @@ impl FitOptions {
 
     /// Real unknowns of the default rule's guideline: parameters and trend terms.
     fn unknowns(&self) -> usize {
-        let trend =
-            usize::from(self.trend != Trend::None) + usize::from(self.trend == Trend::Linear);
-        self.structure.parameters().saturating_add(trend)
+        self.structure.parameters().saturating_add(self.trend.terms())
     }
 
     /// Whether the default rule looks at the samples.

@@ -9,13 +9,14 @@ use super::design::Design;
 use super::fit::{Fit, FitOptions, RecordView, Time};
 use super::many::Many;
 use super::options::{Options, Start, Wanted};
+use super::outcome::End;
 use super::replicates::estimate;
 use super::shared::Shared;
 use super::spare::Spare;
 use super::uncertainty::Residuals;
 use super::window::{Spectra, Window, coefficient_plans};
 use super::workspace::Workspace;
-use crate::error::{Error, Status};
+use crate::error::Error;
 use crate::modulation::Lines;
 use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
@@ -35,7 +36,7 @@ pub(crate) struct RecordPlan {
     pub plans: Vec<CoefficientPlan>,
     /// As given, else up to the widest line of the default rule.
     pub range: Range,
-    /// Highest line of the narrow fit of the default rule.
+    /// Lines behind the first one of the narrow fit that gives the second start.
     pub narrow: usize,
 }
 
@@ -73,14 +74,6 @@ pub(crate) struct Problem {
     /// The design's scales before a record's units.
     scale: Vec<f64>,
     pub space: Workspace,
-}
-
-/// A cost that fits may be compared by: infinite where there is no estimate.
-fn comparable(status: Status, cost: f64) -> f64 {
-    match status {
-        Status::Ok | Status::MaxIter if cost.is_finite() => cost,
-        _ => f64::INFINITY,
-    }
 }
 
 /// The power of two at the size of a channel, so that dividing by it changes no digit; one for nothing.
@@ -224,18 +217,22 @@ impl Fitter {
         let mut desk = self.desks.lend();
         let desk = desk.get_or(|| self.desk());
         let Choice { ranges, rule, theta } = self.choose(desk, records)?;
+        if let Some(theta) = theta {
+            return self.finish(desk, &ranges, Start::Theta(&theta), rule);
+        }
+        let narrow = match rule {
+            Some(_) => None,
+            None => self.narrow_estimate(desk, &ranges),
+        };
+        let starts: Vec<Vec<f64>> = narrow.into_iter().chain(starts.iter().cloned()).collect();
         // As many at once as there are lanes beside that of `wls`.
         let mut starts = starts.chunks(LANES - 1);
-        let start = match (&theta, starts.next()) {
-            (Some(theta), _) => Start::Theta(theta),
-            (None, Some(first)) => Start::Each(first),
-            (None, None) => Start::Wls,
-        };
-        let cost = |fit: &Fit| comparable(fit.answer.status, fit.answer.cost);
-        let mut best = self.finish(desk, &ranges, start, rule)?;
+        let first = starts.next().map_or(Start::Wls, Start::Each);
+        let mut best = self.finish(desk, &ranges, first, rule)?;
+        let end = |fit: &Fit| End { status: fit.answer.status, cost: fit.answer.cost };
         for more in starts {
             let other = self.finish(desk, &ranges, Start::Each(more), None)?;
-            if cost(&other) < cost(&best) {
+            if end(&other).is_better_than(end(&best)) {
                 best = other;
             }
         }
@@ -365,9 +362,10 @@ impl Fitter {
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let live = start.lanes();
         let outcome = estimate(self.isa, d, w, live, start, &options);
-        let cost = |lane: usize| comparable(outcome.status[lane], w.cost(lane));
-        let lowest = |best: usize, k: usize| if cost(k) < cost(best) { k } else { best };
-        let lane = (0..LANES).filter(|k| live[*k]).fold(0, lowest);
+        let end = |lane: usize| End { status: outcome.status[lane], cost: w.cost(lane) };
+        let better =
+            |best: usize, k: usize| if end(k).is_better_than(end(best)) { k } else { best };
+        let lane = (0..LANES).filter(|k| live[*k]).fold(0, better);
         let degrees_of_freedom = d.degrees_of_freedom();
         let plain_sigma = (w.cost(lane) / degrees_of_freedom as f64).sqrt();
         let mut residuals = Vec::new();
@@ -441,7 +439,7 @@ impl Problem {
         let outcome = estimate(fitter.isa, d, w, live, start, &options);
         let unit = d.cost_unit() * d.cost_unit();
         std::array::from_fn(|lane| match live[lane] {
-            true => comparable(outcome.status[lane], w.cost(lane) * unit),
+            true => End { status: outcome.status[lane], cost: w.cost(lane) * unit }.cost(),
             false => f64::INFINITY,
         })
     }

@@ -33,6 +33,14 @@ impl Iterates {
         }
     }
 
+    /// Copies the lanes `of` of the current iterate from others.
+    pub fn copy(&mut self, from: &Iterates, of: [bool; LANES]) {
+        copy(&from.theta.now, &mut self.theta.now, of);
+        for (from, to) in from.transients.iter().zip(&mut self.transients) {
+            copy(&from.now, &mut to.now, of);
+        }
+    }
+
     /// Makes the next iterate the current one in the lanes `of`.
     #[inline(always)]
     pub fn advance<L: Lanes>(&mut self, of: L) {
@@ -57,6 +65,14 @@ impl Iterates {
         halve(of, &self.theta.best, &mut self.theta.now);
         for t in &mut self.transients {
             halve(of, &t.best, &mut t.now);
+        }
+    }
+}
+
+fn copy(from: &[Wide], to: &mut [Wide], of: [bool; LANES]) {
+    for (from, to) in from.iter().zip(to) {
+        for lane in (0..LANES).filter(|lane| of[*lane]) {
+            to.0[lane] = from.0[lane];
         }
     }
 }

@@ -1,5 +1,6 @@
 //! How replicates ended: a status for each lane.
 
+use super::band::SAME;
 use super::iterates::Progress;
 use crate::error::Status;
 use crate::simd::{LANES, Wide};
@@ -11,6 +12,31 @@ pub struct Outcome {
     pub status: [Status; LANES],
     /// Iterations after the start.
     pub nit: [u32; LANES],
+}
+
+/// How one of several fits to the same lines ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct End {
+    pub status: Status,
+    pub cost: f64,
+}
+
+impl End {
+    /// The cost that fits may be compared by: infinite where there is no estimate.
+    pub fn cost(self) -> f64 {
+        match self.status {
+            Status::Ok | Status::MaxIter if self.cost.is_finite() => self.cost,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Whether this is a lower minimum than the other, or the same one and only this has settled. Of two ends in
+    /// one minimum the first stays, so that a second start changes no bit where it changes nothing.
+    pub fn is_better_than(self, other: End) -> bool {
+        let (own, best) = (self.cost(), other.cost());
+        let settles = self.status == Status::Ok && other.status == Status::MaxIter;
+        own < best * (1.0 - SAME) || (settles && own <= best * (1.0 + SAME))
+    }
 }
 
 /// Statuses of all lanes. `theta` in the workspace's units, `scale` those of the user; `data` are the

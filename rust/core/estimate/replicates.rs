@@ -1,11 +1,13 @@
-//! The estimate of eight replicates: start, iteration, uncertainty, statuses.
+//! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
+use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
-use super::outcome::{Outcome, lost_in_rounding, statuses};
+use super::outcome::Outcome;
 use super::pass::prepare;
 use super::rule::Rule;
+use super::second_start::go_again;
 use super::workspace::Workspace;
 use super::{ls, straight, uncertainty};
 use crate::error::Status;
@@ -40,14 +42,23 @@ pub fn estimate(
             Start::Each(starts) => begin_each(isa, d, w, starts, o),
         }
     }
-    match d.method {
-        Method::Awls if d.adapts() => iterate(isa, d, w, Rule::Awls, o),
-        Method::Ml if d.adapts() => iterate(isa, d, w, Rule::Ml, o),
-        _ => w.progress.active = Wide::ZERO,
+    let rule = match d.method {
+        Method::Awls if d.adapts() => Some(Rule::Awls),
+        Method::Ml if d.adapts() => Some(Rule::Ml),
+        _ => None,
+    };
+    match rule {
+        Some(rule) => {
+            iterate(isa, d, w, rule, o);
+            if start == Start::Wls {
+                go_again(isa, d, w, live, rule, o);
+            }
+        }
+        None => w.progress.active = Wide::ZERO,
     }
     let asked = o.wanted == Wanted::Covariance;
-    if o.wanted != Wanted::Theta && !straight::finish(isa, d, w, live, asked) {
-        uncertainty::finish(isa, d, w, live, asked);
+    if o.wanted != Wanted::Theta {
+        complete(isa, d, w, live, asked);
     }
     let status = status(d, w, asked);
     if asked {
@@ -76,15 +87,4 @@ fn begin_each(isa: Isa, d: &Design, w: &mut Workspace, starts: &[Vec<f64>], o: &
             to.0[0] = from.0[0];
         }
     }
-}
-
-fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
-    let p = w.iterates.theta.now.len();
-    let mut dependent = w.dependent;
-    if with_covariance {
-        let lost = lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p);
-        dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
-    }
-    let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(&w.iterates.theta.now, |k| d.scale[k], &w.progress, dependent, data)
 }

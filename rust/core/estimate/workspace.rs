@@ -29,6 +29,8 @@ pub struct Workspace {
     /// System in θ alone, summed over records.
     pub(crate) global: Vec<Wide>,
     pub(crate) iterates: Iterates,
+    /// Where lanes stood before they went from a second start.
+    pub(crate) before: Iterates,
     pub(crate) progress: Progress,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
@@ -106,6 +108,7 @@ impl Workspace {
             diagonal: wide(size.max(extra)),
             global: wide(extra * (extra + 1)),
             iterates: Iterates::new(p, d.transient, d.records.len()),
+            before: Iterates::new(p, d.transient, d.records.len()),
             progress: Progress::default(),
             dependent: [false; LANES],
             unknowns: wide(size.max(extra)),
@@ -142,6 +145,11 @@ impl Workspace {
     pub(crate) fn begin(&mut self, live: [bool; LANES]) {
         self.progress.begin(live);
         self.dependent = [false; LANES];
+        self.forget_products();
+    }
+
+    /// Products of the data are to be written anew: at the estimate the model's own response stands in them.
+    pub(crate) fn forget_products(&mut self) {
         self.prepared = false;
         self.straight.output_ready = false;
     }

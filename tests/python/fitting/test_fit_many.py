@@ -1,5 +1,7 @@
 """Many fits at once: the same numbers as one at a time."""
 
+import warnings
+
 import modfun as mf
 import numpy as np
 import pytest
@@ -118,3 +120,26 @@ def test_the_level_of_intervals_is_a_probability(batch):
     many = mf.fit_many(batch, TF20)
     with pytest.raises(mf.SpecError, match=r"conf_int: level=95 must lie between 0 and 1, as 0\.95"):
         many.conf_int(95)
+
+
+@pytest.mark.parametrize(("method", "ratio"), [("ml", 0.6), ("awls", 1.0)])
+def test_records_that_go_astray_start_again_in_a_batch(method, ratio):
+    """Of every second record noise rules the wide band and leads `wls` astray: it alone has a second start.
+
+    The minimum is that of a single fit, which always has both starts; no bit depends on the records beside.
+    """
+    t = np.linspace(0, 10, 257)
+    clean = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256)
+    noise = ratio * clean.std() * np.random.default_rng(0).standard_normal((64, 257))
+    noise[::2] *= 0.05
+    noisy = mf.Batch(y=clean + noise, u=np.sin(t**2 / 5), dt=10 / 256)
+    many = mf.fit_many(noisy, TF20, method=method, harmonics=100)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)
+        single = [mf.fit(noisy[k], TF20, method=method, harmonics=100) for k in range(64)]
+    assert many.success.all()
+    np.testing.assert_allclose(many.cost, [one.cost for one in single], rtol=1e-9)
+    np.testing.assert_allclose(many.params, [one.params for one in single], rtol=1e-6)
+    assert np.max(many.nit) > 50  # two ways
+    beside = mf.fit_many([noisy[k] for k in range(3, 64)], TF20, method=method, harmonics=100, threads=2)
+    np.testing.assert_array_equal(beside.params, many.params[3:])

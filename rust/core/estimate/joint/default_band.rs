@@ -29,25 +29,16 @@ impl JointFitter {
         records: &[JointRecord<'_>],
     ) -> Result<Choice, Error> {
         let given: Vec<Range> = self.records.iter().map(|r| r.range).collect();
-        let sought = self.o.band == Band::Default
-            && !self.o.noise.equation
-            && matches!(self.o.method, Method::Awls | Method::Ml);
+        let sought = self.o.band == Band::Default && self.adapts();
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
         if !sought {
-            let start = match self.o.structure.free_delays().is_empty() {
-                true => None,
-                false => self.search(loaded, records, &given, &white)?,
-            };
+            let start = self.sought_delays(loaded, records, &given, &white)?;
             return Ok(Choice { ranges: given, rule: None, theta: start });
         }
-        let narrow: Vec<Range> = self.records.iter().map(|r| (0, r.narrow)).collect();
+        let narrow = self.narrow(&given);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
-        let search = |ranges: &[Range]| match self.o.structure.free_delays().is_empty() {
-            true => Ok(None),
-            false => self.search(loaded, records, ranges, &white),
-        };
-        let first = search(&given)?;
+        let first = self.sought_delays(loaded, records, &given, &white)?;
         let d = self.design(&given, &loaded.units, &white, true)?;
         let mut best = self.single(&d, loaded);
         let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
@@ -58,19 +49,7 @@ impl JointFitter {
             chosen: last(&given),
         };
         let mut found = first_cost.is_finite();
-        let second = match narrow == given {
-            true => None,
-            // Too few lines for the unknowns are no failure of the wide fit.
-            false => match self.design(&narrow, &loaded.units, &white, true) {
-                Ok(few) => {
-                    let mut few = self.single(&few, loaded);
-                    let start = search(&narrow)?;
-                    let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
-                    cost.is_finite().then(|| few.w.theta(few.d, 0).collect::<Vec<f64>>())
-                }
-                Err(_) => None,
-            },
-        };
+        let second = self.narrow_estimate(loaded, records, &given)?;
         if let Some(start) = second {
             let mut other = self.single(&d, loaded);
             let near = found.then(|| best.estimates());
@@ -89,6 +68,52 @@ impl JointFitter {
         };
         rule.chosen = last(&ranges);
         Ok(Choice { ranges, rule: Some(rule), theta })
+    }
+
+    /// Whether the weights follow the parameters.
+    fn adapts(&self) -> bool {
+        !self.o.noise.equation && matches!(self.o.method, Method::Awls | Method::Ml)
+    }
+
+    /// Few lines at the lower end of each range.
+    fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
+        let each = ranges.iter().zip(&self.records);
+        each.map(|((first, last), r)| (*first, (first + r.narrow).min(*last))).collect()
+    }
+
+    /// The second start of a fit on these lines, where they are more than few: the estimate on few of them, if there
+    /// is one.
+    pub(crate) fn narrow_estimate(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let narrow = self.narrow(ranges);
+        if !self.adapts() || narrow == ranges {
+            return Ok(None);
+        }
+        let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
+        // Too few lines for the unknowns are no failure of the wide fit.
+        let Ok(few) = self.design(&narrow, &loaded.units, &white, true) else { return Ok(None) };
+        let mut few = self.single(&few, loaded);
+        let start = self.sought_delays(loaded, records, &narrow, &white)?;
+        let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
+        Ok(cost.is_finite().then(|| few.w.theta(few.d, 0).collect()))
+    }
+
+    /// Where the search for delays ends, if any are to be found.
+    fn sought_delays(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+        noise: &NoiseModel,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        match self.o.structure.free_delays().is_empty() {
+            true => Ok(None),
+            false => self.search(loaded, records, ranges, noise),
+        }
     }
 
     /// Options of a fit that need not come to its end.

@@ -21,6 +21,9 @@ use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
 use std::sync::Arc;
 
+/// Steps that a way to the right minimum takes at most, unless noise is large.
+const MANY: u32 = 10;
+
 /// Everything that says how records are fitted jointly.
 #[derive(Debug, Clone)]
 pub struct JointOptions {
@@ -184,9 +187,7 @@ impl JointFitter {
             .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
             .collect();
         let order = s.orders.iter().copied().max().unwrap_or(1);
-        let unknowns = s.parameters()
-            + outputs
-                * (usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear));
+        let unknowns = s.parameters() + outputs * o.trend.terms();
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
@@ -255,16 +256,27 @@ impl JointFitter {
         let start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         let mut best = self.single(&d, loaded);
         let mut ended = best.estimate(start, &self.o.options, None, &mut refresh)?;
-        if rule.is_some() && theta.is_some() {
-            // The way from the wide band may end in another minimum than that from `wls`.
+        // On the way to the right minimum steps are few: those with Σ = 1, and those with Σ of the residuals.
+        let usual = if d.estimates_covariance() { 2 * MANY } else { MANY };
+        let long = ended.status == Status::MaxIter || ended.nit > usual;
+        // Ways from different starts may end in different minima. Delays that were sought had many starts.
+        let narrow = match (rule, &theta) {
+            (None, None) if long => self.narrow_estimate(loaded, records, &ranges)?,
+            _ => None,
+        };
+        let second = match (rule, &theta) {
+            (Some(_), Some(_)) => Some(JointStart::Wls),
+            _ => narrow.as_deref().map(JointStart::Theta),
+        };
+        if let Some(second) = second {
             let mut other = self.single(&d, loaded);
             // Delays stand where that ended.
             other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
             let found = best.estimates();
             let near = (ended.status == Status::Ok).then_some(&found[..]);
-            // It has the steps of a trial to come lower; only then is it followed to its end.
+            // The second has the steps of a trial to come lower; only then is it followed to its end.
             let few = self.few_steps();
-            let mut again = other.estimate(JointStart::Wls, &few, near, &mut refresh)?;
+            let mut again = other.estimate(second, &few, near, &mut refresh)?;
             let lower = !again.near && other.criterion() < best.criterion();
             if again.status == Status::MaxIter && lower {
                 let theta: Vec<f64> = other.w.theta(&d, 0).collect();
@@ -275,8 +287,11 @@ impl JointFitter {
                 Status::Ok => single.criterion(),
                 _ => f64::INFINITY,
             };
-            let from_wide = cost(&best, &ended);
-            if !again.near && cost(&other, &again) < from_wide - SAME * from_wide.abs() {
+            let least = match cost(&best, &ended) {
+                found if found.is_finite() => found - SAME * found.abs(),
+                none => none,
+            };
+            if !again.near && cost(&other, &again) < least {
                 (best, ended) = (other, again);
             }
         }

@@ -84,7 +84,7 @@ impl TermsFitter {
         }
         let e = &o.equations;
         let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
-        let trends = usize::from(o.trend != Trend::None) + usize::from(o.trend == Trend::Linear);
+        let trends = o.trend.terms();
         let unknowns = (e.parameters + trends * e.orders.len()).div_ceil(e.orders.len());
         let (mut records, mut given, mut narrow) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (samples, time)) in sampling.iter().enumerate() {
