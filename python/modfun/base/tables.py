@@ -157,22 +157,26 @@ class Findings:
         What was checked.
     sentences : sequence of str
         One sentence a finding, most important first.
+    note : str, default ""
+        What could not be checked, and why; no finding.
     """
 
-    __slots__ = ("sentences", "title")
+    __slots__ = ("note", "sentences", "title")
 
     title: str
     sentences: tuple[str, ...]
+    note: str
 
-    def __init__(self, title: str, sentences: Sequence[str]) -> None:
+    def __init__(self, title: str, sentences: Sequence[str], note: str = "") -> None:
         object.__setattr__(self, "title", title)
+        object.__setattr__(self, "note", note)
         object.__setattr__(self, "sentences", tuple(sentences))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError("findings cannot be changed")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Findings, (self.title, self.sentences)
+        return Findings, (self.title, self.sentences, self.note)
 
     def __len__(self) -> int:
         return len(self.sentences)
@@ -184,10 +188,16 @@ class Findings:
         """Tell whether a text occurs in one of the sentences."""
         return any(text in sentence for sentence in self.sentences)
 
+    @property
+    def nothing(self) -> str:
+        """What is said where nothing was found."""
+        return f"nothing wrong was found. {self.note}".rstrip()
+
     def __repr__(self) -> str:
         if not self.sentences:
-            return f"{self.title}: nothing wrong was found."
-        return "\n".join([f"{self.title}:", *(f"* {sentence}" for sentence in self.sentences)])
+            return f"{self.title}: {self.nothing}"
+        more = [f"  {self.note}"] if self.note else []
+        return "\n".join([f"{self.title}:", *(f"* {sentence}" for sentence in self.sentences), *more])
 
     def _repr_html_(self) -> str:
         title = f"{self.title}:" if self.sentences else repr(self)

@@ -314,7 +314,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
-    return Fit.of_core(found, structure, made.layout, options, records, made.intervals)
+    return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
 
 
 # What users give ----------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
-from ..results.check import FINEST
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
+from ..results.doubts import FINEST
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
 from . import drawing

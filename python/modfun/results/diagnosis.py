@@ -5,44 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import comb, inf, nan, sqrt
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._core import coefficients
 from ..base.arrays import F64
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
 from .estimates import Estimates
+from .further import Explained, further
 from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
 
 __all__ = [
     "Diagnosis",
-    "Lag",
     "diagnose",
     "disagreement",
     "fewest_samples",
     "growth",
     "high_band_df",
-    "lags",
     "level_p",
     "overlapping",
     "surely_stable",
 ]
 
 PIECE = 1 << 15  # intervals of which long records' levels are made
-
-
-@dataclass(frozen=True)
-class Lag:
-    """What is left in the residuals of one input: a further delay (s), or a gain where it has no path."""
-
-    channel: str
-    amount: float
-    bse: float
-    p_value: float
-    path: bool
 
 
 @dataclass(frozen=True)
@@ -63,8 +48,9 @@ class Diagnosis:
         Which output that is.
     colour_ratio : float
         Level of the lower over that of the upper half of the band.
-    lags : tuple of Lag
-        `check` objects below .01.
+    further : tuple of Explained
+        What further columns would explain of the residuals, an event last. `check` objects below .01 over
+        their number.
     growing : float
         Largest real part of the poles, rad/s. `check` objects above 0.
     disagreement : float
@@ -80,7 +66,7 @@ class Diagnosis:
     colour: Whiteness
     coloured: str
     colour_ratio: float
-    lags: tuple[Lag, ...]
+    further: tuple[Explained, ...]
     growing: float
     disagreement: float
     samples: float
@@ -103,7 +89,7 @@ def diagnose(fit: Estimates) -> Diagnosis:
         colour=_corrected([colour for colour, _ in colours], dim),
         coloured=fit.row_names[dim],
         colour_ratio=colours[dim][1],
-        lags=lags(fit),
+        further=further(fit),
         growing=growth(fit),
         disagreement=disagreement(fit),
         samples=fewest_samples(fit),
@@ -236,90 +222,3 @@ def overlapping(outputs: Sequence[F64]) -> tuple[int, int, int] | None:
                 if np.array_equal(early[:, at : at + count], late[:, :count]):
                     return (min(i, j), max(i, j), int(count))
     return None
-
-
-def lags(fit: Estimates) -> tuple[Lag, ...]:
-    """Score test of a further delay of each input, or of a gain where an input has no path.
-
-    To first order a further delay d adds -d s B(s)U to the residual lines; they are regressed on that
-    column, cleared of all the fitted ones.
-    Needs the samples, evenly spaced and of equal noise, one output, free parameters and the weighting of
-    output noise.
-    """
-    from scipy.special import stdtr
-
-    weighted = fit.options.noise == "output" and fit.options.method in ("awls", "ml")
-    alone = fit.layout.plain and all(rec.mask is None and rec.sigma is None for rec in fit.records or ())
-    if fit.records is None or not weighted or not alone or not fit.inputs or not fit.sigma > 0:
-        return ()
-    if any(rec.dt is None for rec in fit.records) or fit.df_resid < 4:
-        return ()
-    den, nums = fit.polynomials()
-    blocks = [_columns(fit, i, den, nums) for i in range(len(fit.records))]
-    transient = sum(block[1].shape[1] for block in blocks)
-    rows = sum(block[0].shape[0] for block in blocks)
-    p, inputs = fit.params.size, len(fit.inputs)
-    fitted, wanted, residual = np.zeros((rows, p + transient)), np.zeros((rows, inputs)), np.zeros(rows)
-    row, column = 0, p
-    for shared, own, tested, e in blocks:
-        here = slice(row, row + e.size)
-        fitted[here, :p], wanted[here], residual[here] = shared, tested, e
-        fitted[here, column : column + own.shape[1]] = own
-        row, column = row + e.size, column + own.shape[1]
-    norms = np.linalg.norm(fitted, axis=0)
-    basis = np.linalg.qr(fitted / np.where(norms > 0, norms, 1.0))[0]
-    found = []
-    for k, channel in enumerate(fit.inputs):
-        z = wanted[:, k] - basis @ (basis.T @ wanted[:, k])
-        size = float(z @ z)
-        if not size > 1e-12 * float(wanted[:, k] @ wanted[:, k]):
-            continue
-        # Student's t of the column if it joined the fitted ones: the residuals sum up to df.
-        part = float(z @ residual) ** 2 / size
-        rest = max(float(residual @ residual) - part, 0.0) / (fit.df_resid - 1)
-        bse = float(np.sqrt(rest / size))
-        amount = float(z @ residual) / size
-        p_value = 2 * float(stdtr(fit.df_resid - 1, -abs(amount) / bse)) if bse > 0 else 0.0
-        found.append(Lag(channel, amount, bse, p_value, fit.layout.numerators[0][k] is not None))
-    return tuple(found)
-
-
-def _columns(fit: Estimates, i: int, den: F64, nums: list[F64]) -> tuple[F64, F64, F64, F64]:
-    """Whitened real rows of a record: fitted columns, its own (transient, trend), tested, residuals."""
-    assert fit.records is not None
-    rec, (lo, hi), e = fit.records[i], fit.lines[i], fit.pieces[i][0]
-    assert rec.dt is not None
-    smooth = [fit.options.rule if kind == "smooth" else kind for kind in fit.intersample]
-    late = [delay / rec.dt for delay in fit.layout.delays(fit.params)]
-    found = coefficients(
-        np.ascontiguousarray(np.vstack([rec.y, rec.u])),
-        hi,
-        [fit.options.rule, *smooth],
-        [0.0, *late],
-        rec.intervals - fit.intervals[i],
-        None,
-    )[:, lo : hi + 1]
-    m = np.arange(lo, hi + 1)
-    s = 1j * m * fit.omega0[i]
-    unit = 1j * m / hi  # the same, of size one: for columns whose scale is free
-    a = np.polyval(den, s)
-    h = np.where(m == 0, 1.0, 0.5)
-    deviation = fit.sigma * np.sqrt(h / fit.intervals[i]) * np.abs(a)
-    y = found[0] - e * deviation / np.where(a == 0, 1.0, a)
-    n = fit.order
-    shared = [unit ** (n - j) * y for j in range(1, n + 1)]
-    tested = []
-    for degree, num, u in zip(fit.layout.numerators[0], nums, found[1:], strict=True):
-        if degree is not None:
-            shared += [unit ** (degree - j) * u for j in range(degree + 1)]
-        tested.append(-s * np.polyval(num, s) * u if degree is not None else -u)
-    own = [unit**j for j in range(n)]
-    if fit.trend == "linear":
-        own.append(np.where(m == 0, 0.0, a / np.where(m == 0, 1.0, s)))
-    weight = 1 / np.where(deviation > 0, deviation, np.inf)
-
-    def rows(columns: list[NDArray[Any]]) -> F64:
-        stacked = np.array(columns) * weight
-        return np.concatenate([stacked.real, stacked.imag], axis=1).T
-
-    return rows(shared), rows(own), rows(tested), np.concatenate([e.real, e.imag])

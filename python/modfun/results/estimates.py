@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, nan
@@ -69,6 +69,7 @@ class Estimates:
     known_level: F64 | None = None
     window_weights: tuple[float, ...] = ()
     df_hc3: F64 | None = None
+    again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     @classmethod
     def of_core(

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -84,6 +85,9 @@ class Fit(Estimates):
         Of the squared residuals of each record, where a `Stream` forgets; else empty.
     condition_bound : float
         No less than `cond`, and had for nothing; inf where not known.
+    again : callable or None
+        Fits records, a structure and options as this fit was made: `check` tries cures with it. None after
+        `load`, and for equations and gains.
 
     See Also
     --------
@@ -140,21 +144,28 @@ class Fit(Estimates):
     # How it went --------------------------------------------------------------------------------
 
     def check(self) -> Findings:
-        """What is wrong or doubtful about the fit, in sentences with numbers.
+        """What is wrong or doubtful about the fit, in sentences with numbers and the first cure to try.
 
-        Tests object where their p-value is below .01: residuals above the noise level of the high band
-        (chi-square, which counts the scatter of that level) or below 1/1.5 of it, neighbouring lines
-        correlated, not one level over the band, residuals that go with an input. With white noise each
-        objects to about one right model in a hundred (neighbouring lines: up to two), and all together to
-        about one in twenty.
+        What is beyond doubt comes first; the first of it is what `fit` warns of. Tests object where their
+        p-value is below .01: residuals above the noise level of the high band (chi-square, which counts the
+        scatter of that level) or below 1/1.5 of it, neighbouring lines correlated, not one level over the
+        band. Further columns are tested one by one, at .01 over their number: a response to an input that
+        the model lacks (neighbouring structures are fitted then, to name the one that lowers BIC most),
+        powers of the simulated output, a system that changes, a drift, an event at one time. With white
+        noise each of these tests objects to about one right model in a hundred (neighbouring lines: up to
+        two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; HC3 and classical standard errors apart by a factor above
         2.5; fewer than 8 samples a period; a condition number above 10^6; two minima; a parameter on its
-        bound.
+        bound. Without noise there is nothing to test residuals against, which a note says.
         """
-        return check.check(self)
+        return self._findings
+
+    @cached_property
+    def _findings(self) -> Findings:
+        return check.check(self, one_line(self))
 
     def remarks(self) -> list[str]:
-        """What deserves a warning when the fit is made."""
+        """The one warning that the fit is made with, where the data contradict it beyond doubt."""
         return check.warnings_of(self)
 
     def facts(self) -> list[tuple[str, str]]:
@@ -404,7 +415,7 @@ class Fit(Estimates):
         return replace(self, records=None, known_level=self.high_band_levels)
 
     def __repr__(self) -> str:
-        return one_line(self)
+        return one_line(self, len(self.check()) if self.success else 0)
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import nan
 from typing import Any, Never
 
@@ -13,10 +14,12 @@ from ..base.tables import Findings
 from ..errors import FitError, SpecError
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
-from .check import UNLIKELY, on_bound
 from .diagnosis import growth
+from .doubts import on_bound
 from .fit import Fit
+from .misfit import UNLIKELY
 from .page_records import Content, of_gains
+from .summary import one_line
 
 __all__ = ["ResponseFit"]
 
@@ -111,9 +114,10 @@ class ResponseFit(Fit):
 
     def remarks(self) -> list[str]:
         """What deserves a warning when the fit is made."""
-        return [f"fit: {text}" for text in self._failings()]
+        return [f"fit: {text}" for text in self._failings()[:1]]
 
-    def check(self) -> Findings:
+    @cached_property
+    def _findings(self) -> Findings:
         """What is wrong or doubtful about the fit, in sentences with numbers."""
         from scipy.special import chdtrc
 
@@ -124,7 +128,7 @@ class ResponseFit(Fit):
                 f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses something, or "
                 "the gains are biased, as those of wide neighbourhoods are at resonances."
             )
-        return Findings(f"Check of {self!r}", found)
+        return Findings(f"Check of {one_line(self)}", found)
 
     def content(self) -> Content:
         """What its page says of the gains, and what is told and found."""
@@ -136,8 +140,8 @@ class ResponseFit(Fit):
 
     def _failings(self) -> list[str]:
         found = [] if self.success else [self.message]
-        if text := on_bound(self):
-            found.append(text)
+        if doubt := on_bound(self):
+            found.append(doubt.text)
         if np.all(np.isfinite(self.params)) and (growing := growth(self)) > 0:
             found.append(
                 f"The estimate is unstable: a pole has real part {growing:.4g} rad/s. Right for an unstable "

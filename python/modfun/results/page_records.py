@@ -18,8 +18,8 @@ from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from . import drawing, drawing_lines
 from . import page_words as words
-from .check import UNLIKELY
 from .estimates import Estimates
+from .misfit import UNLIKELY
 from .scores import score
 
 __all__ = ["Content", "of_gains", "of_records"]

@@ -11,14 +11,22 @@ import numpy as np
 from ..base.tables import Findings
 from ..errors import ModfunError
 from ..models.noise import Noise
-from .check import UNLIKELY
 from .diagnosis import diagnose
 from .estimates import Estimates
 from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
+from .misfit import UNLIKELY
 from .scores import score
 
 __all__ = ["assumption", "python_call", "tests", "verdict"]
 
+# What is asked by tests of further columns, of a channel.
+ASKED = {
+    "response": "nothing of {} left",
+    "power": "linear in {}",
+    "change": "{} unchanged over time",
+    "drift": "no drift of {}",
+    "event": "no event in {}",
+}
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 
 
@@ -127,11 +135,10 @@ def tests(fit: Estimates) -> list[tuple[str, str, str, str]]:
     if math.isfinite(found.chi2_p):
         figure = f"chi-square {fit.chi2:.4g} of {fit.df_resid}, p = {found.chi2_p:.2g}"
         rows.append(("level as the noise explains", "all", figure, _said(found.chi2_p)))
-    for lag in found.lags:
-        figure = f"delay {lag.amount:+.2g} s" if lag.path else f"gain {lag.amount:+.2g}"
-        rows.append(
-            (f"nothing of {lag.channel} left", "all", f"{figure}, p = {lag.p_value:.2g}", _said(lag.p_value))
-        )
+    for one in found.further:
+        if math.isfinite(one.p_value):
+            answer = _said(one.p_value, len(found.further))
+            rows.append((ASKED[one.what].format(one.channel), "all", f"p = {one.p_value:.2g}", answer))
     return rows
 
 
@@ -141,8 +148,8 @@ def _answer(name: str, test: Whiteness) -> tuple[str, str]:
     return f"{name} {test.statistic:.3g}, p = {test.p_value:.2g}", _said(test.p_value)
 
 
-def _said(p_value: float) -> str:
-    return "objects" if p_value < UNLIKELY else "no objection"
+def _said(p_value: float, of: int = 1) -> str:
+    return "objects" if p_value < UNLIKELY / of else "no objection"
 
 
 def python_call(fit: Estimates) -> list[str]:

@@ -10,20 +10,22 @@ from ..base import html
 from ..base.tables import Findings, Table, nearest
 from ..errors import SpecError
 from ..models.noise import Noise
-from .check import numbers, too_large, too_small
 from .diagnosis import diagnose
+from .doubts import numbers
 from .estimates import Estimates
+from .misfit import too_large, too_small
 
 __all__ = ["Summary", "facts", "one_line", "parameters"]
 
 
-def one_line(fit: Estimates) -> str:
-    """A fit on one line."""
+def one_line(fit: Estimates, doubts: int = 0) -> str:
+    """A fit on one line, with the number of doubts about it."""
     numbers = ", ".join(
         f"{name}={value:.5g}" + (" (on its bound)" if name in fit.at_bound else f"±{error:.2g}")
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
-    return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}: {numbers})"
+    said = f", {doubts} doubt{'s' if doubts > 1 else ''}" if doubts else ""
+    return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers})"
 
 
 def _path(fit: Estimates) -> str:
@@ -46,7 +48,7 @@ class Summary:
         parts = ["\n".join(lines), str(self.parameters)]
         if self.poles is not None:
             parts.append(str(self.poles))
-        parts.append("\n".join(f"* {text}" for text in self.findings) or "Checks: nothing wrong was found.")
+        parts.append("\n".join(f"* {text}" for text in self.findings) or f"Checks: {self.findings.nothing}")
         return f"\n{rule}\n".join(parts)
 
     def __repr__(self) -> str:
@@ -58,7 +60,7 @@ class Summary:
             parts.append(self.poles._repr_html_())
         parts.append(
             html.listing(
-                self.findings, title="Checks" if self.findings else "Checks: nothing wrong was found."
+                self.findings, title="Checks" if self.findings else f"Checks: {self.findings.nothing}"
             )
         )
         return "".join(parts)

@@ -1,0 +1,354 @@
+"""What a fit warns of: wrong and right set-ups, a hundred records each, into docs/trial.md."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import modfun as mf
+import numpy as np
+from modfun.results.doubts import SURE
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+ROOT = Path(__file__).resolve().parents[1]
+TELLS = 1e-6  # p-value of the likelihood ratio below which a record tells right from wrong
+TF = mf.TransferFunction
+PLANT = mf.tf([5], [1, 3, 8])
+LIGHT = mf.tf([1], [1, 0.2, 1])
+THIRD = mf.tf([2, 5], [1, 3, 8, 4])
+CHIRP = "sin(t**2/5)"
+Fits = Callable[[mf.Record], Any]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Records by seed, the fit that a user makes, and of a wrong one the right fit and words of its cure."""
+
+    name: str
+    record: Callable[[int], Any]
+    fit: Fits
+    right: Fits | None = None
+    cure: str = ""
+
+
+def noisy(clean: mf.Record, seed: int, nsr: float = 0.05, pole: float = 0.0, more: Any = 0.0) -> mf.Record:
+    """The record with noise, of AR(1) colour, of so much of each output's rms about its mean."""
+    rng = np.random.default_rng(seed)
+    white = rng.standard_normal((len(clean.y), clean.t.size + 200))
+    noise = lfilter([np.sqrt(1 - pole**2)], [1, -pole], white)[:, 200:]
+    y = clean.y + nsr * clean.y.std(axis=1, keepdims=True) * noise + more
+    return mf.Record(
+        y=y, u=clean.u, dt=clean.dt, outputs=clean.outputs, inputs=clean.inputs, intersample=clean.intersample
+    )
+
+
+def of(system: Any, text: Any = CHIRP, duration: float = 20.0, intervals: int = 512, **words: Any) -> Any:
+    """Records by seed of a system moved by a signal."""
+    keys = {"nsr", "pole", "more"}
+    clean = mf.simulate(
+        system, input=text, duration=duration, intervals=intervals,
+        **{k: v for k, v in words.items() if k not in keys},
+    )  # fmt: skip
+    return lambda seed: noisy(clean, seed, **{k: v for k, v in words.items() if k in keys})
+
+
+def by(model: Any, **options: Any) -> Fits:
+    """A fit with a model."""
+    return lambda rec: mf.fit(rec, model, **options)
+
+
+def declared(word: str, model: Any) -> Fits:
+    """A fit of the record with its input declared otherwise."""
+    return lambda rec: mf.fit(mf.Record(y=rec.y, u=rec.u, dt=rec.dt, intersample=word), model)
+
+
+STEPS = "1*(t>1) - 2*(t>5) + 1.5*(t>9) - 1*(t>14)"
+
+
+def shifted(system: Any, samples: int) -> Any:
+    """Records whose output is late by samples."""
+    clean = mf.simulate(system, input=CHIRP, duration=20.0, intervals=512)
+    y = np.roll(clean.y, samples, axis=1)
+    y[:, :samples] = y[:, samples : samples + 1]
+    late = clean.assign(y=y[0])
+    return lambda seed: noisy(late, seed)
+
+
+def spiked(seed: int) -> mf.Record:
+    rec = of(PLANT)(seed)
+    rng = np.random.default_rng(seed + 999)
+    y = rec.y.copy()
+    y[0, rng.integers(40, 470)] += 20 * 0.05 * y.std()
+    return rec.assign(y=y[0])
+
+
+def changed(factor: float) -> Any:
+    """A stiffness that goes up by a factor over the record."""
+    t = np.linspace(0, 20, 513)
+    from scipy.integrate import solve_ivp
+
+    def rate(time: float, x: Any) -> Any:
+        k = 8 * (1 + (factor - 1) * time / 20)
+        return [x[1], 5 * np.sin(time**2 / 5) - 3 * x[1] - k * x[0]]
+
+    y = solve_ivp(rate, (0, 20), [0, 0], t_eval=t, rtol=1e-9, atol=1e-11).y[0]
+    clean = mf.simulate(PLANT, input=CHIRP, duration=20.0, intervals=512).assign(y=y)
+    return lambda seed: noisy(clean, seed)
+
+
+def nonlinear(text: Callable[[float, Any, float], Any], amplitude: float = 1.0) -> Any:
+    from scipy.integrate import solve_ivp
+
+    t = np.linspace(0, 20, 513)
+
+    def u(time: Any) -> Any:
+        return amplitude * np.sin(time**2 / 5)
+
+    y = solve_ivp(lambda s, x: text(s, x, u(s)), (0, 20), [0, 0], t_eval=t, rtol=1e-9, atol=1e-11).y[0]
+    clean = mf.Record(y=y, u=u(t), dt=20 / 512, intersample="smooth")
+    return lambda seed: noisy(clean, seed)
+
+
+def two_inputs(seed: int) -> mf.Record:
+    rng = np.random.default_rng(7)
+    t = np.linspace(0, 20, 513)
+    u = np.array([np.sin(t**2 / 5), sum(np.sin(0.7 * k * t + rng.uniform(0, 6)) for k in range(1, 6)) / 2])
+    one = PLANT.simulate(u=u[0], dt=20 / 512)
+    two = mf.tf([2], [1, 3, 8]).simulate(u=u[1], dt=20 / 512)
+    clean = mf.Record(
+        y=np.ravel(one) + np.ravel(two), u=u, dt=20 / 512, inputs=["de", "da"], intersample="smooth"
+    )
+    return noisy(clean, seed)
+
+
+TWO = mf.ss([[0, 1], [-8, -3]], [[0], [5]], np.eye(2), np.zeros((2, 1)))
+
+
+def late_output(seed: int) -> mf.Record:
+    """Two outputs, the second late by three samples."""
+    clean = mf.simulate(TWO, input=CHIRP, duration=20.0, intervals=512)
+    y = clean.y.copy()
+    y[1] = np.roll(y[1], 3)
+    y[1, :3] = y[1, 3]
+    return noisy(mf.Record(y=y, u=clean.u, dt=clean.dt, intersample=clean.intersample), seed)
+
+
+def drifting(seed: int) -> mf.Record:
+    rec = of(PLANT)(seed)
+    return rec.assign(y=rec.y[0] + 0.6 * rec.y.std() * rec.t / 20)
+
+
+RIGHT2 = by(TF(poles=2, zeros=0))
+DELAYED = mf.tf([5], [1, 3, 8], delay=0.25)
+ONE_LATE = mf.tf([5], [1, 3, 8], delay=20 / 512)
+FREE = TF(poles=2, zeros=0, delay=mf.Free(min=0.0, max=0.6))
+SEPARATE = TF(poles=2, zeros=1, denominator="common")
+POLES, DELAY, HOLD = r"pole", r"delay", r"intersample"
+
+WRONG = [
+    Setup("one pole for two", of(PLANT), by(TF(poles=1, zeros=0)), RIGHT2, POLES),
+    Setup("one pole for a light mode", of(LIGHT), by(TF(poles=1, zeros=0)), RIGHT2, POLES),
+    Setup("two poles for three", of(THIRD), by(TF(poles=2, zeros=0)), by(TF(poles=3, zeros=1)), "pole|zero"),
+    Setup(
+        "two poles for two modes",
+        of(mf.tf([1, 0.5, 9], [1, 0.6, 10.1, 1.9, 9]), duration=40.0),
+        RIGHT2,
+        by(TF(poles=4, zeros=2)),
+        POLES,
+    ),
+    Setup("a zero too few", of(mf.tf([4, 5], [1, 3, 8])), RIGHT2, by(TF(poles=2, zeros=1)), "zero|pole"),
+    Setup(
+        "a zero too few, step input",
+        of(mf.tf([4, 5], [1, 3, 8]), STEPS),
+        RIGHT2,
+        by(TF(poles=2, zeros=1)),
+        "zero|pole",
+    ),
+    Setup(
+        "feed-through left out",
+        of(mf.tf([1, 3, 13], [1, 3, 8])),
+        by(TF(poles=2, zeros=1)),
+        by(TF(poles=2, zeros=2)),
+        "zero|pole",
+    ),
+    Setup("a delay of a quarter second left out", of(DELAYED), RIGHT2, by(FREE), DELAY),
+    Setup("the same, steps", of(DELAYED, STEPS), RIGHT2, by(FREE), DELAY),
+    Setup("one sample of delay left out", of(ONE_LATE), RIGHT2, by(FREE), DELAY),
+    Setup("an output late by six samples", shifted(PLANT, 6), RIGHT2, by(FREE), DELAY),
+    Setup("one of two outputs late by three samples", late_output, by(SEPARATE), None, DELAY),
+    Setup(
+        "half the delay known",
+        of(mf.tf([5], [1, 3, 8], delay=0.4)),
+        by(TF(poles=2, zeros=0, delay=0.2)),
+        by(FREE),
+        "delay|pole|zero",
+    ),
+    Setup(
+        "held, declared smooth",
+        of(PLANT, "1*(t>1) - 2*(t>5)"),
+        declared("smooth", TF(poles=2, zeros=0)),
+        declared("zoh", TF(poles=2, zeros=0)),
+        HOLD,
+    ),
+    Setup(
+        "smooth, declared held",
+        of(PLANT, "sin(t**2/5)", intervals=128),
+        declared("zoh", TF(poles=2, zeros=0)),
+        declared("smooth", TF(poles=2, zeros=0)),
+        f"{HOLD}|delay",
+    ),
+    Setup(
+        "a second input left out",
+        two_inputs,
+        lambda r: mf.fit(r.select(inputs=["de"]), TF(poles=2, zeros=0)),
+        RIGHT2,
+        "input|short|pole",
+    ),
+    Setup("a path left out", two_inputs, by(TF(poles=2, zeros=[0, None])), RIGHT2, "path"),
+    Setup("a spike of 20 times the noise", spiked, RIGHT2, None, "leave out"),
+    Setup("a drift", drifting, RIGHT2, by(TF(poles=2, zeros=0), trend="linear"), "linear"),
+    Setup("stiffness up by half over the record", changed(1.5), RIGHT2, None, "pieces"),
+    Setup("stiffness doubled over the record", changed(2.0), RIGHT2, None, "pieces"),
+    Setup(
+        "a hard spring",
+        nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3]),
+        RIGHT2,
+        None,
+        "Equation",
+    ),
+    Setup(
+        "a hard spring, driven harder",
+        nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3], 2.0),
+        RIGHT2,
+        None,
+        "Equation",
+    ),
+    Setup(
+        "a square in the spring",
+        nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 4 * x[0] ** 2]),
+        RIGHT2,
+        None,
+        "Equation",
+    ),
+    Setup(
+        "an actuator that saturates at 0.6",
+        nonlinear(lambda s, x, u: [x[1], 5 * np.clip(u, -0.6, 0.6) - 3 * x[1] - 8 * x[0]]),
+        RIGHT2,
+        None,
+        "Equation|pole|zero",
+    ),
+    Setup(
+        "drag by the square",
+        nonlinear(lambda s, x, u: [x[1], 5 * u - 6 * x[1] * abs(x[1]) - 8 * x[0]]),
+        RIGHT2,
+        None,
+        "Equation",
+    ),
+    Setup(
+        "an equation without the constant",
+        lambda s: of(PLANT)(s).assign(y=lambda r: r["y"] + 2.0),
+        by(mf.Equation("y'' + a1*y' + a2*y = b0*u")),
+        None,
+        "constant",
+    ),
+    Setup(
+        "a bound that excludes the truth",
+        of(PLANT),
+        by(TF(poles=2, zeros=0, params={"a1": mf.Free(max=2.0)})),
+        RIGHT2,
+        "bound",
+    ),
+]
+
+RIGHT = [
+    Setup("eq. (24), chirp, 5 %", of(PLANT), RIGHT2),
+    Setup("the same in 10 s, 256 intervals, 10 %", of(PLANT, duration=10.0, intervals=256, nsr=0.1), RIGHT2),
+    Setup("the same in 64 intervals", of(PLANT, duration=10.0, intervals=64, nsr=0.1), RIGHT2),
+    Setup("2,000 intervals", of(PLANT, duration=80.0, intervals=2000), RIGHT2),
+    Setup("no noise", of(PLANT, nsr=0.0), RIGHT2),
+    Setup("no noise, a light mode", of(LIGHT, nsr=0.0), RIGHT2),
+    Setup("a light mode", of(LIGHT), RIGHT2),
+    Setup("third order", of(THIRD), by(TF(poles=3, zeros=1))),
+    Setup("a known delay", of(DELAYED), by(TF(poles=2, zeros=0, delay=0.25))),
+    Setup("a free delay", of(DELAYED), by(FREE)),
+    Setup("steps", of(PLANT, STEPS), RIGHT2),
+    Setup("a held staircase", of(PLANT, "1*(t>1) - 2*(t>5)"), declared("zoh", TF(poles=2, zeros=0))),
+    Setup("sines", of(PLANT, "sin(t) + sin(2.3*t) + sin(4.1*t)"), RIGHT2),
+    Setup("coloured noise, AR(.5)", of(PLANT, pole=0.5), RIGHT2),
+    Setup("coloured noise, AR(.9)", of(PLANT, pole=0.9), RIGHT2),
+    Setup("coloured noise, AR(.95), a light mode", of(LIGHT, pole=0.95), RIGHT2),
+    Setup("two inputs", two_inputs, RIGHT2),
+    Setup("two outputs", of(TWO), by(SEPARATE)),
+    Setup("two outputs, own denominators", of(TWO), by(TF(poles=2, zeros=1, denominator="separate"))),
+    Setup("three records", lambda s: [of(PLANT)(3 * s + k) for k in range(3)], RIGHT2),
+    Setup("an equation", of(PLANT), by(mf.Equation("y'' + a1*y' + a2*y = b0*u + c"))),
+    Setup("a Duffing oscillator", nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3]), by(mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c"))),
+    Setup("a state space", of(TWO), by(SEPARATE, harmonics=20)),
+]  # fmt: skip
+
+
+def tried(setup: Setup, records: int) -> dict[str, Any]:
+    """Rates over the records: told by the likelihood ratio, warned of, the right cure, doubts of check."""
+    told = warned = cured = doubts = said = 0
+    texts: dict[str, int] = {}
+    for seed in range(records):
+        data = setup.record(seed)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", mf.ModfunWarning)
+            fit = setup.fit(data)
+        text = str(caught[0].message) if caught else ""
+        assert len(caught) <= 1, [str(w.message) for w in caught]
+        tells = True
+        if setup.right is not None and fit.usable and len(fit.outputs) == 1:
+            tells = _ratio(fit, setup.right(data)) < TELLS
+        told += tells
+        said += bool(text)
+        warned += bool(text) and tells
+        cured += bool(text) and tells and bool(re.search(setup.cure, text))
+        doubts += bool(fit.check())
+        if text:
+            key = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", text)
+            texts[key] = texts.get(key, 0) + 1
+    common = max(texts, key=lambda k: texts[k]) if texts else ""
+    return {"told": told, "said": said, "warned": warned, "cured": cured, "doubts": doubts, "common": common}
+
+
+def _ratio(wrong: Any, right: Any) -> float:
+    """p-value of the likelihood ratio of two fits, per equation: bands of default rules differ."""
+    a, b = (fit.cost / fit.df_resid for fit in (wrong, right))
+    rows = min(wrong.df_resid, right.df_resid)
+    return float(chi2.sf(rows * np.log(max(a / b, 1e-300)), max(right.params.size - wrong.params.size, 1)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--records", type=int, default=100)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trial.md")
+    args = parser.parse_args()
+    rows: dict[bool, list[tuple[str, dict[str, Any]]]] = {True: [], False: []}
+    for right, setups in ((False, WRONG), (True, RIGHT)):
+        for setup in setups:
+            if args.only not in setup.name:
+                continue
+            start = time.perf_counter()
+            found = tried(setup, args.records)
+            rows[right].append((setup.name, found))
+            print(
+                "right" if right else "WRONG",
+                setup.name,
+                found,
+                f"{time.perf_counter() - start:.1f} s",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""What to try first where residuals follow an input: fits of the structures next to the fitted one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite, log, pi
+from typing import Any
+
+from ..errors import ModfunError
+from ..models.free import Free
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from .diagnosis import level_p
+from .estimates import Estimates
+
+__all__ = ["Cure", "best_cure"]
+
+MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
+WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
+
+
+@dataclass(frozen=True)
+class Cure:
+    """A change of the record or of the structure, in words, and BIC before and after it.
+
+    `level_p`: probability of a chi-square as large as that after it.
+    """
+
+    words: str
+    before: float
+    after: float
+    level_p: float
+
+
+def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
+    """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays."""
+    if fit.again is None or fit.records is None or not isinstance(fit.structure, TransferFunction):
+        return None
+    before = _bic(fit, fit)
+    found: Cure | None = None
+    options = fit.options.replace(band=(fit.band[0], fit.band[1] * (1 + 1e-9)), harmonics=None)
+    for words, records, structure in _neighbours(fit, output, fit.inputs.index(channel)):
+        try:
+            other = fit.again(records, structure, options)
+        except ModfunError:  # too many unknowns for the band, say
+            continue
+        if not other.usable:
+            continue
+        after = _bic(other, fit)
+        if isfinite(after) and after < (found.after if found else before - WORTH):
+            delay = [name for name in other.param_names if name.startswith("delay")]
+            late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
+            found = Cure(words + late, before, after, level_p(other))
+    return found
+
+
+def _bic(fit: Estimates, base: Estimates) -> float:
+    """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away."""
+    own, rows = fit.df_resid + fit.params.size, base.df_resid + base.params.size
+    return (fit.bic - fit.params.size * log(own)) / own * rows + fit.params.size * log(rows)
+
+
+def _neighbours(
+    fit: Estimates, output: int, channel: int
+) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:
+    """Changes in words, the records and the structure with that change; the most likely ones first."""
+    name, layout = fit.inputs[channel], fit.layout
+    records: tuple[Record, ...] = fit.records or ()
+    degrees: list[list[Any]] = [list(row) for row in layout.numerators]
+    path = degrees[output][channel]
+    several = len(fit.inputs) > 1
+    of = f" of {name}" if several else ""
+    if path is None:
+        degrees[output][channel] = layout.orders[output] - 1
+        words = f"a path from {name} to {fit.outputs[output]}, zeros={_told(degrees)}"
+        yield words, records, _with(fit, zeros=degrees)
+        return
+    for word in ("zoh", "smooth", "foh"):
+        if word != fit.intersample[channel]:
+            kinds = list(fit.intersample)
+            kinds[channel] = word
+            given = repr(kinds) if several else repr(word)
+            changed = tuple(rec._like(intersample=tuple(kinds)) for rec in records)
+            yield f"intersample={given} in the record", changed, fit.structure
+    delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
+    if not isinstance(delays[output][channel], Free) and not delays[output][channel]:
+        # Up to two periods of the highest line, or an eighth of the record: later ones are not next door.
+        most = min(4 * pi / fit.band[1], *(2 * pi / w / 8 for w in fit.omega0))
+        delays[output][channel] = Free(min=0.0, max=float(f"{most:.1g}"))
+        yield f"a delay{of}, delay={_told(delays)}", records, _with(fit, delay=delays)
+    if path < layout.orders[output]:
+        more = [list(row) for row in degrees]
+        more[output][channel] = path + 1
+        yield f"one more zero{of}, zeros={_told(more)}", records, _with(fit, zeros=more)
+    for extra in (1, 2):
+        poles: Any = [n + extra if layout.common or i == output else n for i, n in enumerate(layout.orders)]
+        if max(poles) > MOST_POLES:
+            continue
+        told = poles[0] if layout.common or len(poles) == 1 else poles
+        words = "one more pole" if extra == 1 else "two more poles"
+        yield f"{words}, poles={told}", records, _with(fit, poles=told)
+        wider = [
+            [None if d is None else d + extra for d in row] if layout.common or i == output else row
+            for i, row in enumerate(degrees)
+        ]
+        yield f"{words}, poles={told}, zeros={_told(wider)}", records, _with(fit, poles=told, zeros=wider)
+
+
+def _with(fit: Estimates, **changes: Any) -> TransferFunction:
+    """The structure with some of its words changed, each written [output][input]."""
+    structure, layout = fit.structure, fit.layout
+    words: dict[str, Any] = {
+        "poles": structure.poles,
+        "zeros": [list(row) for row in layout.numerators],
+        "delay": structure.delay,
+        "denominator": structure.denominator,
+        "params": dict(structure.params) or None,
+    } | changes
+    for name in ("zeros", "delay"):
+        if structure.denominator is None and isinstance(words[name], list):
+            words[name] = words[name][0]
+    return TransferFunction(**words)
+
+
+def _told(rows: list[list[Any]]) -> str:
+    """As short as a user would write it."""
+    flat = [value for row in rows for value in row]
+    if all(value == flat[0] for value in flat):
+        return f"mf.{flat[0]!r}" if isinstance(flat[0], Free) else repr(flat[0])
+    text = repr(rows[0] if len(rows) == 1 else rows)
+    return text.replace("Free(", "mf.Free(")

@@ -1,0 +1,251 @@
+"""Doubts about a fit that need no test of its residuals: offsets, bounds, stability, conditioning."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .diagnosis import fewest_samples, growth, overlapping, surely_stable
+from .estimates import Estimates
+
+__all__ = [
+    "FINEST",
+    "SURE",
+    "Doubt",
+    "biased",
+    "condition",
+    "few_samples",
+    "mean",
+    "minima",
+    "noise_free",
+    "numbers",
+    "offset",
+    "on_bound",
+    "repeated",
+    "unstable",
+]
+
+FEW_SAMPLES = 8.0  # a period of the highest harmonic
+CONDITION = 1e6
+# Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
+OFFSET = 1000.0
+SURE = 1e-4  # p-value below which a fit warns by itself
+FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
+BLOCK = 2**16  # samples
+# An unstable mode that is one of the system shows: within the record it grows a thousandfold, and its pole is
+# four standard errors from the axis.
+VISIBLE, CERTAIN = math.log(1000.0), 4.0
+# Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
+# nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
+LITTLE = 0.5
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something doubtful about a fit, in two sentences: what, and the first cure to try.
+
+    `sure`: the data contradict the model or a default beyond doubt, so that the fit warns by itself.
+    """
+
+    text: str
+    sure: bool = True
+
+
+def offset(fit: Estimates) -> Doubt | None:
+    """That a channel of an equation is far from zero for how little it moves."""
+    if fit.has_poles:
+        return None  # of linear models the core takes offsets out before its sums
+    for record in fit.records or ():
+        for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
+            mean = float(values.mean())
+            spread = _rms(values, mean)
+            if abs(mean) > OFFSET * spread > 0:
+                return Doubt(
+                    f"Channel {name!r} moves by {spread:.2g} (rms) about {mean:.6g}, which is "
+                    f"{abs(mean) / spread:.2g} times larger and costs the equation's terms digits. Write the "
+                    "equation for deviations from it."
+                )
+    return None
+
+
+def _rms(values: NDArray[np.float64], mean: float) -> float:
+    """Standard deviation; `std` makes a copy, as large as the record."""
+    parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
+    return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
+
+
+def mean(fit: Estimates) -> Doubt | None:
+    """That line 0, the mean of a record, contradicts equations without a constant."""
+    without = not fit.layout.rational and fit.trend is None and any(low == 0 for low, _ in fit.lines)
+    if not without or fit.df_resid < 2 or not fit.records:
+        return None
+    from scipy.special import stdtr
+
+    cure = 'Fit with trend="constant", or write a constant into the equation.'
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
+    means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
+    if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
+        # The equation took the offset for the signal.
+        return Doubt(
+            f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
+            f"constant, and no parameter is larger than its standard error. {cure}"
+        )
+    at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
+    if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
+        return None
+    # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
+    worst, others = float(np.max(at)), fit.df_resid - 1
+    t = worst / math.sqrt(max(fit.df_resid - worst**2, 1e-9) / others)
+    if 2 * float(stdtr(others, -t)) * np.size(at) > SURE:
+        return None
+    return Doubt(
+        f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
+        f"have an offset, and the equation has no constant. {cure}"
+    )
+
+
+def on_bound(fit: Estimates) -> Doubt | None:
+    """That parameters ended on their bounds."""
+    if not fit.at_bound:
+        return None
+    which, them = ("a bound", "it") if len(fit.at_bound) == 1 else ("bounds", "them")
+    return Doubt(
+        f"{', '.join(fit.at_bound)} ended on {which}: the data would have {them} elsewhere, and the other "
+        f"standard errors hold only if the bound is right. Widen it, or hold {them} there if that is known."
+    )
+
+
+def repeated(fit: Estimates) -> Doubt | None:
+    """That samples are counted twice: records that overlap, or outputs that are the same."""
+    records = fit.records or ()
+    for name, other in combinations(fit.outputs, 2):
+        if records and all(np.array_equal(rec[name], rec[other]) for rec in records):
+            return Doubt(
+                f"Outputs {name!r} and {other!r} are the same samples: they count as two measurements, and "
+                "the errors are too small. Leave one out."
+            )
+    pair = overlapping([rec.y for rec in records])
+    if pair is None:
+        return None
+    first, second, count = pair
+    return Doubt(
+        f"Records {first} and {second} share {count} samples of the outputs: they count as new data, and the "
+        "errors are too small. Give each sample once; cut windows without overlap."
+    )
+
+
+def few_samples(fit: Estimates) -> Doubt | None:
+    """That the highest lines are sampled too slowly for the quadrature."""
+    samples = fewest_samples(fit)
+    if samples >= FEW_SAMPLES:
+        return None
+    return Doubt(
+        f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "
+        f"{FEW_SAMPLES:.0f} quadrature errors grow: lower the band or sample faster.",
+        sure=False,
+    )
+
+
+def unstable(fit: Estimates) -> Doubt | None:
+    """That a pole is unstable; beyond doubt wrong where it is fast and yet not told from a stable one."""
+    if not fit.has_poles:
+        return None
+    if fit.layout.rational and all(map(surely_stable, fit.layout.denominators(fit.params))):
+        return None
+    growing = growth(fit)
+    if growing <= 0:
+        return None
+    longest = max(n * 2 * math.pi / w / n for n, w in zip(fit.intervals, fit.omega0, strict=True))
+    doubtful = fit.layout.rational and growing * longest > VISIBLE and growing < CERTAIN * _growth_error(fit)
+    return Doubt(
+        f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
+        f"{math.log(2) / growing:.3g} s). This is right for an unstable system; otherwise first try "
+        "another number of poles, select_order.",
+        doubtful,
+    )
+
+
+def _growth_error(fit: Estimates) -> float:
+    """Standard error of the largest real part of the poles."""
+    worst, error = -math.inf, 0.0
+    for _, i in fit.denominators():
+        poles, slopes = fit.pole_gradients(i)
+        at = int(np.argmax(poles.real))
+        if poles[at].real > worst:
+            worst, slope = float(poles[at].real), slopes[at].real
+            error = math.sqrt(max(float(slope @ fit.cov_params() @ slope), 0.0))
+    return error
+
+
+def minima(fit: Estimates) -> Doubt | None:
+    """That the two starts of the default rule ended at different fits: a remark of the search."""
+    rule = fit.band_rule
+    if rule is None or not fit.layout.rational:
+        return None
+    wide, narrow = rule["cost_wide"], rule["cost_narrow"]
+    # Of several outputs the costs are N log det of the noise's covariance: absolute differences count.
+    apart = 1e-6 * min(wide, narrow) if len(fit.outputs) == 1 else 0.01
+    if not (np.isfinite(wide) and np.isfinite(narrow)) or abs(wide - narrow) <= apart:
+        return None
+    return Doubt(
+        f"Two minima were found over the wide band, with costs {min(wide, narrow):.6g} and "
+        f"{max(wide, narrow):.6g}; the lower one was taken. Often a delay is missing from the structure, or "
+        "it has too many poles.",
+        sure=False,
+    )
+
+
+def condition(fit: Estimates) -> Doubt | None:
+    """That the parameters can hardly be told apart."""
+    if fit.condition_bound <= CONDITION or fit.cond <= CONDITION:
+        return None
+    return Doubt(
+        f"The regressors are nearly dependent (condition number {fit.cond:.2g}). Take fewer poles or zeros, "
+        "or a record with more excitation."
+    )
+
+
+def biased(fit: Estimates) -> Doubt | None:
+    """That one-shot estimates are biased by noise, unless the high band shows next to none."""
+    method = fit.options.method
+    if method not in ("ls", "wls") or fit.options.noise == "equation" or fit.records is None:
+        return None
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        noise = 100 * float(np.max(fit.high_band_levels / spread))
+    if noise < LITTLE:
+        return None
+    seen = (
+        f" (here noise of {noise:.2g} % of the output is seen in the unused high band)" if noise > 0 else ""
+    )
+    return Doubt(
+        f'method="{method}" is biased by noise on the output{seen}, the more the wider the band, and no '
+        'standard error counts that: compare with method="ml".',
+        sure=False,
+    )
+
+
+def noise_free(fit: Estimates) -> str | None:
+    """That there is no noise to test residuals against: they may be errors of the quadrature."""
+    if not fit.records or fit.noise_cov.shape != (len(fit.outputs),) * 2:
+        return None
+    levels = np.sqrt(np.diag(fit.noise_cov))
+    spread = np.sqrt([
+        np.mean([_rms(rec.y[i], float(rec.y[i].mean())) ** 2 for rec in fit.records])
+        for i in range(len(fit.outputs))
+    ])  # fmt: skip
+    if not np.all(levels < FINEST * spread):
+        return None
+    return (
+        f"There is no noise to test the residuals against: they are {numbers(levels / spread)} of the output "
+        "(rms), as errors of the quadrature may be."
+    )
+
+
+def numbers(values: Any) -> str:
+    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(values))

@@ -1,0 +1,291 @@
+"""Tests of further columns: what a response, powers of the output, a drift or an event would explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf, log, nan
+from typing import Any
+
+import numpy as np
+
+from .._core import coefficients
+from ..base.arrays import C128, F64
+from ..errors import DataError
+from .estimates import Estimates
+from .gradients import response_gradients
+
+__all__ = ["Explained", "event", "further"]
+
+DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
+STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
+LARGE = 1e100  # a simulated output beyond it is that of an unstable model and explains nothing
+SAME = 1e-3  # columns closer to the fitted ones, or to one another, are the same
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What further columns explain of the residual lines of one output.
+
+    Attributes
+    ----------
+    what : {"response", "power", "change", "drift", "event"}
+        What the columns are: a further response to an input, powers of the simulated output, the simulated
+        output growing in time, a slope and a bend of the output, one event at one time.
+    channel : str
+        The input of a response, else the output.
+    output : int
+        Position of the output.
+    p_value : float
+        Of an F test, allowing for noise whose log power is a straight line over log frequency; of an event
+        Fisher's. Small: the columns belong to the residuals.
+    bic : float
+        By how much a fit with these columns would lower N log(cost/N) + p log N; positive: it pays.
+    time : float
+        Of an event, s on the record's clock; else nan.
+    """
+
+    what: str
+    channel: str
+    output: int
+    p_value: float
+    bic: float
+    time: float = nan
+
+
+def further(fit: Estimates) -> tuple[Explained, ...]:
+    """All tests of further columns that there is something to say about; see `Explained`.
+
+    Those of responses, powers, changes and drifts need transfer functions in white output noise and even,
+    unmasked samples. Where the residuals are finer than the quadrature there is no noise to test against.
+    """
+    found = []
+    if _testable(fit):
+        for i, y in enumerate(fit.outputs):
+            blocks = [_Block.of(fit, k, i) for k in range(len(fit.pieces))]
+            for k, name in enumerate(fit.inputs):
+                found.append(_tested("response", name, i, blocks, [b.responses(k) for b in blocks]))
+            found.append(_tested("power", y, i, blocks, [b.powers() for b in blocks]))
+            found.append(_tested("change", y, i, blocks, [b.changes() for b in blocks]))
+            if fit.trend == "constant":
+                found.append(_tested("drift", y, i, blocks, [b.drifts() for b in blocks]))
+    if (short := event(fit)) is not None:
+        found.append(short)
+    return tuple(found)
+
+
+def _testable(fit: Estimates) -> bool:
+    return (
+        bool(fit.records)
+        and fit.layout.rational
+        and fit.options.noise == "output"
+        and fit.options.method in ("awls", "ml")
+        and bool(np.all(np.diag(fit.noise_cov) > 0))
+        and all(rec.mask is None and rec.sigma is None and rec.dt is not None for rec in fit.records or ())
+    )
+
+
+def event(fit: Estimates) -> Explained | None:
+    """The most likely time at which one short event explains residual lines, with Fisher's p-value.
+
+    Lines of stationary noise have phases of their own, whatever its colour; an event at a time t turns them
+    by exp(-i omega t) together.
+    """
+    best: Explained | None = None
+    for i in range(len(fit.row_names)):
+        for k, piece in enumerate(fit.pieces):
+            e = piece[i]
+            power = float(np.sum(np.abs(e) ** 2))
+            if e.size < 6 or not 0 < power < inf:
+                continue
+            grid = 4 * e.size
+            size = np.abs(np.fft.ifft(e, grid) * grid) ** 2
+            at = int(np.argmax(size))
+            share = min(float(size[at]) / (e.size * power), 1.0)
+            # Fisher's g over as many times as lines; a grid four times finer finds as much as thrice as many.
+            p = min(1.0, 3 * e.size * len(fit.pieces) * len(fit.row_names) * (1 - share) ** (e.size - 1))
+            if best is None or p < best.p_value:
+                start = 0.0
+                if fit.records is not None:
+                    rec = fit.records[k]
+                    start = float(rec.t[rec.intervals - fit.intervals[k]])
+                time = start + at / grid * 2 * np.pi / fit.omega0[k]
+                gain = -2 * e.size * log(max(1 - share, 1e-300)) - 3 * log(2 * e.size)
+                best = Explained("event", fit.row_names[i], i, p, gain, time)
+    return best
+
+
+@dataclass(frozen=True)
+class _Block:
+    """One record, one output: residual lines, and the columns that were fitted to them, all whitened."""
+
+    fit: Estimates
+    record: int
+    output: int
+    m: F64
+    residual: C128
+    fitted: C128
+    own: C128
+    inputs: C128
+    late: C128
+    response: C128
+    deviation: F64
+
+    @classmethod
+    def of(cls, fit: Estimates, k: int, i: int) -> _Block:
+        assert fit.records is not None
+        rec, (lo, hi) = fit.records[k], fit.lines[k]
+        m = np.arange(lo, hi + 1, dtype=np.float64)
+        s = 1j * m * fit.omega0[k]
+        delays = np.array(fit.layout.delays(fit.params, i)).reshape(-1)
+        u = _lines(fit, k, rec.u, fit.intersample, delays / rec.dt)
+        response, slopes = response_gradients(fit.layout, fit.params, m * fit.omega0[k])
+        late = np.exp(s * delays[:, None])  # the delays are in the coefficients of the inputs
+        den, _ = fit.layout.polynomials(fit.params, i)
+        over = 1 / np.polyval(den, s)
+        unit = 1j * m / max(hi, 1)
+        own = [unit**j * over for j in range(den.size - 1)]
+        if fit.trend == "linear":
+            own.append(_ramp(m))
+        h = np.where(m == 0, 1.0, 0.5)
+        deviation = float(np.sqrt(fit.noise_cov[i, i])) * np.sqrt(h / fit.intervals[k])
+        return cls(
+            fit, k, i, m, fit.pieces[k][i],
+            np.einsum("pkf,kf->pf", slopes[:, i], u * late) / deviation,
+            _complex(own).reshape(-1, m.size) / deviation,
+            u, late, response[i], deviation,
+        )  # fmt: skip
+
+    def responses(self, k: int) -> C128:
+        """Any smooth response to an input, and more delay."""
+        unit, u = 1j * self.m / max(float(self.m[-1]), 1.0), self.inputs[k]
+        delay = unit * self.response[k] * self.late[k] * u
+        columns = [*(unit**j * u for j in range(DEGREES)), delay]
+        return _complex(columns) / self.deviation
+
+    def powers(self) -> C128:
+        """Square and cube of the simulated output about its mean."""
+        y = self._simulated()
+        return self._spectra(np.vstack([y**2, y**3]))
+
+    def changes(self) -> C128:
+        """The simulated output and its rate, times the time from the middle."""
+        y = self._simulated()
+        time = np.linspace(-1.0, 1.0, y.size)
+        return self._spectra(np.vstack([time * y, time * np.gradient(y)]))
+
+    def drifts(self) -> C128:
+        """A slope and a bend."""
+        time = np.linspace(-1.0, 1.0, self.fit.intervals[self.record] + 1)
+        return self._spectra(np.vstack([time, time**2]))
+
+    def _simulated(self) -> F64:
+        assert self.fit.records is not None
+        rec = self.fit.records[self.record]
+        first = rec.intervals - self.fit.intervals[self.record]
+        try:
+            with np.errstate(all="ignore"):
+                y = self.fit.simulate(rec)[0][self.output, first:]
+        except DataError:  # an unstable mode that leaves the range of numbers
+            y = np.zeros(self.fit.intervals[self.record] + 1)
+        if not np.all(np.abs(y) < LARGE):
+            y = np.zeros_like(y)
+        size = float(np.ptp(y)) or 1.0
+        centred: F64 = (y - y.mean()) / size
+        return centred
+
+    def _spectra(self, rows: F64) -> C128:
+        full = np.zeros((len(rows), self.fit.records[self.record].t.size))  # type: ignore[index]
+        full[:, full.shape[1] - rows.shape[1] :] = rows
+        kinds = ["smooth"] * len(rows)
+        return _lines(self.fit, self.record, full, kinds, np.zeros(len(rows))) / self.deviation
+
+
+def _ramp(m: F64) -> C128:
+    """Lines of a straight line, up to the constant that the transient holds."""
+    return np.asarray(np.where(m == 0, 0j, 1 / np.where(m == 0, 1.0, 1j * m)))
+
+
+def _lines(fit: Estimates, k: int, rows: F64, kinds: Sequence[str], late: F64) -> C128:
+    """Fourier coefficients of rows (row, time) of a record over the lines of the fit."""
+    assert fit.records is not None
+    rec, (lo, hi) = fit.records[k], fit.lines[k]
+    rules = [fit.options.rule if kind == "smooth" else kind for kind in kinds]
+    if not len(rows):
+        return np.zeros((0, hi + 1 - lo), complex)
+    start = rec.intervals - fit.intervals[k]
+    return coefficients(np.ascontiguousarray(rows), hi, rules, late.tolist(), start, None)[:, lo:]
+
+
+def _complex(rows: Sequence[Any]) -> C128:
+    return np.array(rows, dtype=np.complex128)
+
+
+def _real(rows: C128) -> F64:
+    return np.concatenate([rows.real, rows.imag], axis=-1)
+
+
+def _tested(
+    what: str, channel: str, output: int, blocks: Sequence[_Block], columns: Sequence[C128]
+) -> Explained:
+    """F test of columns beside the fitted ones, in white noise and in noise of one slope; the larger p."""
+    from scipy.special import digamma, fdtrc, polygamma
+
+    tall, lines = sum(2 * b.m.size for b in blocks), [b.m.size for b in blocks]
+    ends = np.cumsum([0, *(2 * n for n in lines)])
+    nuisance = np.zeros((len(blocks[0].fitted) + sum(len(b.own) for b in blocks), tall))
+    tested, e, x = np.zeros((len(columns[0]), tall)), np.zeros(tall), np.zeros(tall)
+    at = len(blocks[0].fitted)
+    for block, extra, first, last in zip(blocks, columns, ends, ends[1:], strict=False):
+        nuisance[: len(block.fitted), first:last] = _real(block.fitted)
+        nuisance[at : at + len(block.own), first:last] = _real(block.own)
+        at += len(block.own)
+        tested[:, first:last], e[first:last] = _real(extra), _real(block.residual)
+        x[first:last] = np.tile(np.log(block.m + 1.0), 2)
+
+    def pairs(values: F64) -> F64:
+        """Sums over the real and the imaginary part of each line, twice."""
+        halves = [values[a:b].reshape(2, -1).sum(axis=0) for a, b in pairwise(ends)]
+        return np.concatenate([np.tile(half, 2) for half in halves])
+
+    weight, worst, share, extra_count = np.ones(tall), 0.0, 0.0, 0
+    for pass_ in range(3):
+        basis = _basis(nuisance * weight)
+        new = tested * weight
+        size = np.linalg.norm(new, axis=1)
+        new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
+        left, s, _ = np.linalg.svd(new.T, full_matrices=False)
+        left = left[:, s > SAME]
+        whole = e * weight - basis @ (basis.T @ (e * weight))
+        part = left.T @ whole
+        rest = whole - left @ part
+        count, free = left.shape[1], tall - basis.shape[1] - left.shape[1] - (pass_ > 0)
+        remaining = float(rest @ rest)
+        if count == 0 or free < 2:
+            return Explained(what, channel, output, nan, -inf)
+        ratio = float(part @ part) / count / (remaining / free) if remaining > 0 else inf
+        if pass_ != 1:  # white noise first; the slope settles in two passes
+            worst = max(worst, float(fdtrc(count, free, ratio)))
+        if pass_ == 0:
+            share, extra_count = float(part @ part) / float(whole @ whole), count
+        # The slope of the log power of what is left, each line by its own degrees of freedom.
+        own = pairs(1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1)).clip(1e-6)
+        power = pairs((rest / weight) ** 2) / own
+        height = np.log(np.maximum(power, 1e-12 * power.max() + 1e-300)) - digamma(own / 2) + np.log(own / 2)
+        trust = 1 / polygamma(1, own / 2)
+        place = x - trust @ x / trust.sum()
+        spread = float(trust @ place**2)
+        slope = float(trust @ (place * height)) / spread if spread > 0 else 0.0
+        slope *= max(0.0, 1 - 2 / (spread * slope**2)) if slope else 0.0  # what chance makes of it
+        weight = np.exp(-0.5 * float(np.clip(slope, -STEEPEST, STEEPEST)) * place)
+    gain = -tall * log(max(1 - share, 1e-300)) - extra_count * log(tall)
+    return Explained(what, channel, output, worst, gain)
+
+
+def _basis(rows: F64) -> F64:
+    """Orthonormal columns that span the rows."""
+    size = np.linalg.norm(rows, axis=1)
+    kept: Any = rows[size > 0] / size[size > 0, None]
+    q: F64 = np.linalg.qr(kept.T)[0] if len(kept) else np.zeros((rows.shape[1], 0))
+    return q
