@@ -17,6 +17,7 @@ from .estimates import Estimates
 __all__ = ["Cure", "best_cure"]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
+CLOSE = 2.0  # differences of BIC that say nothing: the more likely cure, which is tried first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
 
 
@@ -48,7 +49,7 @@ def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
         if not other.usable:
             continue
         after = _bic(other, fit)
-        if isfinite(after) and after < (found.after if found else before - WORTH):
+        if isfinite(after) and after < (found.after - CLOSE if found else before - WORTH):
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
             found = Cure(words + late, before, after, level_p(other))

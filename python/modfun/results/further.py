@@ -30,9 +30,10 @@ class Explained:
 
     Attributes
     ----------
-    what : {"response", "power", "change", "drift", "event"}
-        What the columns are: a further response to an input, powers of the simulated output, the simulated
-        output growing in time, a slope and a bend of the output, one event at one time.
+    what : {"response", "gain", "power", "change", "drift", "event", "spike"}
+        What the columns are: a further response to an input, powers of an input, powers of the simulated
+        output and its rate, coefficients that change in time, a slope and a bend of the output, one event at
+        one time, one sample.
     channel : str
         The input of a response, else the output.
     output : int
@@ -43,7 +44,7 @@ class Explained:
     bic : float
         By how much a fit with these columns would lower N log(cost/N) + p log N; positive: it pays.
     time : float
-        Of an event, s on the record's clock; else nan.
+        Of an event or a spike, s on the record's clock; else nan.
     """
 
     what: str
@@ -66,10 +67,12 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
             blocks = [_Block.of(fit, k, i) for k in range(len(fit.pieces))]
             for k, name in enumerate(fit.inputs):
                 found.append(_tested("response", name, i, blocks, [b.responses(k) for b in blocks]))
+                found.append(_tested("gain", name, i, blocks, [b.gains(k) for b in blocks]))
             found.append(_tested("power", y, i, blocks, [b.powers() for b in blocks]))
             found.append(_tested("change", y, i, blocks, [b.changes() for b in blocks]))
             if fit.trend == "constant":
                 found.append(_tested("drift", y, i, blocks, [b.drifts() for b in blocks]))
+            found += _spikes(fit, i)
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
@@ -116,6 +119,31 @@ def event(fit: Estimates) -> Explained | None:
     return best
 
 
+def _spikes(fit: Estimates, i: int) -> list[Explained]:
+    """The sample that is farthest from the simulated output, by the law of the largest of normal numbers."""
+    from scipy.special import ndtr
+
+    found = []
+    for k, rec in enumerate(fit.records or ()):
+        first = rec.intervals - fit.intervals[k]
+        try:
+            with np.errstate(all="ignore"):
+                e = (rec.y - fit.simulate(rec)[0])[i, first:]
+        except DataError:
+            continue
+        far = np.abs(e - np.median(e))
+        usual = 1.4826 * float(np.median(far))
+        at = int(np.argmax(far))
+        beside = float(np.max(np.delete(far[max(at - 1, 0) : at + 2], min(at, 1)), initial=0.0))
+        if not 0 < usual < LARGE or 2 * beside > far[at]:  # what lasts is no spike
+            continue
+        p = min(1.0, 2 * far.size * len(fit.records or ()) * float(ndtr(-far[at] / usual)))
+        share = min(float(far[at] ** 2 / np.sum(far**2)), 1 - 1e-9)
+        gain = -far.size * log(1 - share) - 2 * log(far.size)
+        found.append(Explained("spike", fit.outputs[i], i, p, gain, float(rec.t[first + at])))
+    return found
+
+
 @dataclass(frozen=True)
 class _Block:
     """One record, one output: residual lines, and the columns that were fitted to them, all whitened."""
@@ -130,6 +158,7 @@ class _Block:
     inputs: C128
     late: C128
     response: C128
+    over: C128
     deviation: F64
 
     @classmethod
@@ -143,7 +172,7 @@ class _Block:
         response, slopes = response_gradients(fit.layout, fit.params, m * fit.omega0[k])
         late = np.exp(s * delays[:, None])  # the delays are in the coefficients of the inputs
         den, _ = fit.layout.polynomials(fit.params, i)
-        over = 1 / np.polyval(den, s)
+        over: C128 = np.asarray(1 / np.polyval(den, s), dtype=np.complex128)
         unit = 1j * m / max(hi, 1)
         own = [unit**j * over for j in range(den.size - 1)]
         if fit.trend == "linear":
@@ -154,7 +183,7 @@ class _Block:
             fit, k, i, m, fit.pieces[k][i],
             np.einsum("pkf,kf->pf", slopes[:, i], u * late) / deviation,
             _complex(own).reshape(-1, m.size) / deviation,
-            u, late, response[i], deviation,
+            u, late, response[i], over, deviation,
         )  # fmt: skip
 
     def responses(self, k: int) -> C128:
@@ -165,15 +194,27 @@ class _Block:
         return _complex(columns) / self.deviation
 
     def powers(self) -> C128:
-        """Square and cube of the simulated output about its mean."""
+        """Powers of the output, and what these and those of its rate would add to the equation."""
         y = self._simulated()
-        return self._spectra(np.vstack([y**2, y**3]))
+        rate = np.gradient(y)
+        rate /= float(np.max(np.abs(rate))) or 1.0
+        found = self._spectra(np.vstack([y**2, y**3, rate * np.abs(rate)]))
+        return np.concatenate([found[:2], found * self.over])
+
+    def gains(self, k: int) -> C128:
+        """Powers of an input, and what they would add to the equation."""
+        assert self.fit.records is not None
+        rec = self.fit.records[self.record]
+        u = rec.u[k, rec.intervals - self.fit.intervals[self.record] :]
+        u = (u - u.mean()) / (float(np.ptp(u)) or 1.0)
+        found = self._spectra(np.vstack([u**2, u**3])) * self.late[k].conj()
+        return np.concatenate([found, found * self.over])
 
     def changes(self) -> C128:
-        """The simulated output and its rate, times the time from the middle."""
+        """What coefficients that change in time would add to the equation."""
         y = self._simulated()
         time = np.linspace(-1.0, 1.0, y.size)
-        return self._spectra(np.vstack([time * y, time * np.gradient(y)]))
+        return self._spectra(np.vstack([time * y, time * np.gradient(y)])) * self.over
 
     def drifts(self) -> C128:
         """A slope and a bend."""

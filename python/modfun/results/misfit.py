@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..models.noise import Noise
@@ -24,7 +22,7 @@ UNLIKELY = 0.01  # p-value below which a test speaks
 LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by itself
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
-SPIKE = 12.0  # times the median fourth difference: one sample alone shows six times in it
+SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
 def misfit(fit: Estimates) -> Doubt | None:
@@ -42,6 +40,10 @@ def _suspicious(fit: Estimates) -> bool:
         pieces = [piece[i] for piece in fit.pieces]
         if colour_of_lines(pieces)[0].p_value < LOOK or correlation_of_lines(pieces)[0].p_value < LOOK:
             return True
+    for rec in fit.records or ():
+        bend = np.abs(np.diff(rec.y, 4, axis=1))
+        if np.any(bend.max(axis=1) > SPIKE * bend.mean(axis=1)):
+            return True
     short = event(fit)
     return short is not None and short.p_value < LOOK
 
@@ -51,15 +53,13 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
     count = max(len(d.further), 1)
     # Residuals far above the noise of an empty high band need less to convince of a further response.
     high = d.chi2_p < SURE
-    spoken = [
-        one
-        for one in d.further
-        if one.p_value < UNLIKELY / count or (high and one.what == "response" and one.p_value < UNLIKELY)
-    ]
-    spoken.sort(key=lambda one: (one.p_value >= SURE / count, -one.bic))
-    found: list[Doubt | None] = []
-    for one in spoken:
-        found += _further(fit, one, one.p_value < SURE / count, one.p_value < UNLIKELY / count)
+    said: list[tuple[Doubt, float]] = []
+    for one in d.further:
+        spoken, sure = one.p_value < UNLIKELY / count, one.p_value < SURE / count
+        if spoken or (high and one.what == "response" and one.p_value < UNLIKELY):
+            said += _further(fit, one, sure, spoken)
+    said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
+    found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
         found.append(
             Doubt(
@@ -101,78 +101,56 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
     return [*found, _disagreement(fit, d)]
 
 
-def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[Doubt]:
-    """What further columns explain, and what to try first.
+def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[tuple[Doubt, float]]:
+    """What further columns explain with what to try first, and by how much that lowers BIC.
 
     A structure whose residuals are the noise of the high band, where those of the fit are far above it,
     leaves no doubt either.
     """
     y = fit.outputs[one.output] if fit.layout.rational else one.channel
     chance = f"p = {one.p_value:.1g}"
-    if one.what == "response":
-        cure = best_cure(fit, one.output, one.channel)
-        text = f"The residuals of {y} follow {one.channel} ({chance}): part of the response is missing."
-        if cure is None:
-            text += " No structure next to this one explains it: first try select_order."
-            return [Doubt(text, sure)] if spoken else []
-        settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
-        text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-        return [Doubt(text, sure or settled)] if spoken or settled else []
-    return [_of_output(fit, one, y, chance, sure)]
+    if one.what != "response":
+        return [(Doubt(_words(fit, one, y, chance), sure), one.bic)]
+    cure = best_cure(fit, one.output, one.channel)
+    text = f"The residuals of {y} follow {one.channel} ({chance}): part of the response is missing."
+    if cure is None:
+        text += " No structure next to this one explains it: first try select_order."
+        return [(Doubt(text, sure), 0.0)] if spoken else []
+    settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
+    text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+    return [(Doubt(text, sure or settled), cure.before - cure.after)] if spoken or settled else []
 
 
-def _of_output(fit: Estimates, one: Explained, y: str, chance: str, sure: bool) -> Doubt:
+def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
+    """What is not a linear response to an input, and its first cure."""
     if one.what == "power":
-        return Doubt(
-            f"The residuals of {y} follow the square and the cube of the simulated {y} ({chance}): the "
-            "system is not linear. First try an Equation with terms such as y**2 and y**3, or a record of "
-            "smaller amplitude.",
-            sure,
+        return (
+            f"The residuals of {y} follow powers of the simulated {y} or of its rate ({chance}): the system "
+            f"is not linear. First try an Equation with terms such as {y}**2 and {y}**3, or a record of "
+            "smaller amplitude."
+        )
+    if one.what == "gain":
+        u = one.channel
+        return (
+            f"The residuals of {y} follow powers of {u} ({chance}): the actuator saturates or its gain is "
+            f"not constant. First try an Equation with {u}**3, or a record of smaller {u}."
         )
     if one.what == "change":
-        return Doubt(
-            f"The residuals of {y} grow or shrink with time as the simulated {y} does ({chance}): the system "
-            "changes over the record. First fit pieces of it, rec.split(every=...), and compare them.",
-            sure,
+        return (
+            f"The residuals of {y} go with the simulated {y} times the time ({chance}): the system changes "
+            "over the record. First fit pieces of it, rec.split(every=...), and compare them."
         )
     if one.what == "drift":
-        return Doubt(
-            f'The residuals of {y} hold a slow drift ({chance}). First try trend="linear".',
-            sure,
+        return f'The residuals of {y} hold a slow drift ({chance}). First try trend="linear".'
+    if one.what == "spike":
+        return (
+            f"The sample of {y} at t = {one.time:.6g} s is far from all that the model and its noise explain "
+            f"({chance}). First leave it out, rec.weigh(mask=rec.t != t)."
         )
-    return Doubt(_event(fit, one), sure)
-
-
-def _event(fit: Estimates, one: Explained) -> str:
-    """That one event explains residual lines: a spike of a few samples, or something longer."""
-    y = fit.row_names[one.output]
-    chance = f"p = {one.p_value:.1g}"
-    text = f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance})."
-    spike = _spike(fit, one)
-    if spike is not None:
-        return f"{text} {spike}"
-    return f"{text} First look there, fit.plot_response(), for a gust, a step of another input or a fault."
-
-
-def _spike(fit: Estimates, one: Explained) -> str | None:
-    """The cure of single samples that stand out of their neighbours near an event."""
-    name = fit.row_names[one.output]
-    for rec in fit.records or ():
-        if name not in rec.outputs or not rec.t[0] <= one.time <= rec.t[-1]:
-            continue
-        y = rec[name]
-        bend = np.abs(np.diff(y, 4))
-        usual = float(np.median(bend))
-        near = np.abs(rec.t[2:-2] - one.time) < 2 * math.pi / fit.band[1]
-        if not near.any() or not usual > 0:
-            continue
-        at = int(np.argmax(np.where(near, bend, 0.0)))
-        if bend[at] > SPIKE * usual and bend[at] == bend.max():
-            return (
-                f"First leave out the sample of {y[at + 2]:.4g} at t = {rec.t[at + 2]:.6g} s, "
-                "rec.weigh(mask=...)."
-            )
-    return None
+    return (
+        f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance}). First "
+        "look there, fit.plot_response(), for a gust, a step of another input or a fault."
+    )
 
 
 def _disagreement(fit: Estimates, d: Diagnosis) -> Doubt | None:

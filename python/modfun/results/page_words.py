@@ -22,10 +22,12 @@ __all__ = ["assumption", "python_call", "tests", "verdict"]
 # What is asked by tests of further columns, of a channel.
 ASKED = {
     "response": "nothing of {} left",
+    "gain": "linear in {}",
     "power": "linear in {}",
     "change": "{} unchanged over time",
     "drift": "no drift of {}",
     "event": "no event in {}",
+    "spike": "no sample of {} alone",
 }
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 
