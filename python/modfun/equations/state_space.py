@@ -196,7 +196,7 @@ class StateSpace(Written):
                 "have no numbers; hold them, params={...}"
             )
         made = ss(*(numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)))
-        return replace(made, inputs=self.inputs)
+        return replace(made, inputs=self.inputs, outputs=self.outputs)
 
     def to_dict(self) -> dict[str, Any]:
         """The model as plain Python values, for `from_dict`."""

@@ -102,7 +102,7 @@ def crlb(
 
     Parameters
     ----------
-    sys : LTI, NonlinearModel, TransferFunction, StateSpace, Equation or Fit
+    sys : LTI, NonlinearModel, TransferFunction, StateSpace, Equation or Fit, or of python-control or SciPy
         A system with numbers, or a structure and its numbers in `params`. Of a Fit: its model and estimates,
         and, unless given, its noise and trend; so what this, or another, experiment lets it know.
     experiment : Record, Signals, or a sequence of these

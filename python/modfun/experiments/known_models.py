@@ -20,6 +20,7 @@ from ..records.record import Record
 from ..results.fit import Fit
 from ..signals import Signals
 from ..systems.lti import LTI
+from ..systems.making import linear
 from .slopes import Equations, Known, States, Transfers
 
 __all__ = ["noise_of", "record_for", "valued"]
@@ -29,6 +30,7 @@ def valued(
     sys: Any, params: Mapping[str, float] | None, model: TransferFunction | None, first: Record | Signals
 ) -> Known:
     """The model with values for its parameters."""
+    sys = linear(sys, "crlb")
     structured = isinstance(sys, TransferFunction | StateSpace | Equation)
     if structured and params is None:
         raise SpecError(

@@ -19,6 +19,7 @@ from ..records.record import Record
 from ..signals import Signals
 from ..signals.sources import evaluate, sources
 from ..systems.lti import LTI
+from ..systems.making import linear
 from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem
 
@@ -122,12 +123,11 @@ def experiment(
     y = sys.respond(given, dt, count, None, kinds)
     a, b, _, _, scale = sys.scaled()
     n = scale.size
-    states = (
-        respond(
-            (a, b, np.eye(n), np.zeros((n, len(given)))), np.zeros(n), given, dt, count, kinds, sys.delays
-        )
-        / scale[:, None]
-    )
+    states = np.zeros((n, t.size))
+    for late, seen in sys.alike():
+        own = sys.states_of(seen)
+        words = (a, b, np.eye(n)[own], np.zeros((own.size, len(given)))), np.zeros(n), given, dt, count, kinds
+        states[own] = respond(*words, late) / scale[own, None]
     silence = np.zeros_like(u)
     free = [sys.respond(list(silence), dt, count, unit, "zoh") for unit in np.eye(n)]
     return Experiment(
@@ -136,7 +136,7 @@ def experiment(
         u=u,
         y=y,
         rms=np.sqrt(np.mean(y**2, axis=1)),
-        state_rms=np.sqrt(np.mean(states.reshape(n, t.size) ** 2, axis=1)),  # a gain has no states
+        state_rms=np.sqrt(np.mean(states**2, axis=1)),
         free=np.array(free).reshape(n, *y.shape),
         kinds=kinds,
         names=names,
@@ -162,7 +162,7 @@ def simulate(
 
     Parameters
     ----------
-    sys : LTI, NonlinearModel or DelaySystem
+    sys : LTI, NonlinearModel or DelaySystem, or a system of python-control or SciPy
         The system.
     input : Signals, str, array_like, callable, or a list of these, optional
         Input: `mf.signals`, which bring their duration, sampling, form between samples and names; or, one
@@ -222,6 +222,7 @@ def simulate(
     for name, value in (("seed", seed), ("replicate", replicate)):
         whole("simulate", name, value, 0, 2**64 - 1)
     fixed = None if isinstance(initial_state, str) else initial_state
+    sys = linear(sys, "simulate")
     found = experiment(
         sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )

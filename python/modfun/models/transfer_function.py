@@ -16,10 +16,21 @@ from ..base.samples import numbered
 from ..base.tables import nearest
 from ..errors import SpecError
 from ..systems.lti import LTI
-from ..systems.making import tf
+from ..systems.making import linear, tf
 from .free import Free
 from .layout import Layout, routes
-from .transfer_words import Delay, degree_of, delay_of, depth, nested, order_of, params_of, plain, table_of
+from .transfer_words import (
+    Delay,
+    degree_of,
+    delay_of,
+    depth,
+    improper,
+    nested,
+    order_of,
+    params_of,
+    plain,
+    table_of,
+)
 
 __all__ = ["TransferFunction", "system_of"]
 
@@ -241,13 +252,14 @@ class TransferFunction:
 
         Parameters
         ----------
-        system : LTI
+        system : LTI, or a system of python-control or SciPy
 
         Raises
         ------
         SpecError
             The system has other poles, more zeros, other delays, or other values of what is held.
         """
+        system = linear(system, "TransferFunction.theta")
         count, inputs = system.shape
         layout = self.layout(_numbered("y", count), _numbered("u", inputs))
         values = np.full(len(layout.names), np.nan)
@@ -276,15 +288,18 @@ class TransferFunction:
                     take(nums[i][k], np.concatenate([np.zeros(degree + 1 - n.size), n]))
         late = []
         for at, path in enumerate(layout.paths):
+            taken = [
+                (float(system.path_delays[i, k]), bool(np.any(num[i][k])))
+                for i, row in enumerate(layout.routes)
+                for k, route in enumerate(row)
+                if route == at
+            ]
             if isinstance(path.delay, Free):
-                late.append(system.delays[path.input])
+                used = [delay for delay, moves in taken if moves] or [taken[0][0]]
+                late.append(used[0])
+                fits = fits and len(set(used)) == 1
             else:
-                used = any(
-                    route == at and np.any(num[i][k])
-                    for i, row in enumerate(layout.routes)
-                    for k, route in enumerate(row)
-                )
-                fits = fits and (not used or path.delay == system.delays[path.input])
+                fits = fits and all(path.delay == delay for delay, moves in taken if moves)
         for value, held in zip(values, layout.fixed, strict=True):
             fits = fits and (held is None or abs(value - held) <= 1e-9 * max(abs(held), abs(value)))
         if not fits:
@@ -300,13 +315,14 @@ class TransferFunction:
 
         Parameters
         ----------
-        system : LTI
+        system : LTI, or a system of python-control or SciPy
 
         Raises
         ------
         SpecError
             A static gain, or paths to one output with denominators of their own.
         """
+        system = linear(system, "TransferFunction.from_system")
         outputs, inputs = system.shape
         num, den = system.polynomials()
         own: list[Any] = []
@@ -343,27 +359,16 @@ class TransferFunction:
 
 
 def system_of(layout: Layout, params: Any) -> LTI:
-    """The system that parameters make of a layout.
-
-    Raises
-    ------
-    SpecError
-        A delay that differs from output to output, which no LTI holds.
-    """
+    """The system that parameters make of a layout."""
     late = [layout.delays(params, i) for i in range(len(layout.outputs))]
-    if any(row != late[0] for row in late):
-        raise SpecError(
-            "fit.model: an input's delay differs from output to output, and a system has one an input; "
-            "take outputs one by one"
-        )
     dens, nums = [], []
     for i in range(len(layout.outputs)):
         den, row = layout.polynomials(params, i)
         dens.append([den] * len(row))
         nums.append(row)
     if layout.common or len(layout.outputs) == 1:
-        return tf(nums, dens[0][0], delay=late[0])
-    return tf(nums, dens, delay=late[0])
+        return tf(nums, dens[0][0], delay=late)
+    return tf(nums, dens, delay=late)
 
 
 @lru_cache(64)
@@ -395,7 +400,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
         if any(z is not None and z > n for z in row):
             raise SpecError(
                 f"TransferFunction: zeros={plain(structure.zeros)} holds more zeros than the {n} poles of "
-                "an output; lower zeros= or raise poles="
+                f"an output; {improper(n, max(z for z in row if z is not None))}"
             )
     paths, routed = routes(
         table_of(structure.delay, q, k), inputs, outputs, shared=depth(structure.delay) < 2

@@ -19,6 +19,7 @@ __all__ = [
     "degree_of",
     "delay_of",
     "depth",
+    "improper",
     "nested",
     "order_of",
     "params_of",
@@ -96,9 +97,23 @@ def degree_of(value: Any, poles: int) -> int | None:
     if value > poles:
         raise SpecError(
             f"TransferFunction: {value} zeros with {poles} poles; a system that can be sampled has at most "
-            "as many zeros as poles: lower zeros= or raise poles="
+            f"as many zeros as poles: {improper(poles, int(value))}"
         )
     return int(value)
+
+
+def improper(poles: int, zeros: int) -> str:
+    """What to do about more zeros than poles, with the equation that has derivatives of the input."""
+    left = [f"{f'a{k}*' if k else ''}y{_primes(poles - k)}" for k in range(poles + 1)]
+    right = [f"b{k}*u{_primes(zeros - k)}" for k in range(zeros + 1)]
+    return (
+        "lower zeros= or raise poles=; where the output does follow derivatives of the input, write the "
+        f'equation: mf.Equation("{" + ".join(left)} = {" + ".join(right)}")'
+    )
+
+
+def _primes(order: int) -> str:
+    return "'" * order
 
 
 def delay_of(value: Any) -> float | Free:

@@ -84,8 +84,8 @@ def read_system(given: Any) -> FullOrder | Lines:
     if isinstance(given, tuple):
         return _full_order(_matrices(given), None)
     if not isinstance(given, LTI):
-        given = system_of(getattr(given, "model", given), 0.0)  # the model of a fit
-    return _full_order(realisation(given), given.delays)
+        given = system_of(getattr(given, "model", given), what="reduce")  # the model of a fit
+    return _full_order(realisation(given), given.input_delays("reduce"))
 
 
 def _lines(omega: Any, response: Any) -> Lines:

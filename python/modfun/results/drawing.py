@@ -22,6 +22,7 @@ from ..errors import SpecError
 from ..records.record import Record
 from ..systems.drawing import Curve, curves_of, draw_bode, span
 from ..systems.frequency_response import FrequencyResponse
+from ..systems.making import linear
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .scores import score
 
@@ -104,7 +105,7 @@ def bode(
 
     Parameters
     ----------
-    *systems : Fit, LTI or FrequencyResponse
+    *systems : Fit, LTI or FrequencyResponse, or systems of python-control or SciPy
         Every path of each gets a line; the band of a fit is by the delta method, and what lies outside
         the frequencies it was fitted on is dashed.
     band : (float, float), optional
@@ -145,6 +146,7 @@ def bode(
         raise SpecError(f"plot.bode: {len(labels)} labels for {len(systems)} systems; give one each")
     curves: list[tuple[str, Curve]] = []
     marks: list[float] = []
+    systems = tuple(linear(system, "plot.bode") for system in systems)
     for system in systems:
         if isinstance(system, Fit):
             low, high = system.band

@@ -22,7 +22,7 @@ from ..models.options import Options
 from ..models.transfer_function import system_of
 from ..records.record import Record
 from ..systems.lti import LTI
-from ..systems.making import ss
+from ..systems.making import named, ss
 from ..systems.polynomials import companion
 from . import gradients, prediction
 from .prediction import InitialState
@@ -344,10 +344,10 @@ class Estimates:
 
     @property
     def model(self) -> LTI:
-        """The fitted transfer function as an LTI system."""
+        """The fitted transfer function as an LTI system, with the names of the channels."""
         self.need_numbers("model")
         if self.inputs:
-            return system_of(self.layout, self.params)
+            return named(system_of(self.layout, self.params), self.outputs, self.inputs)
         # Free motion: companion forms without inputs.
         blocks = [companion(self.polynomials(i)[0]) for i in range(len(self.outputs))]
         size = sum(self.layout.orders)
@@ -357,7 +357,7 @@ class Estimates:
             n = len(block)
             a[at : at + n, at : at + n], c[i, at] = block, 1.0
             at += n
-        return ss(a, np.zeros((size, 0)), c)
+        return named(ss(a, np.zeros((size, 0)), c), self.outputs, ())
 
     def path_model(self, output: int | str = 0) -> LTI:
         """The transfer functions to one output, by name or position, with the delays of their own."""

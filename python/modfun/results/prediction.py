@@ -18,6 +18,7 @@ from ..records.mask import sample_weights
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
 from ..systems.lti import LTI
+from ..systems.making import named
 from ..systems.polynomials import companion, strip
 from .observer import observe
 from .regression import free_response, regress, trend_columns
@@ -70,12 +71,9 @@ def path_model(layout: Layout, params: F64, output: int) -> LTI:
     """The transfer functions to one output, with the delays of their own."""
     den, nums = layout.polynomials(params, output)
     own = frozen(den)
-    return LTI(
-        (tuple(frozen(strip(num)) for num in nums),),
-        ((own,) * len(nums),),
-        None,
-        layout.delays(params, output),
-    )
+    tops = (tuple(frozen(strip(num)) for num in nums),)
+    made = LTI(tops, ((own,) * len(nums),), None, layout.delays(params, output))
+    return named(made, (layout.outputs[output],), layout.inputs)
 
 
 def simulate_paths(

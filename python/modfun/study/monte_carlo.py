@@ -18,6 +18,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..signals import Signals
 from ..systems.lti import LTI
+from ..systems.making import linear
 from .axes import Axis, axis, levels
 from .contenders import Contender, contenders
 from .generated import Generated, cells, grid_axes
@@ -55,7 +56,7 @@ class MonteCarlo:
 
     Parameters
     ----------
-    system : LTI or NonlinearModel, or dict of name to these
+    system : LTI or NonlinearModel, or of python-control or SciPy, or dict of name to these
         A dict is an axis of the study with names, here and below.
     input : Signals, str, array_like, callable, list of these, or dict of name to any of these
         `mf.signals`, which bring their duration, sampling, form between samples and names; or one signal an
@@ -335,6 +336,7 @@ def _simulated(
         axis("initial_state", "zero" if initial_state is None else initial_state),
     )  # fmt: skip
     nsrs = levels(0.0 if nsr is None else nsr)
+    of_system = tuple(linear(one, "MonteCarlo") for one in of_system)
     found = groups(
         of_system, of_input, of_state, nsrs, noise if callable(noise) else None,
         duration=duration, intervals=intervals, intersample=intersample,

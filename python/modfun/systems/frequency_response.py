@@ -302,8 +302,9 @@ class FrequencyResponse:
         return cls(**{name: _unplain(value) for name, value in values.items()})
 
     def to_control(self) -> Any:
-        """The same as a `control.FrequencyResponseData` (extra ``control``)."""
-        return optional("control", "control", "FrequencyResponse.to_control").frd(self.response, self.omega)
+        """The same as a `control.FrequencyResponseData` with the same names (extra ``control``)."""
+        control = optional("control", "control", "FrequencyResponse.to_control")
+        return control.frd(self.response, self.omega, inputs=list(self.inputs), outputs=list(self.outputs))
 
     def facts(self) -> list[tuple[str, str]]:
         """What is said of it in a few lines: names and texts."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public, real, reals, whole
 from ..base.arrays import C128, F64
@@ -18,7 +18,7 @@ from ..signals import Signals
 from ..signals.sources import is_samples, sources
 from .frequency_response import FrequencyResponse
 from .gains import gains
-from .interop import matrices_to_control, polynomials_to_control, to_scipy
+from .interop import labelled, matrices_to_control, polynomials_to_control, refuse_late, to_scipy
 from .polynomials import (
     Polynomials,
     all_equal,
@@ -31,9 +31,10 @@ from .polynomials import (
 )
 from .propagate import intersample_kinds, respond
 
-__all__ = ["LTI", "state_space"]
+__all__ = ["LTI", "Delays", "state_space"]
 
 Matrices = tuple[F64, F64, F64, F64]
+Delays = tuple[float, ...] | tuple[tuple[float, ...], ...]
 
 
 @public
@@ -42,6 +43,7 @@ class LTI:
     """A continuous-time linear system with numbers; made by `mf.tf` or `mf.ss`.
 
     It is either a transfer function matrix or a state space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
+    A transfer function may have a delay per path; a state space has one per input.
 
     Attributes
     ----------
@@ -49,10 +51,12 @@ class LTI:
         Polynomials (output, input) in descending powers of s, denominators monic; None for a state space.
     matrices : tuple of ndarray, or None
         A, B, C, D; None for a transfer function.
-    delays : tuple of float
-        Delay of each input, s.
-    inputs : tuple of str or None
-        Their names where a `StateSpace` gave them: `mf.signals` go to the inputs of their names then.
+    delays : tuple of float, or tuple of tuples of float
+        Delay of each input, s; where an input is late by different times to different outputs, the delay of
+        each path (output, input).
+    inputs, outputs : tuple of str or None
+        Names where they were given, as those of a fit's record: `mf.signals` go to the inputs of their
+        names, and `simulate` and `to_control` keep them.
 
     See Also
     --------
@@ -75,8 +79,9 @@ class LTI:
     numerators: Polynomials | None
     denominators: Polynomials | None
     matrices: Matrices | None
-    delays: tuple[float, ...]
+    delays: Delays
     inputs: tuple[str, ...] | None = None
+    outputs: tuple[str, ...] | None = None
 
     # What it is ------------------------------------------------------------------------------
 
@@ -91,7 +96,7 @@ class LTI:
     @property
     def order(self) -> int:
         """Number of states of `to_ss`."""
-        return int(self.to_ss()._state()[0].shape[0])
+        return int(self.scaled()[0].shape[0])
 
     @property
     def num(self) -> Any:
@@ -107,8 +112,14 @@ class LTI:
 
     @property
     def delay(self) -> Any:
-        """Input delay in seconds: a float, or a tuple with several inputs."""
-        return self.delays[0] if len(self.delays) == 1 else self.delays
+        """Delay in seconds: a float, a tuple with several inputs, or tuples (output, input)."""
+        alone = len(self.delays) == 1 and not isinstance(self.delays[0], tuple)
+        return self.delays[0] if alone else self.delays
+
+    @property
+    def path_delays(self) -> F64:
+        """Delay of each path in seconds, (output, input)."""
+        return np.broadcast_to(np.asarray(self.delays, dtype=np.float64), self.shape)
 
     def poles(self) -> C128:
         """Poles in rad/s, by increasing modulus: eigenvalues of A, or the roots of the denominators."""
@@ -169,8 +180,8 @@ class LTI:
         else:
             g[:] = gains(*self.matrices, w).transpose(1, 2, 0)
         with np.errstate(over="ignore", invalid="ignore"):
-            g *= np.exp(-s * np.array(self.delays)[:, None])[None]
-        return FrequencyResponse(omega=w, response=g)
+            g *= np.exp(-s * self.path_delays[:, :, None])
+        return FrequencyResponse(omega=w, response=g, outputs=self.outputs, inputs=self.inputs)
 
     def simulate(
         self,
@@ -244,9 +255,10 @@ class LTI:
                 "give that many finite numbers (of a transfer function y, y', …, output after output)"
             )
         kinds = intersample_kinds(intersample, len(inputs))
-        y = respond(
-            (a, b, c, d), np.ascontiguousarray(start * scale), inputs, dt, intervals, kinds, self.delays
-        )
+        begin, y = np.ascontiguousarray(start * scale), np.empty((len(c), intervals + 1))
+        for late, rows in self.alike():
+            own = a, b, np.ascontiguousarray(c[rows]), np.ascontiguousarray(d[rows])
+            y[rows] = respond(own, begin, inputs, dt, intervals, kinds, late)
         if not np.all(np.isfinite(y)):
             raise DataError(
                 f"simulating: the response overflows within {intervals * dt:g} s "
@@ -288,11 +300,18 @@ class LTI:
         That is the observable companion form: C picks y, A shifts to the next derivative, B holds the
         Markov parameters. Several outputs, and paths with denominators of their own, stand one after
         the other.
+
+        Raises
+        ------
+        SpecError
+            A delay differs from output to output: a state has one delay per input.
         """
         if self.matrices is not None:
             return self
+        late = self.input_delays("to_ss")
         a, b, c, d, scale = self.scaled()
-        return state_space(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, self.delays)
+        made = state_space(a / scale[:, None] * scale, b / scale[:, None], c * scale, d, late)
+        return replace(made, inputs=self.inputs, outputs=self.outputs)
 
     @property
     def A(self) -> F64:
@@ -338,7 +357,7 @@ class LTI:
         return num, ((den,) * inputs,) * outputs
 
     def to_control(self, pade: int | None = None) -> Any:
-        """The same as a python-control object (extra ``control``).
+        """The same as a python-control object with the same names of channels (extra ``control``).
 
         Parameters
         ----------
@@ -352,29 +371,32 @@ class LTI:
             There is a delay and `pade` is not given, or is no whole number above 0.
         """
         if self.matrices is not None:
-            return matrices_to_control(self.matrices, self.delays, pade)
-        return polynomials_to_control(*self.polynomials(), self.delays, pade)
+            made = matrices_to_control(self.matrices, self.input_delays("to_control"), pade)
+        else:
+            made = polynomials_to_control(*self.polynomials(), self.delays, pade)
+        return labelled(made, self.inputs, self.outputs)
 
     def to_scipy(self) -> Any:
         """The same as a `scipy.signal.lti` object; delays are refused, SciPy has none."""
+        refuse_late(self.delays)
         single = self.matrices is None and self.shape == (1, 1)
-        return to_scipy((self.num, self.den) if single else self.to_ss()._state(), self.delays)
+        return to_scipy((self.num, self.den) if single else self.to_ss()._state())
 
     # In print --------------------------------------------------------------------------------
 
     def __repr__(self) -> str:
         if self.matrices is not None:
-            names = ["A", "B", "C", "D"]
-            parts = [f"{n} =\n{m}" for n, m in zip(names, self.matrices, strict=True)]
-            late = f"\ndelay = {self.delay} s" if any(self.delays) else ""
-            return "LTI state space\n" + "\n".join(parts) + late
+            parts = [f"{n} =\n{m}" for n, m in zip("ABCD", self.matrices, strict=True)]
+            waiting = f"\ndelay = {self.delay} s" if any(self.delays) else ""
+            return "LTI state space\n" + "\n".join(parts) + waiting
         blocks = []
         num, den = self.polynomials()
+        late = self.path_delays
         for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
             for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
                 top, bottom = text_of(n), text_of(d)
-                if self.delays[j]:
-                    top = f"({top}) e^(-{self.delays[j]:.6g} s)"
+                if late[i, j]:
+                    top = f"({top}) e^(-{late[i, j]:.6g} s)"
                 width = max(len(top), len(bottom))
                 title = "" if self.shape == (1, 1) else f"input {j + 1} to output {i + 1}\n"
                 blocks.append(
@@ -386,6 +408,33 @@ class LTI:
         return f"<pre>{escape(repr(self))}</pre>"
 
     # Inside ----------------------------------------------------------------------------------
+
+    def alike(self) -> list[tuple[tuple[float, ...], list[int]]]:
+        """Delays of the inputs, and the outputs that see them so late."""
+        found: dict[tuple[float, ...], list[int]] = {}
+        for output, late in enumerate(map(tuple, self.path_delays.tolist())):
+            found.setdefault(late, []).append(output)
+        return list(found.items())
+
+    def states_of(self, rows: Sequence[int]) -> NDArray[np.intp]:
+        """Positions of the states of `scaled` that belong to outputs: of a state space all."""
+        if self.matrices is not None:
+            return np.arange(len(self.matrices[0]))
+        leads = self.scaled()[2].T  # the first state of each block is an output's y
+        blocks = np.cumsum(leads.any(axis=1)) - 1
+        outputs = np.argmax(leads[leads.any(axis=1)], axis=1)
+        return np.flatnonzero(np.isin(outputs[blocks], rows))
+
+    def input_delays(self, what: str) -> tuple[float, ...]:
+        """Delay of each input, s, for what has no delay per path."""
+        found = self.alike()
+        if len(found) > 1:
+            raise SpecError(
+                f"{what}: delays differ from output to output, {self.delays} s; a state space has one per "
+                "input; take a Padé form, mf.ss(system.to_control(pade=3)), or the outputs of a fit one by "
+                "one, fit.path_model(output)"
+            )
+        return found[0][0] if found else ()
 
     def _state(self) -> Matrices:
         assert self.matrices is not None
@@ -433,7 +482,7 @@ class LTI:
         return a, b, c, d, scale
 
 
-def state_space(a: F64, b: F64, c: F64, d: F64, delays: tuple[float, ...]) -> LTI:
+def state_space(a: F64, b: F64, c: F64, d: F64, delays: Delays) -> LTI:
     """A state space of matrices that fit each other."""
     if not all(np.all(np.isfinite(m)) for m in (a, b, c, d)):
         raise SpecError("mf.ss: a matrix holds nan or inf; all entries must be finite")

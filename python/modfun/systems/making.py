@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
-from ..base.samples import frozen
+from ..base.samples import frozen, numbered
 from ..errors import SpecError
-from .lti import LTI, state_space
+from .lti import LTI, Delays, state_space
 from .polynomials import polynomials_of, strip
 
-__all__ = ["ss", "system_of", "tf"]
+__all__ = ["linear", "named", "ss", "system_of", "tf"]
 
 
 @public
-def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LTI:
+def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] | Sequence[Sequence[float]] = 0.0) -> LTI:
     """Transfer function num(s)/den(s)·e^(−delay·s).
 
     Parameters
@@ -29,8 +31,8 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
         or `scipy.signal.lti` object stands alone; one in state space stays so.
     den : array_like, or nested lists of them
         Denominator, common to all paths, or nested as `num` is. It is made monic.
-    delay : float or sequence of float
-        Delay of the inputs, s, at least 0; one, or one an input.
+    delay : float, sequence of float, or sequence of such sequences
+        Delay, s, at least 0: one, one per input, or one per path, nested [output][input].
 
     Returns
     -------
@@ -94,7 +96,7 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] = 0.0) -> LT
             bottoms.append(frozen(d))
         top.append(tuple(tops))
         bottom.append(tuple(bottoms))
-    return LTI(tuple(top), tuple(bottom), None, _delays(delay, inputs, "mf.tf"))
+    return LTI(tuple(top), tuple(bottom), None, _delays(delay, outputs, inputs, "mf.tf"))
 
 
 @public
@@ -160,55 +162,91 @@ def ss(
             f"mf.ss: A, B, C, D have shapes {', '.join(map(str, shapes))}; they must be (state, state), "
             "(state, input), (output, state), (output, input)"
         )
-    return state_space(a, b, c, d, _delays(delay, b.shape[1], "mf.ss"))
+    made = state_space(a, b, c, d, _delays(delay, d.shape[0], d.shape[1], "mf.ss"))
+    made.input_delays("mf.ss")
+    return made
 
 
-def system_of(given: Any, delay: float | Sequence[float]) -> LTI:
+def foreign(given: Any) -> bool:
+    """Whether it is a system of python-control or SciPy, neither of which is imported for that."""
+    homes = ("control.", "scipy.signal.")
+    return any(f"{kind.__module__}.".startswith(homes) for kind in type(given).__mro__)
+
+
+def linear(given: Any, what: str) -> Any:
+    """A system of python-control or SciPy as an LTI, and all else as it is: for whatever takes an LTI."""
+    return system_of(given, 0.0, what) if foreign(given) else given
+
+
+def system_of(given: Any, delay: Any = 0.0, what: str = "mf.tf") -> LTI:
     """A system of python-control or SciPy as an LTI, by what it has rather than by its class."""
     if isinstance(given, LTI):
         if not np.any(delay):
             return given
         if any(given.delays):
-            raise SpecError(f"mf.tf: the system has delays {given.delays} s of its own; leave delay= out")
+            raise SpecError(f"{what}: the system has delays {given.delays} s of its own; leave delay= out")
         if given.matrices is not None:
             return ss(*given.matrices, delay=delay)
         return tf(given.numerators, given.denominators, delay=delay)
     if hasattr(given, "frdata") or hasattr(given, "omega"):
         raise SpecError(
-            "mf.tf: this is a frequency response, which has no polynomials; it is data: "
+            f"{what}: this is a frequency response, which has no polynomials; it is data: "
             "mf.FrequencyResponse(omega=..., response=...)"
         )
     if getattr(given, "dt", None) not in (None, 0):
         raise SpecError(
-            f"mf.tf: the system is discrete in time (dt = {given.dt}); convert it to continuous time first"
+            f"{what}: the system is discrete in time (dt = {given.dt}); convert it to continuous time first"
         )
     if all(hasattr(given, name) for name in "ABCD"):
-        return ss(given.A, given.B, given.C, given.D, delay=delay)
+        return _labelled(ss(given.A, given.B, given.C, given.D, delay=delay), given)
     if hasattr(given, "num_list") and hasattr(given, "den_list"):
-        return tf(given.num_list, given.den_list, delay=delay)
+        return _labelled(tf(given.num_list, given.den_list, delay=delay), given)
     if hasattr(given, "num") and hasattr(given, "den"):
         num: Any = given.num
         if np.ndim(given.den) == 1 and isinstance(num, np.ndarray) and num.ndim == 2:
             num = [[row] for row in num]  # SciPy: one input, several outputs
         return tf(num, given.den, delay=delay)
     if hasattr(given, "to_tf"):
-        return system_of(given.to_tf(), delay)
+        return system_of(given.to_tf(), delay, what)
     raise SpecError(
-        f"mf.tf: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
+        f"{what}: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
     )
 
 
-def _delays(given: float | Sequence[float], inputs: int, what: str) -> tuple[float, ...]:
+def named(system: LTI, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> LTI:
+    """The system with the names of its channels, but for those that number them."""
+    return replace(
+        system,
+        outputs=None if outputs == numbered("y", len(outputs)) else outputs,
+        inputs=None if inputs == numbered("u", len(inputs)) else inputs,
+    )
+
+
+def _labelled(system: LTI, given: Any) -> LTI:
+    """The system with the names that python-control's has, but for those that number channels: u[0]."""
+    own: list[tuple[str, ...] | None] = []
+    for name in ("input_labels", "output_labels"):
+        labels = tuple(getattr(given, name, ()))
+        numbers = all(re.fullmatch(r"\w+\[\d+\]", label) for label in labels)
+        own.append(None if numbers else labels)
+    return replace(system, inputs=own[0], outputs=own[1])
+
+
+def _delays(given: Any, outputs: int, inputs: int, what: str) -> Delays:
     values = np.atleast_1d(reals(what, "delay", given))
-    if values.ndim == 2 and values.shape[0] == 1:  # nested (output, input), one output
-        values = values[0]
     if values.size == 1:
-        values = np.repeat(values, inputs)
-    if values.shape != (inputs,):
-        raise SpecError(f"{what}: {values.size} delays for {inputs} input(s); give one, or one an input")
+        values = np.full(inputs, values.item())
+    if values.ndim == 2 and np.all(values == values[:1]):
+        values = values[0]
+    if values.shape not in ((inputs,), (outputs, inputs)):
+        raise SpecError(
+            f"{what}: {values.size} delays for {inputs} input(s) and {outputs} output(s); give one, one per "
+            "input, or one per path [output][input]"
+        )
     if not np.all(np.isfinite(values)) or np.any(values < 0):
         raise SpecError(
             f"{what}: delay is {values.tolist()} s; delays are finite and at least 0 "
             "(an output that leads its input is not causal: shift the output instead)"
         )
-    return tuple(float(v) for v in values)
+    rows = values.tolist()
+    return tuple(map(tuple, rows)) if values.ndim == 2 else tuple(rows)

@@ -16,6 +16,7 @@ from ..equations.written import channel_names
 from ..errors import SpecError
 from ..results.fit import Fit
 from ..systems.lti import LTI
+from ..systems.making import linear
 from .mu import Uncertainty
 from .system import DelaySystem
 
@@ -116,7 +117,7 @@ def from_fit(fit: Any) -> DelaySystem:
 
     Parameters
     ----------
-    fit : Fit, NonlinearModel or LTI
+    fit : Fit, NonlinearModel or LTI, or a system of python-control or SciPy
         Of `equation`, of any linear `mf.Equation` with delays known or estimated, of a `mf.StateSpace`, or
         of transfer functions; or its model. Constants in the equations are left out: x is counted from
         where the system rests.
@@ -153,11 +154,12 @@ def from_fit(fit: Any) -> DelaySystem:
     >>> found.order
     1
     """
+    fit = linear(fit, "timelag.from_fit")
     model = fit if isinstance(fit, LTI | NonlinearModel) else getattr(fit, "model", None)
     if isinstance(model, LTI):
         sys = model.to_ss()
         late: dict[float, F64] = {}
-        for k, lag in enumerate(sys.delays):
+        for k, lag in enumerate(sys.input_delays("timelag.from_fit")):
             late.setdefault(lag, np.zeros_like(sys.B))[:, k] = sys.B[:, k]
         return DelaySystem({0: sys.A}, late, sys.C)
     if not isinstance(model, NonlinearModel):

@@ -37,6 +37,17 @@ def test_frozen_equal_hashable_pickled():
         TransferFunction(2, 0)
 
 
+def test_more_zeros_than_poles_are_refused_with_the_equation_to_write():
+    line = r"y' \+ a1\*y = b0\*u'' \+ b1\*u' \+ b2\*u"
+    with pytest.raises(mf.SpecError, match=rf'2 zeros with 1 poles.*mf\.Equation\("{line}"\)'):
+        TransferFunction(poles=1, zeros=2)
+    separate = TransferFunction(poles=[1, 3], zeros=[[2], [1]], denominator="separate")
+    with pytest.raises(mf.SpecError, match=rf'more zeros than the 1 poles.*mf\.Equation\("{line}"\)'):
+        separate.layout(["q", "r"], ["de"])
+    equation = mf.Equation(line.replace("\\", ""))
+    assert equation.param_names() == ("a1", "b0", "b1", "b2")
+
+
 def test_numbers_in_and_out():
     structure = TransferFunction(poles=2, zeros=0)
     system = structure.model([3, 8, 5])

@@ -95,6 +95,40 @@ def test_a_fit_with_a_delay_goes_to_control():
     np.testing.assert_allclose(found, fit.model.frequency_response(OMEGA[:5]).response, rtol=1e-3)
 
 
+def test_a_delay_per_path_goes_to_control():
+    late = mf.tf([[[1], [2, 1]], [[3], [1, 0]]], [1, 2, 3], delay=[[0.1, 0.0], [0.3, 0.2]])
+    with pytest.raises(
+        mf.SpecError, match=r"delays \(\(0\.1, 0\.0\), \(0\.3, 0\.2\)\) s have no rational form"
+    ):
+        late.to_control()
+    found = control.frequency_response(late.to_control(pade=6), OMEGA[:5]).frdata
+    np.testing.assert_allclose(found, response(late)[:, :, :5], rtol=1e-5)
+    with pytest.raises(mf.SpecError, match="SciPy's systems have no delay"):
+        late.to_scipy()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_names_of_channels_go_to_control_and_back(form):
+    plant = mf.tf([[[1], [2, 1]], [[3], [1, 0]]], [1, 2, 3])
+    rec = mf.simulate(plant, input=["sin(t**2/5)", "cos(t**2/7)"], duration=10.0, intervals=256,
+                      nsr=0.01, outputs=["alpha", "q"], inputs=["de", "da"])  # fmt: skip
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, denominator="common"), band=12.0)
+    other = FORMS[form](fit.model).to_control()
+    assert (other.input_labels, other.output_labels) == (["de", "da"], ["alpha", "q"])
+    again = mf.tf(other)
+    assert (again.inputs, again.outputs) == (("de", "da"), ("alpha", "q"))
+    frd = fit.model.frequency_response(OMEGA).to_control()
+    assert (frd.input_labels, frd.output_labels) == (["de", "da"], ["alpha", "q"])
+
+
+def test_channels_that_nobody_named_keep_the_numbers_of_control():
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    assert (fit.model.inputs, fit.model.outputs) == (None, None)
+    assert fit.model.to_control().input_labels == ["u[0]"]
+    assert mf.tf(fit.model.to_control()).inputs is None
+
+
 def test_scipy_refuses_delays():
     with pytest.raises(mf.SpecError, match=r"no delay and this one has \(0\.1,\) s; use to_control"):
         mf.tf([1], [1, 1], delay=0.1).to_scipy()
@@ -133,6 +167,37 @@ def test_ss_takes_systems():
         mf.ss([[-1.0]])
     with pytest.raises(mf.SpecError, match="got only str"):
         mf.ss("1/s")
+
+
+@pytest.mark.parametrize(
+    "given", [control.tf([5], [1, 3, 8]), signal.lti([5], [1, 3, 8])], ids=["control", "scipy"]
+)
+def test_systems_of_others_serve_wherever_an_lti_does(given):
+    own = mf.tf([5], [1, 3, 8])
+    words = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256, "nsr": 0.1, "seed": 3}
+    rec = mf.simulate(own, **words)
+    assert np.array_equal(mf.simulate(given, **words).y, rec.y)
+    assert np.array_equal(mf.crlb(given, rec, nsr=0.1).sd, mf.crlb(own, rec, nsr=0.1).sd)
+    study = {**words, "replicates": 8, "estimators": ["ml"]}
+    assert np.array_equal(
+        mf.MonteCarlo(system=given, **study).run().bias, mf.MonteCarlo(system=own, **study).run().bias
+    )
+    structure = mf.TransferFunction.from_system(given)
+    assert structure == mf.TransferFunction(poles=2, zeros=0)
+    np.testing.assert_allclose(structure.theta(given), [3, 8, 5])
+    assert mf.timelag.from_fit(given).order == 2
+    fit = mf.fit(rec, structure)
+    magnitude, _ = mf.plot.bode(given, fit, own, labels=["given", "fit", "own"])
+    curves = {line.get_label(): line.get_ydata() for line in magnitude.lines}
+    np.testing.assert_allclose(curves["given"], curves["own"], rtol=1e-9)
+    assert "fit u → y" in curves
+
+
+def test_what_cannot_serve_is_refused_by_the_name_of_the_call():
+    with pytest.raises(mf.SpecError, match="simulate: the system is discrete in time"):
+        mf.simulate(control.tf([1], [1, 0.5], True), input="t", duration=1.0, intervals=4)
+    with pytest.raises(mf.SpecError, match=r"plot\.bode: this is a frequency response"):
+        mf.plot.bode(control.frd([1.0, 2.0], [1.0, 2.0]))
 
 
 def test_frequency_responses_go_to_control_and_back():

@@ -284,3 +284,88 @@ def test_the_response_of_a_state_space_keeps_its_digits_where_it_has_fallen_by_m
     np.testing.assert_allclose(found, (1 + 1j * omega) ** -float(n), rtol=1e-13)
     many = SchurForm(*chain.matrices).gains(omega)[:, 0, 0]
     np.testing.assert_allclose(many, found, rtol=1e-12, atol=1e-14)
+
+
+# A delay per path --------------------------------------------------------------------------------
+
+LATE = [[0.1, 0.0], [0.35, 0.2]]
+PATHS = [[[1], [2, 1]], [[3], [1, 0]]]
+
+
+@pytest.mark.parametrize("den", [[1, 2, 3], [[[1, 1], [1, 2, 3]], [[1, 4], [1, 0.5]]]], ids=["one", "each"])
+def test_a_delay_per_path_is_that_of_paths_taken_alone(den):
+    system = mf.tf(PATHS, den, delay=LATE)
+    assert system.delay == ((0.1, 0.0), (0.35, 0.2))
+    u = np.random.default_rng(0).standard_normal((2, 101))
+    omega = np.array([0.0, 0.7, 3.0])
+    y, step = system.simulate(u=u, dt=0.05, intersample="foh"), system.step(4.0, 50)[1]
+    for i in range(2):
+        total = 0.0
+        for j in range(2):
+            own = mf.tf(PATHS[i][j], den if den[0] == 1 else den[i][j], delay=LATE[i][j])
+            total = total + own.simulate(u=u[j], dt=0.05, intersample="foh")
+            np.testing.assert_allclose(step[i, j], own.step(4.0, 50)[1], atol=1e-12)
+            np.testing.assert_allclose(
+                system.frequency_response(omega).response[i, j], own.frequency_response(omega).response[0, 0]
+            )
+        np.testing.assert_allclose(y[i], total, atol=1e-12)
+    bare = mf.tf(PATHS, den)
+    assert system.order == bare.order
+    np.testing.assert_array_equal(system.poles(), bare.poles())
+    assert "e^(-0.35 s)" in repr(system)
+
+
+def test_equal_rows_of_delays_are_delays_of_inputs():
+    assert mf.tf(PATHS, [1, 2, 3], delay=[[0.1, 0.2], [0.1, 0.2]]).delays == (0.1, 0.2)
+
+
+def test_an_initial_state_is_not_late():
+    late, bare = mf.tf(PATHS, [1, 2, 3], delay=LATE), mf.tf(PATHS, [1, 2, 3])
+    words = {"u": np.zeros((2, 50)), "dt": 0.1, "x0": [1.0, -0.5, 0.2, 2.0]}
+    np.testing.assert_array_equal(late.simulate(**words), bare.simulate(**words))
+
+
+def test_random_initial_states_have_the_sizes_of_each_output():
+    late = mf.tf(PATHS, [1, 2, 3], delay=LATE)
+    words = {"input": ["sin(t**2/5)", "cos(t**2/7)"], "duration": 10.0, "intervals": 200}
+    from modfun.experiments.simulation import experiment
+
+    found = experiment(late, **words).state_rms
+    for i in range(2):
+        own = mf.tf([PATHS[i]], [1, 2, 3], delay=LATE[i])
+        np.testing.assert_allclose(found[2 * i : 2 * i + 2], experiment(own, **words).state_rms, rtol=1e-12)
+
+
+def test_a_structure_holds_a_delay_per_path():
+    system = mf.tf(PATHS, [1, 2, 3], delay=LATE)
+    structure = mf.TransferFunction.from_system(system)
+    assert structure.delay == ((0.1, 0.0), (0.35, 0.2))
+    again = structure.model(structure.theta(system), inputs=2, outputs=2)
+    assert again.delays == system.delays
+    with pytest.raises(mf.SpecError, match="other delays"):
+        mf.TransferFunction.from_system(mf.tf(PATHS, [1, 2, 3], delay=0.1)).theta(system)
+
+
+@pytest.mark.parametrize("call", [mf.ss, mf.LTI.to_ss, lambda late: mf.reduce(late, 1), mf.timelag.from_fit])
+def test_what_needs_a_delay_per_input_says_so(call):
+    with pytest.raises(mf.SpecError, match="delays differ from output to output"):
+        call(mf.tf(PATHS, [1, 2, 3], delay=LATE))
+
+
+def test_a_fit_with_a_delay_per_path_has_a_model():
+    truth = mf.tf([[[1, 2]], [[0.5]]], [1, 1.2, 4], delay=[[0.2], [0.5]])
+    rec = mf.simulate(
+        truth, input="sin(t**2/6)", duration=20.0, intervals=400, nsr=0.02, outputs=["alpha", "q"]
+    )
+    late = mf.TransferFunction(
+        poles=2, zeros=[[1], [0]], denominator="common", delay=[[mf.Free(max=0.6)], [mf.Free(max=0.8)]]
+    )
+    fit = mf.fit(rec, late)
+    assert fit.model.outputs == ("alpha", "q")
+    np.testing.assert_allclose(fit.model.path_delays, [[0.2], [0.5]], atol=0.03)
+    omega = np.array([0.5, 2.0, 4.0])
+    np.testing.assert_allclose(
+        fit.model.frequency_response(omega).response, fit.frequency_response(omega)[0], rtol=1e-10
+    )
+    for i, y in enumerate(fit.model.simulate(u=rec.u, dt=rec.dt)):
+        np.testing.assert_allclose(y, fit.path_model(i).simulate(u=rec.u, dt=rec.dt), atol=1e-9)
