@@ -10,7 +10,7 @@ MANYLINUX := $(if $(filter Linux,$(shell uname)),--zig --compatibility manylinux
 FUZZED := $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
 RUST := $(shell find rust -name '*.rs' -o -name 'Cargo.toml')
 
-.PHONY: demo test test-rust test-python test-arm lint format docs docs-look bench bench-compare rivals validate soak fuzz fuzz-texts fuzz-guided fuzz-core valgrind deny counts wheel sdist try-sdist test-wheel licences clean
+.PHONY: demo trial test test-rust test-python test-arm lint format docs docs-look bench bench-compare rivals validate soak fuzz fuzz-texts fuzz-guided fuzz-core valgrind deny counts wheel sdist try-sdist test-wheel licences clean
 
 ## Builds, installs into .venv and reproduces the report's figures.
 demo: .venv/demo
@@ -77,6 +77,10 @@ rivals: .venv/rivals/created
 ## docs/validation.md: report, benchmarks, coverage, twins, orders, bits; minutes when idle. ONLY=orders makes one section.
 validate: .venv/dev
 	$(BIN)/python benches/validate/validate.py $(if $(ONLY),--only $(ONLY))
+
+## What fits of wrong and right set-ups warn of, into docs/trial.md: two minutes. ONLY= for some, without the page.
+trial: .venv/dev
+	$(BIN)/python benches/trial.py $(if $(ONLY),--only "$(ONLY)")
 
 ## Memory of a study of 10^8 replicates into docs/faults.md: minutes; REPLICATES= for another number.
 soak: .venv/dev

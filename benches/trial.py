@@ -135,6 +135,11 @@ def two_inputs(seed: int) -> mf.Record:
     return noisy(clean, seed)
 
 
+def spring(time: float, x: Any, u: float) -> Any:
+    """A hard spring, as of a Duffing oscillator."""
+    return [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3]
+
+
 TWO = mf.ss([[0, 1], [-8, -3]], [[0], [5]], np.eye(2), np.zeros((2, 1)))
 
 
@@ -152,6 +157,7 @@ def drifting(seed: int) -> mf.Record:
     return rec.assign(y=rec.y[0] + 0.6 * rec.y.std() * rec.t / 20)
 
 
+DUFFING = mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c")
 RIGHT2 = by(TF(poles=2, zeros=0))
 DELAYED = mf.tf([5], [1, 3, 8], delay=0.25)
 ONE_LATE = mf.tf([5], [1, 3, 8], delay=20 / 512)
@@ -166,8 +172,8 @@ WRONG = [
     Setup(
         "two poles for two modes",
         of(mf.tf([4, 2, 90], np.polymul([1, 0.4, 4], [1, 0.6, 25]))),
-        RIGHT2,
-        by(TF(poles=4, zeros=2)),
+        by(TF(poles=2, zeros=0), band=8.0),
+        by(TF(poles=4, zeros=2), band=8.0),
         POLES,
     ),
     Setup("a zero too few", of(mf.tf([4, 5], [1, 3, 8])), RIGHT2, by(TF(poles=2, zeros=1)), "zero|pole"),
@@ -296,8 +302,8 @@ RIGHT = [
     Setup("two outputs, own denominators", of(TWO), by(TF(poles=2, zeros=1, denominator="separate"))),
     Setup("three records", lambda s: [of(PLANT)(3 * s + k) for k in range(3)], RIGHT2),
     Setup("an equation", of(PLANT), by(mf.Equation("y'' + a1*y' + a2*y = b0*u + c"))),
-    Setup("a Duffing oscillator", nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3]), by(mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c"))),
-    Setup("a state space", of(TWO), by(SEPARATE, harmonics=20)),
+    Setup("a Duffing oscillator", nonlinear(spring), by(DUFFING)),
+    Setup("two outputs, a band given", of(TWO), by(SEPARATE, harmonics=20)),
 ]  # fmt: skip
 
 
@@ -334,6 +340,78 @@ def _ratio(wrong: Any, right: Any) -> float:
     return float(chi2.sf(rows * np.log(max(a / b, 1e-300)), max(right.params.size - wrong.params.size, 1)))
 
 
+PAGE = """\
+# Trial: what a fit warns of
+
+{wrongs} wrong and {rights} right set-ups, {records} records each, by `make trial`. A fit emits at most one
+warning: where the data contradict the model or a default beyond doubt. Everything else is in `fit.check()`.
+
+* Of the {told:,} records that tell wrong from right, {warned:.1f} % were warned of. The first cure that the
+  warning names was a right one in {cured:.1f} % of these.
+* Of the {fits:,} records of right set-ups, {alarms} were warned of. If none was, the rate lies below
+  {below:.2g} % (97.5 %).
+
+## Wrong set-ups
+
+A record tells where the likelihood ratio of right and wrong fit has a p-value below {tells:g}. Where the
+right model is of another kind, every record counts. "Warned of" and "first cure right" count the records that
+tell.
+
+| set-up | records that tell | warned of | first cure right | doubts in `check()` |
+|---|---|---|---|---|
+{wrong_rows}
+
+## Right set-ups
+
+Doubts are those of `check()`: with white noise one right fit in twenty has some. Coloured noise is doubted in
+every record, and rightly: classical standard errors do not hold then.
+
+| set-up | warned of | doubts in `check()` |
+|---|---|---|
+{right_rows}
+
+## What it does not see
+
+* An input that is not in the record looks like coloured noise. `check()` says that the residuals are far
+  above the noise of the high band. A filtered record does the same, so the fit does not warn.
+* A held input that is declared smooth shifts the estimates, but a fit absorbs the half sample of delay: the
+  residuals do not tell. `rec.check()` sees it in the samples of the input.
+* A chirp passes each frequency once, so that a system that changes in time cannot be told from one of higher
+  order. The set-ups with changing stiffness are driven by seven sines.
+* Equations and state spaces are tested for events, neighbouring lines, colour and level only.
+"""
+
+Rows = list[tuple[str, dict[str, Any]]]
+
+
+def page(wrong: Rows, right: Rows, records: int) -> str:
+    """The page docs/trial.md."""
+    told, warned, cured = (sum(row[key] for _, row in wrong) for key in ("told", "warned", "cured"))
+    fits = records * len(right)
+    wrong_rows = (
+        (
+            name,
+            row["told"],
+            _share(row["warned"], row["told"]),
+            _share(row["cured"], row["warned"]),
+            row["doubts"],
+        )
+        for name, row in wrong
+    )
+    right_rows = ((name, row["said"], row["doubts"]) for name, row in right)
+    return PAGE.format(
+        wrongs=len(wrong), rights=len(right), records=records, told=told, warned=100 * warned / told,
+        cured=100 * cured / max(warned, 1), fits=fits, alarms=sum(row["said"] for _, row in right),
+        below=100 * (1 - 0.025 ** (1 / fits)), tells=TELLS,
+        wrong_rows="\n".join(f"| {' | '.join(map(str, row))} |" for row in wrong_rows),
+        right_rows="\n".join(f"| {' | '.join(map(str, row))} |" for row in right_rows),
+    )  # fmt: skip
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.0f} %" if whole else "–"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=100)
@@ -348,13 +426,10 @@ def main() -> None:
             start = time.perf_counter()
             found = tried(setup, args.records)
             rows[right].append((setup.name, found))
-            print(
-                "right" if right else "WRONG",
-                setup.name,
-                found,
-                f"{time.perf_counter() - start:.1f} s",
-                flush=True,
-            )
+            took = f"{time.perf_counter() - start:.1f} s"
+            print("right" if right else "wrong", setup.name, found, took, flush=True)
+    if not args.only:
+        args.out.write_text(page(rows[False], rows[True], args.records), encoding="utf-8")
 
 
 if __name__ == "__main__":

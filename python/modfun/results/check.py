@@ -20,9 +20,9 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
-from .misfit import misfit, of_residuals
+from .misfit import misfit, of_residuals, which_errors
 
-__all__ = ["check", "doubts", "warnings_of"]
+__all__ = ["check", "warnings_of"]
 
 
 def unsettled(fit: Estimates) -> Doubt | None:
@@ -46,15 +46,15 @@ def warnings_of(fit: Estimates) -> list[str]:
 
 def check(fit: Estimates, line: str) -> Findings:
     """What is wrong or doubtful about a fit, `line` in words; see `Fit.check`."""
+    title = f"Check of {line}"
     if not fit.usable:
-        return Findings(f"Check of {line}", [fit.message])
-    return Findings(f"Check of {line}", [doubt.text for doubt in doubts(fit)], note=noise_free(fit) or "")
-
-
-def doubts(fit: Estimates) -> list[Doubt]:
-    """All doubts about a fit with finite parameters, those beyond doubt first."""
+        return Findings(title, [fit.message])
     found = [look(fit) for look in LOOKS if look is not misfit]
-    if noise_free(fit) is None:
-        found += of_residuals(fit, diagnose(fit))
+    note = noise_free(fit)
+    if note is None:
+        diagnosis = diagnose(fit)
+        found += of_residuals(fit, diagnosis)
+        note = which_errors(diagnosis)
     found += [biased(fit), minima(fit), few_samples(fit)]
-    return sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
+    doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
+    return Findings(title, [doubt.text for doubt in doubts], note=note)

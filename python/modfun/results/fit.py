@@ -155,8 +155,9 @@ class Fit(Estimates):
         noise each of these tests objects to about one right model in a hundred (neighbouring lines: up to
         two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; HC3 and classical standard errors apart by a factor above
-        2.5; fewer than 8 samples a period; a condition number above 10^6; two minima; a parameter on its
-        bound. Without noise there is nothing to test residuals against, which a note says.
+        2.5 where a test objects; fewer than 8 samples a period; a condition number above 10^6; two minima; a
+        parameter on its bound. A note says where there is no noise to test residuals against, and which
+        standard errors to take where the two kinds differ and no test objects.
         """
         return self._findings
 
