@@ -108,7 +108,7 @@ def experiment(
     count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
     dt = float(duration) / count
     given = sources(input, sys.shape[1])
-    kinds = intersample_kinds("smooth" if intersample is None else intersample, len(given))
+    kinds = intersample_kinds("smooth" if intersample is None else intersample, given)
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
     if not isinstance(sys, LTI):
