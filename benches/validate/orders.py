@@ -99,7 +99,7 @@ def holds() -> list[Curve]:
         u = np.repeat(np.sign(np.sin(2.7 * np.arange(32) ** 2)), n // 32)
         u = np.append(u, u[-1])
         rec = mf.simulate(SYSTEM, input=u, duration=10.0, intervals=int(n), intersample="zoh")
-        smooth = mf.Record(y=rec.y, u=rec.u, dt=rec.dt)
+        smooth = mf.Record(y=rec.y, u=rec.u, dt=rec.dt, intersample="smooth")
         errors.append(_rms(mf.fit(smooth, TF2, method="ml", harmonics=6, trend=None).params))
     out.append(Curve("hold", "ml, held input called smooth", 10 / counts, np.array(errors), 1))
     return out

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError, SpecError
 from .arguments import real, reals, whole
 from .arrays import F64
+from .between import AUTO
 from .tables import nearest
 from .words import INTERSAMPLE
 
@@ -168,19 +169,20 @@ def refuse_duplicates(names: Sequence[str]) -> None:
 def intersample_of(
     given: str | Sequence[str] | Mapping[str, str], inputs: tuple[str, ...]
 ) -> tuple[str, ...]:
+    """Return one word an input as users give them, "auto" where they leave it to the samples."""
     if isinstance(given, Mapping):
         for name in given:
             if name not in inputs:
                 raise SpecError(
                     f"Record: intersample names {name!r}, which is no input; {nearest(name, inputs)}"
                 )
-        words = tuple(given.get(name, "smooth") for name in inputs)
+        words = tuple(given.get(name, AUTO) for name in inputs)
     elif isinstance(given, str):
         words = (given,) * len(inputs)
         given = (given,)  # an unknown word is refused also where there is no input yet
     else:
         if given is None:
-            raise SpecError(f"Record: intersample=None; {nearest('None', INTERSAMPLE)}")
+            raise SpecError(f"Record: intersample=None; {nearest('None', (AUTO, *INTERSAMPLE))}")
         words = tuple(given)
         if len(words) != len(inputs):
             raise SpecError(
@@ -188,8 +190,8 @@ def intersample_of(
                 "each"
             )
     for word in (*words, *(given if not isinstance(given, Mapping) else ())):
-        if word not in INTERSAMPLE:
-            raise SpecError(f"Record: intersample {word!r} is unknown; {nearest(word, INTERSAMPLE)}")
+        if word not in (AUTO, *INTERSAMPLE):
+            raise SpecError(f"Record: intersample {word!r} is unknown; {nearest(word, (AUTO, *INTERSAMPLE))}")
     return words
 
 

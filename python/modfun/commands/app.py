@@ -59,7 +59,9 @@ Step = Annotated[
 ]
 Between = Annotated[
     list[str] | None,
-    typer.Option("--intersample", help="Inputs between samples: smooth, zoh or foh; once, or one an input."),
+    typer.Option(
+        "--intersample", help="Inputs between samples: auto, smooth, zoh or foh; once, or one an input."
+    ),
 ]
 On = Annotated[
     str | None, typer.Option(help="Column of an event marker: one record each time it is on, or each number.")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
 from ..base.arrays import F64
+from ..base.between import AUTO
 from ..base.samples import steps_of
 from ..errors import DataError, SpecError
 from ..signals import Signals
@@ -125,9 +126,9 @@ class NonlinearModel:
         x0 : array_like, shape (states,), optional
             State at the first sample in the order of `states`; default: zero. Where the equations look back
             (y(t − h)), the state was the same before.
-        intersample : {"smooth", "zoh", "foh"} or a sequence of them, default "smooth"
-            What the input does between samples: a cubic spline, held, or straight. Text and functions taken
-            as smooth are exact.
+        intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
+            What the input does between samples: a cubic spline, held, or straight; "auto": as the
+            samples say, see `modfun.Record`, and smooth for text and functions, which is exact.
         intervals : int, optional
             Number of sampling intervals, needed with `dt` where no input is an array.
         rtol : float, default 1e-9
@@ -151,7 +152,7 @@ class NonlinearModel:
             intervals, intersample = u.intervals, u.intersample
             dt = u.dt if t is None else None
         given = sources(u, len(self.inputs))
-        kinds = "smooth" if intersample is None else intersample
+        kinds = AUTO if intersample is None else intersample
         y = self.respond(given, _grid(dt, t, given, intervals), x0, kinds, rtol)
         return y[0] if len(self.outputs) == 1 else y
 
@@ -221,7 +222,7 @@ class NonlinearModel:
         x : ndarray, shape (state, start, time)
         """
         form, theta = self.form, list(self.params.values())
-        kinds = intersample_kinds(intersample, len(inputs))
+        kinds = intersample_kinds(intersample, inputs, grid)
         late = [float(d) for d in form.delays(theta)]
         if any(not (np.isfinite(d) and d >= 0) for d in late):
             raise SpecError(f"simulating: delays are {late} s; a delay is at least 0")

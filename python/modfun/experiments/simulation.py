@@ -109,7 +109,7 @@ def experiment(
     count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
     dt = float(duration) / count
     given = sources(input, sys.shape[1])
-    kinds = intersample_kinds("smooth" if intersample is None else intersample, len(given))
+    kinds = intersample_kinds("smooth" if intersample is None else intersample, given)
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
     if not isinstance(sys, LTI):
@@ -126,6 +126,8 @@ def experiment(
     states = np.zeros((n, t.size))
     for late, seen in sys.alike():
         own = sys.states_of(seen)
+        if not own.size:  # a gain has none
+            continue
         words = (a, b, np.eye(n)[own], np.zeros((own.size, len(given)))), np.zeros(n), given, dt, count, kinds
         states[own] = respond(*words, late) / scale[own, None]
     silence = np.zeros_like(u)

@@ -17,6 +17,7 @@ from ..models.options import MOST_THREADS, Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
+from ..records.samples import agreed
 from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
@@ -352,6 +353,8 @@ def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
     for k, rec in enumerate(records):
         if not isinstance(rec, Record):
             raise SpecError(f"{what}: item {k} of data is {type(rec).__name__!r}, not a Record")
+    if len({rec.inputs for rec in records}) == 1 < len({rec.intersample for rec in records}):
+        records = agreed(records)
     first = records[0]
     wanted = (first.outputs, first.inputs, first.intersample)
     for k, rec in enumerate(records):

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.between import AUTO, decided, liveliest
 from ..base.samples import (
     FEWEST,
     Names,
@@ -26,6 +27,8 @@ from .record import Record
 
 __all__ = ["Batch"]
 
+LOOKED_AT = 8  # replicates, about, that say how the inputs of all go between samples
+
 
 @public
 class Batch:
@@ -41,7 +44,7 @@ class Batch:
     dt : float
         Sampling interval in seconds.
     outputs, inputs, intersample
-        As in `Record`.
+        As in `Record`; "auto" looks at the inputs of a few replicates and takes one word for all.
 
     Attributes
     ----------
@@ -92,7 +95,7 @@ class Batch:
         *,
         outputs: Names = None,
         inputs: Names = None,
-        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+        intersample: str | Sequence[str] | Mapping[str, str] = AUTO,
     ) -> None:
         given = floats(y, "y")
         ys = given[:, None, :] if given.ndim == 2 else given
@@ -131,7 +134,7 @@ class Batch:
             "dt": positive(dt, "dt", "seconds"),
             "outputs": out_names,
             "inputs": in_names,
-            "intersample": intersample_of(intersample, in_names),
+            "intersample": _between(intersample_of(intersample, in_names), us),
         }.items():
             object.__setattr__(self, name, value)
 
@@ -164,6 +167,18 @@ class Batch:
             f"Batch of {replicates} replicates: {channels} outputs, {self.u.shape[1]} {shared}inputs, "
             f"{count} samples, dt = {self.dt:.6g} s"
         )
+
+
+def _between(words: Sequence[str], u: F64) -> tuple[str, ...]:
+    """Return one word an input; where the samples say it, a few replicates decide together."""
+    if AUTO not in words:
+        return tuple(words)
+    some = u[:: max(1, len(u) // LOOKED_AT)]
+    found = [decided(words, one)[0] for one in some]
+    return tuple(
+        liveliest(said, rows)
+        for said, rows in zip(zip(*found, strict=True), some.swapaxes(0, 1), strict=True)
+    )
 
 
 def _restore_batch(y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str]) -> Batch:

@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..base.between import form_of
 from ..base.tables import Findings
 from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
 __all__ = ["check_record"]
+
+CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
+MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
 def check_record(record: Samples) -> Findings:
@@ -24,11 +28,13 @@ def check_record(record: Samples) -> Findings:
         if values.min() == values.max():
             sentences.append(_constant(record, name))
             continue
-        held = False
+        form = ""
         if name in record.inputs:
-            sentences += _between_samples(record, name)
-            held = record.intersample[record.inputs.index(name)] != "smooth" or _is_held(values)
-        if not held:  # a held input sits at its extremes, repeats itself and jumps by design
+            form = form_of(values, None if record.dt else record.t)
+            sentences += _between_samples(record, name, form)
+            if record.intersample[record.inputs.index(name)] != "smooth":
+                form = "held"
+        if form in ("", "smooth", "rough"):  # others sit at extremes, repeat themselves or jump by design
             sentences += [*_codes(record, name), *_clipped(record, name), *_stale(record, name)]
             sentences += _outliers(record, name)
         if name in record.outputs:
@@ -110,36 +116,75 @@ def _changes(values: F64) -> NDArray[np.bool_]:
     return np.abs(np.diff(values)) > 1e-9 * float(np.ptp(values))
 
 
-def _is_held(values: F64) -> bool:
-    """Tell whether most steps are flat and the changes stand alone, as behind a zero-order hold."""
-    moves = _changes(values)
-    alone = moves & ~np.append(moves[1:], False) & ~np.insert(moves[:-1], 0, False)
-    return bool(moves.any() and moves.mean() <= 0.5 and alone.sum() >= 0.8 * moves.sum())
-
-
-def _between_samples(record: Samples, name: str) -> Iterator[str]:
-    values = record[name]
+def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
+    """Say what contradicts a declaration, or what the samples alone cannot decide."""
     word = record.intersample[record.inputs.index(name)]
-    flat = int((~_changes(values)).sum())
-    if _is_held(values):
-        if word != "zoh":
-            yield (
-                f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} "
-                "steps and jumps between; if it was held, give intersample='zoh'."
-            )
+    if name in record._seen:
+        yield from _doubtful(record, name, record._seen[name])
         return
-    bends = np.abs(np.diff(values, 2)) > 1e-9 * float(np.ptp(values))
-    straight = int((~bends).sum()) - int((np.diff(values) == 0).sum())
-    if word == "smooth" and record.dt is not None and straight > 0.5 * len(bends):
+    values = record[name]
+    flat = int((~_changes(values)).sum())
+    if form in ("held", "stairs") and word != "zoh":
+        yield (
+            f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} steps "
+            "and jumps between; if it was held, give intersample='zoh'."
+        )
+    if form == "straight" and word == "smooth":
+        bends = np.abs(np.diff(values, 2)) > 1e-9 * float(np.ptp(values))
         yield (
             f"Input {name!r} is declared smooth but consists of straight lines ({int(bends.sum())} bends); "
             "if it was interpolated so, give intersample='foh'."
+        )
+    if form == "lively" and word == "smooth":
+        yield (
+            f"Input {name!r} is declared smooth but has as much power at the highest frequencies as below; "
+            "if each value was held for one sample, give intersample='zoh'."
         )
     if word == "zoh" and flat == 0 and _is_smooth(values):
         yield (
             f"Input {name!r} is declared zoh but changes smoothly at every sample; if it was not held, "
             "give intersample='smooth'."
         )
+
+
+def _doubtful(record: Samples, name: str, form: str) -> Iterator[str]:
+    """Say where nobody declared an input and its samples leave it open."""
+    if form == "stairs":
+        yield (
+            f"Input {name!r} is taken as held: it goes up and down by one step at a time. If it was measured "
+            "and coarsely rounded, give intersample='smooth'; else declare intersample='zoh'."
+        )
+    if form == "rough":
+        yield (
+            f"Input {name!r} is taken as smooth, but has power up to the highest frequencies. If each value "
+            "was held for one sample, give intersample='zoh'; if that is noise, declare "
+            "intersample='smooth'."
+        )
+    if form == "smooth" and (part := _half_a_sample(record, name)):
+        yield (
+            f"Input {name!r} is taken as smooth; a command held for one sample each looks the same, and is "
+            f"half a sample late, which is {100 * part:.0f} % of an output. If it was held, give "
+            "intersample='zoh'; else declare intersample='smooth'."
+        )
+
+
+def _half_a_sample(record: Samples, name: str) -> float:
+    """Return what half a sample of delay changes of an output, as a part of it; 0 where it is no matter.
+
+    It matters beyond the noise and `MATTERS`. Noise on an input says that it was measured.
+    """
+    if record.dt is None or record.intervals < 40:
+        return 0.0
+    noise = {row["channel"]: row for row in noise_table(record, 2)}
+    if noise[name]["percent"] > CLEAN:
+        return 0.0
+    found = 0.0
+    for output in record.outputs:
+        values, sd = record[output], noise[output]["noise_sd"]
+        shift = 0.5 * float(np.sqrt(max(np.mean(np.diff(values) ** 2) - 2 * sd**2, 0.0)))
+        if shift > max(sd, MATTERS * float(values.std())) > 0:
+            found = max(found, shift / float(values.std()))
+    return found
 
 
 def _is_smooth(values: F64) -> bool:

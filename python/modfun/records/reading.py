@@ -67,7 +67,7 @@ def read(
         Units by (new) channel name; default: what the source says, or what stands in brackets in the
         column's name.
     intersample : optional
-        How the inputs go between samples, as in `Record`; default: what the source says, or "smooth".
+        How the inputs go between samples, as in `Record`; default: what the source says, or "auto".
     mask : str or mapping of str to str, optional
         Column that is 1 or true where a sample of the outputs counts, 0 or false where it is left out;
         ``{output: column}`` for some outputs only.

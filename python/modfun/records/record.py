@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.between import AUTO, decided
 from ..base.samples import (
     FEWEST,
     Names,
@@ -59,9 +60,14 @@ class Record(Samples):
         Names of the channels. Default ``y`` or ``y1, y2, ...`` and ``u`` or ``u1, u2, ...``.
     units : mapping of str to str, optional
         Units by channel name, for labels only: nothing is converted.
-    intersample : {"smooth", "zoh", "foh"} or a sequence or mapping of them, default "smooth"
+    intersample : {"auto", "smooth", "zoh", "foh"} or a sequence or mapping of them, default "auto"
         How the inputs go between samples: smoothly (band-limited), held, or in straight lines; one word
-        for all inputs, one an input, or words by input name (inputs left out are smooth).
+        for all inputs, one an input, or words by input name (inputs left out are "auto"). "auto" takes
+        the word from the samples: stretches of equal values between jumps are held, and so are 50 or more
+        values with as much power at the highest frequencies as below; lines between corners are straight; all
+        else is smooth, coarsely rounded measurements included. A command that changes at every sample and
+        follows something smooth, such as a sweep, looks smooth even if it was held: declare it "zoh".
+        Printing the record shows the words, `check` says which are doubtful.
     keep : mapping of str to array_like, optional
         Further channels to carry along, such as an event marker for `split`.
     mask : array_like of bool, shape (time,) or (output, time), optional
@@ -84,7 +90,9 @@ class Record(Samples):
         None where the steps are uneven.
     outputs, inputs : tuple of str
     intersample : tuple of str
-        One word an input.
+        One word an input: "smooth", "zoh" or "foh". Parts of a record keep its words; `assign` decides
+        anew on inputs that were not declared. Records that are fitted together agree: what one of them
+        declares holds for all, else the word of the record in which the input moves most.
     mask : ndarray of bool, shape (output, time), or None
         None where every sample counts.
     sigma : ndarray, shape (output, time), or None
@@ -133,7 +141,7 @@ class Record(Samples):
         outputs: Names = None,
         inputs: Names = None,
         units: Mapping[str, str] | None = None,
-        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+        intersample: str | Sequence[str] | Mapping[str, str] = AUTO,
         keep: Mapping[str, ArrayLike] | None = None,
         mask: ArrayLike | None = None,
         sigma: ArrayLike | None = None,
@@ -141,7 +149,7 @@ class Record(Samples):
     ) -> None:
         if isinstance(u, Signals):
             _refuse_beside(u, dt=dt, fs=fs, t=t, inputs=inputs)
-            if intersample not in ("smooth", u.intersample):
+            if intersample not in (AUTO, u.intersample):
                 raise SpecError(
                     f"Record: intersample={intersample!r} beside signals that are "
                     f"{', '.join(u.intersample)}; leave it out, or give signals.u"
@@ -183,6 +191,7 @@ class Record(Samples):
         for name in units or {}:
             if name not in known:
                 raise SpecError(f"Record: units names {name!r}, which is no channel; {nearest(name, known)}")
+        words, forms = decided(intersample_of(intersample, in_names), us, None if step else times)
         self._set(
             y=ys,
             u=us,
@@ -190,12 +199,13 @@ class Record(Samples):
             dt=step,
             outputs=out_names,
             inputs=in_names,
-            intersample=intersample_of(intersample, in_names),
+            intersample=words,
             mask=good,
             sigma=sigma_of(sigma, good, times, ys.shape, axis),
             source=None,
             _units={str(name): str(unit) for name, unit in (units or {}).items()},
             _keep={name: values[0] for name, values in kept.items()},
+            _seen={in_names[k]: form for k, form in forms.items()},
         )
 
     def check(self) -> Findings:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base import html
 from ..base.arrays import F64
+from ..base.between import AUTO, DOUBTFUL, decided, liveliest
 from ..base.samples import (
     FEWEST,
     Names,
@@ -27,7 +28,7 @@ from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_every, pieces_on
 from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 
-__all__ = ["Samples", "refuse_own_noise"]
+__all__ = ["Samples", "agreed", "refuse_own_noise"]
 
 Own = TypeVar("Own", bound="Samples")
 
@@ -36,7 +37,8 @@ class Samples:
     """The fields of a `Record`, unchecked and never changed."""
 
     __slots__ = (
-        "_keep", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "source", "t", "u", "y",
+        "_keep", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "source", "t",
+        "u", "y",
     )  # fmt: skip
 
     y: F64
@@ -51,6 +53,7 @@ class Samples:
     source: Origin | None
     _units: dict[str, str]
     _keep: dict[str, F64]
+    _seen: dict[str, str]  # what samples look like that decided on intersample, by input
 
     def _set(self, **fields: Any) -> None:
         for name in ("y", "u", "t", "mask", "sigma"):
@@ -267,14 +270,15 @@ class Samples:
         if self.sigma is not None:
             rows = dict(zip(self.outputs, self.sigma, strict=True))
             sigma = np.array([rows.get(name, np.ones(count)) for name in outs])
-        words = dict(zip(self.inputs, self.intersample, strict=True))
+        words, forms = self._between(ins, {name: self[name] for name in ins if name not in self.inputs})
         keep = {name: values for name, values in self._keep.items() if name not in (*outs, *ins)}
         return self._like(
             y=np.reshape([self[name] for name in outs], (len(outs), count)),
             u=np.reshape([self[name] for name in ins], (len(ins), count)),
             outputs=tuple(outs),
             inputs=tuple(ins),
-            intersample=tuple(words.get(name, "smooth") for name in ins),
+            intersample=words,
+            _seen=forms,
             mask=None if good.all() else good,
             sigma=sigma,
             _keep=keep,
@@ -335,7 +339,20 @@ class Samples:
                     f"{nearest(name, (*self.outputs, *self.inputs, *keep))}"
                 )
             labels[str(name)] = str(unit)
-        return self._like(y=y, u=u, _keep=keep, _units=labels)
+        fresh = {name: u[k] for k, name in enumerate(self.inputs) if name in channels and name in self._seen}
+        words, forms = self._between(self.inputs, fresh)
+        return self._like(y=y, u=u, _keep=keep, _units=labels, intersample=words, _seen=forms)
+
+    def _between(
+        self, inputs: Sequence[str], fresh: Mapping[str, F64]
+    ) -> tuple[tuple[str, ...], dict[str, str]]:
+        """Return words and forms of inputs, those of `fresh` by its samples, the others as they are."""
+        known = dict(zip(self.inputs, self.intersample, strict=True))
+        words = [AUTO if name in fresh else known[name] for name in inputs]
+        rows = [fresh.get(name, self.t) for name in inputs]
+        found, forms = decided(words, rows, None if self.dt else self.t)
+        kept = {name: form for name, form in self._seen.items() if name in inputs and name not in fresh}
+        return found, kept | {inputs[k]: form for k, form in forms.items()}
 
     def _computed(self, name: str, given: ArrayLike | Callable[[Self], ArrayLike]) -> ArrayLike:
         if not callable(given):
@@ -379,6 +396,14 @@ class Samples:
         """Return the samples of a channel, nan where they are masked."""
         return np.where(self._good(channel), self[channel], np.nan)
 
+    def _between_words(self) -> list[str]:
+        """How each input goes between samples, and whether its samples alone say so."""
+        origin = {name: "doubtful" if form in DOUBTFUL else "seen" for name, form in self._seen.items()}
+        return [
+            f"{word} ({origin[name]})" if name in origin else word
+            for name, word in zip(self.inputs, self.intersample, strict=True)
+        ]
+
     def _summary(self) -> tuple[str, list[tuple[str, str, str]]]:
         if self.dt is None:
             steps = np.diff(self.t)
@@ -392,7 +417,7 @@ class Samples:
         for name in self.outputs:
             masked = int((~self._good(name)).sum())
             roles.append(f"output, {masked} masked" if masked else "output")
-        roles += [f"input, {word}" for word in self.intersample] + ["kept"] * len(self._keep)
+        roles += [f"input, {said}" for said in self._between_words()] + ["kept"] * len(self._keep)
         rows = []
         for name, role in zip(self.channels, roles, strict=True):
             values = self[name]
@@ -412,8 +437,27 @@ class Samples:
 
 def _restore(kind: type[Own], fields: dict[str, Any]) -> Own:
     made = object.__new__(kind)
-    made._set(**fields)
+    made._set(**{"_seen": {}, **fields})  # pickles of old have all words declared
     return made
+
+
+def agreed(records: Sequence[Own]) -> tuple[Own, ...]:
+    """Return records of the same inputs with one word for each that was not declared.
+
+    What a record declares holds for all. Else the record in which the input moves most decides, since it
+    may rest in the others. Records that declare different words stay as they are.
+    """
+    words = []
+    for k, name in enumerate(records[0].inputs):
+        said = {rec.intersample[k] for rec in records if name not in rec._seen}
+        seen = {rec.intersample[k] for rec in records}
+        if len(said) > 1:
+            return tuple(records)
+        if not said and len(seen) > 1:
+            said = {liveliest([rec.intersample[k] for rec in records], [rec.u[k] for rec in records])}
+        words.append((said or seen).pop())
+    kinds = tuple(words)
+    return tuple(rec if rec.intersample == kinds else rec._like(intersample=kinds) for rec in records)
 
 
 def refuse_own_noise(rec: Samples, what: str, cure: str) -> None:

@@ -14,6 +14,7 @@ from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 
 __all__ = [
+    "BLOCK",
     "FINEST",
     "SURE",
     "Doubt",

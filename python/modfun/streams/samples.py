@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import F64
+from ..base.between import AUTO
 from ..errors import DataError, SpecError
 from ..records.record import Record
 
@@ -68,7 +69,8 @@ def refuse_record(
     if rec.dt is None or abs(rec.dt - dt) > 1e-6 * dt:
         have = "uneven steps" if rec.dt is None else f"a step of {rec.dt:g} s"
         raise DataError(f"Stream.follow: the record has {have}, the stream one of {dt:g} s")
-    if rec.intersample != intersample:
+    both = zip(inputs, rec.intersample, intersample, strict=True)
+    if any(own not in (theirs, AUTO) and name not in rec._seen for name, theirs, own in both):
         raise DataError(
             f"Stream.follow: between samples the record's inputs are {', '.join(rec.intersample)}, the "
             f"stream's {', '.join(intersample)}; make it Stream(..., intersample=...)"

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from .._core import Stream as CoreStream
 from ..base.arguments import public, real
 from ..base.arrays import F64
+from ..base.between import AUTO, decided
 from ..base.progress import Progress
 from ..base.samples import Names, intersample_of, names_of
 from ..base.words import STATUS
@@ -64,8 +65,9 @@ class Stream:
     outputs, inputs : str or sequence of str, optional
         Names of the channels. Default: those of an equation or state space; else ``y`` and ``u``, numbered
         if the structure has several.
-    intersample : {"smooth", "zoh", "foh"}, or a sequence or mapping of them, default "smooth"
-        How the inputs go between samples, as in `Record`.
+    intersample : {"auto", "smooth", "zoh", "foh"}, or a sequence or mapping of them, default "auto"
+        How the inputs go between samples, as in `Record`. "auto" decides when the first window is full, or
+        takes the words of the record that is followed.
     units : mapping of str to str, optional
         Units by channel name, for labels.
     t0 : float, default 0.0
@@ -122,7 +124,7 @@ class Stream:
         forgetting: float | None = None,
         outputs: Names = None,
         inputs: Names = None,
-        intersample: str | Sequence[str] | Mapping[str, str] = "smooth",
+        intersample: str | Sequence[str] | Mapping[str, str] = AUTO,
         units: Mapping[str, str] | None = None,
         t0: float = 0.0,
     ) -> None:
@@ -150,7 +152,9 @@ class Stream:
         )
         self.outputs = _names(model, "outputs", outputs, "y")
         self.inputs = _names(model, "inputs", inputs, "u")
-        self.intersample = intersample_of(intersample, self.inputs)
+        self._said = intersample_of(intersample, self.inputs)
+        self._words = tuple("smooth" if word == AUTO else word for word in self._said)
+        self._open = AUTO in self._said
         self._units = dict(units or {})
         channels = len(self.outputs) + len(self.inputs)
         self._record(np.zeros((channels, FEWEST)), 0.0)  # checks names and units
@@ -168,11 +172,10 @@ class Stream:
                 "windows or longer steps"
             )
         self._made: Prepared | None = None
+        self._core: Any
         if layout is not None and _slides(layout, options.noise):
             _refuse_options(options, len(self.weights))
-            names = (self.outputs, self.inputs, self.intersample)
-            self._made = prepare_stream(model, options, names, self._intervals, self.dt, self.weights)
-            self._core: Any = self._made.core
+            self._prepare()
         else:
             if len(self.weights) > 1:
                 raise SpecError(
@@ -225,7 +228,7 @@ class Stream:
         DataError
             A record with other channels, another step or masked samples.
         """
-        refuse_record(rec, self.outputs, self.inputs, self.dt, self.intersample)
+        refuse_record(rec, self.outputs, self.inputs, self.dt, self._said if self._open else self._words)
         whole = isinstance(every, int | np.integer) and not isinstance(every, bool)
         if not (whole and 1 <= every <= LONGEST):
             raise SpecError(
@@ -236,6 +239,9 @@ class Stream:
         with self._lock, Progress(progress, "following", "samples") as report:
             if not self.count:
                 self._begin = float(rec.t[0])
+            if self._open:
+                both = zip(self._said, rec.intersample, strict=True)
+                self._settle(tuple(theirs if own == AUTO else own for own, theirs in both))
             for at in range(0, total, AT_ONCE):
                 found.append(self._followed(block[:, at : at + AT_ONCE], int(every)))
                 report(min(at + AT_ONCE, total), total)
@@ -246,9 +252,15 @@ class Stream:
         with self._lock:
             self._latest = None
             self._core.clear()
+            self._open = AUTO in self._said
             self._begin = self._t0
 
     # What comes out ------------------------------------------------------------------------------
+
+    @property
+    def intersample(self) -> tuple[str, ...]:
+        """One word an input; where "auto" was given, "smooth" until the first window is full."""
+        return self._words
 
     @property
     def count(self) -> int:
@@ -333,7 +345,30 @@ class Stream:
     def _take(self, block: F64) -> None:
         with self._lock:
             self._latest = None
-            self._core.push(block)
+            first = self._samples - self.count if self._open else 0
+            if 0 < first <= block.shape[1]:
+                self._core.push(np.ascontiguousarray(block[:, :first]))
+                block = np.ascontiguousarray(block[:, first:])
+                self._settle(decided(self._said, self._core.past()[len(self.outputs) :])[0])
+            if block.size:
+                self._core.push(block)
+
+    def _prepare(self) -> None:
+        """Make the core of fits that coefficients are carried on for."""
+        names = (self.outputs, self.inputs, self._words)
+        model, options = self.estimator.model, self.estimator.options
+        self._made = prepare_stream(model, options, names, self._intervals, self.dt, self.weights)
+        self._core = self._made.core
+
+    def _settle(self, words: tuple[str, ...]) -> None:
+        """Take the words that samples said; those that came already, all of them, go into a new core."""
+        self._open = False
+        changed, self._words = words != self._words, words
+        if changed and self._made is not None:
+            past = self._core.past()
+            self._prepare()
+            if past.size:
+                self._core.push(past)
 
     def _followed(self, block: F64, every: int) -> Track:
         if self._made is not None:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arguments import public, real, reals, whole
 from ..base.arrays import C128, F64
+from ..base.between import AUTO
 from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from ..errors import DataError, SpecError
 from ..signals import Signals
@@ -206,8 +207,9 @@ class LTI:
         x0 : array_like, shape (states,), optional
             State at t = 0; for a transfer function with n poles y, y', … y⁽ⁿ⁻¹⁾ of the free response
             (output after output). Default: zero.
-        intersample : {"smooth", "zoh", "foh"} or a sequence of them, default "smooth"
-            What the input does between samples.
+        intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
+            What the input does between samples; "auto": as its samples say, see `modfun.Record`, and
+            smooth for text and functions.
         intervals : int, optional
             Number of sampling intervals, needed only when no input is an array.
 
@@ -234,7 +236,7 @@ class LTI:
             if not lengths:
                 raise SpecError("simulating a signal of time: say how long, intervals=N for N + 1 samples")
             intervals = max(lengths) - 1
-        y = self.respond(given, dt, intervals, x0, "smooth" if intersample is None else intersample)
+        y = self.respond(given, dt, intervals, x0, AUTO if intersample is None else intersample)
         return y[0] if outputs == 1 else y
 
     def respond(
@@ -254,7 +256,7 @@ class LTI:
                 f"simulating: x0 has shape {start.shape}, the system has {scale.size} states; "
                 "give that many finite numbers (of a transfer function y, y', …, output after output)"
             )
-        kinds = intersample_kinds(intersample, len(inputs))
+        kinds = intersample_kinds(intersample, inputs)
         begin, y = np.ascontiguousarray(start * scale), np.empty((len(c), intervals + 1))
         for late, rows in self.alike():
             own = a, b, np.ascontiguousarray(c[rows]), np.ascontiguousarray(d[rows])

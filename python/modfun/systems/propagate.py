@@ -12,6 +12,8 @@ import numpy as np
 
 from .._core import gauss_legendre, simulate, simulate_uneven
 from ..base.arrays import F64
+from ..base.between import AUTO, FORMS, form_of
+from ..base.samples import FEWEST
 from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, is_samples
@@ -21,19 +23,31 @@ __all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 NODES = gauss_legendre()[0]  # of the quadrature within a sample, as parts of it
 
 
-def intersample_kinds(given: str | Sequence[str], inputs: int) -> tuple[str, ...]:
-    """One behaviour between samples an input, checked."""
-    kinds = (given,) * inputs if isinstance(given, str) else tuple(given)
-    if len(kinds) != inputs:
+def intersample_kinds(
+    given: str | Sequence[str], inputs: Sequence[Source], t: F64 | None = None
+) -> tuple[str, ...]:
+    """One word an input, checked; "auto" is seen in samples, while text and functions are smooth."""
+    kinds = (given,) * len(inputs) if isinstance(given, str) else tuple(given)
+    if len(kinds) != len(inputs):
         raise SpecError(
-            f"reading intersample: {len(kinds)} entries for {inputs} input(s); give one, or one an input"
+            f"reading intersample: {len(kinds)} entries for {len(inputs)} input(s); give one, or one an input"
         )
+    known = (AUTO, *INTERSAMPLE)
     for kind in kinds:
-        if kind not in INTERSAMPLE:
+        if kind not in known:
             raise SpecError(
-                f"reading intersample: {kind!r} is unknown; choose among {', '.join(map(repr, INTERSAMPLE))}"
+                f"reading intersample: {kind!r} is unknown; choose among {', '.join(map(repr, known))}"
             )
-    return kinds
+    return tuple(
+        kind if kind != AUTO else _seen(source, t) for kind, source in zip(kinds, inputs, strict=True)
+    )
+
+
+def _seen(source: Source, t: F64 | None) -> str:
+    values = np.asarray(source, dtype=np.float64) if is_samples(source) else np.empty(0)
+    if values.ndim != 1 or values.size < FEWEST or not np.isfinite(values).all():
+        return "smooth"  # what is not fit for a simulation is refused there
+    return FORMS[form_of(values, t if t is not None and t.size == values.size else None)]
 
 
 def respond(

@@ -90,7 +90,7 @@ def _outside(u: Any, inputs: int, grid: F64, intersample: str | Sequence[str]) -
         u.agree("simulating", dt=grid[1], duration=grid[-1])
         intersample = u.intersample
     found = sources(u, inputs)
-    kinds = intersample_kinds(intersample, len(found))
+    kinds = intersample_kinds(intersample, found)
     for source in found:
         if is_samples(source) and np.ndim(source) and np.size(source) != grid.size:  # type: ignore[arg-type]
             raise DataError(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
 from ..base.arrays import C128, F64
+from ..base.between import AUTO
 from ..base.samples import frequencies
 from ..errors import SpecError
 from ..systems.frequency_response import FrequencyResponse
@@ -176,7 +177,7 @@ class DelaySystem(Plant):
         x0: ArrayLike | None = None,
         u: Any = None,
         input_history: Any = None,
-        intersample: str | Sequence[str] = "smooth",
+        intersample: str | Sequence[str] = AUTO,
     ) -> Trajectory:
         """Response of the delay equation itself, open loop or under sampled feedback.
 
@@ -197,8 +198,9 @@ class DelaySystem(Plant):
             Input from outside, added to the feedback: as in `mf.simulate`.
         input_history : array_like (inputs,) or callable, optional
             u before t = 0. Default 0; text and functions given as u are evaluated there.
-        intersample : {"smooth", "zoh", "foh"} or a sequence of them
-            What u from outside does between samples.
+        intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
+            What u from outside does between samples; "auto": as its samples say, see `modfun.Record`, and
+            smooth for text and functions.
 
         Returns
         -------

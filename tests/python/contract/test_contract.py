@@ -133,7 +133,9 @@ def test_pickle_and_json_keep_the_fit(method, rec, tmp_path):
         np.testing.assert_array_equal(again.cov_params(), fit.cov_params())
         np.testing.assert_array_equal(again.residuals, fit.residuals)
         assert (again.param_names, again.status, again.band) == (fit.param_names, fit.status, fit.band)
-        assert str(again.summary()).splitlines()[3:] == str(fit.summary()).splitlines()[3:]
+        told, kept = (str(one.summary()).splitlines()[3:] for one in (fit, again))
+        assert kept[:-1] == told[:-1]
+        assert told[-1].startswith(kept[-1])  # without samples nothing is said of records without noise
         np.testing.assert_array_equal(again.predict(rec).y, fit.predict(rec).y)
 
 

@@ -185,12 +185,17 @@ TROUBLES = {
         lambda runs, m: spoiled(runs[0], de=lambda de: np.clip(de, -0.06, -0.015)).check(),
         "may be clipped: # samples sit exactly at its largest value",
     ),
-    "held": (lambda runs, m: spoiled(runs[0], de=held).check(), "is declared smooth but holds its value"),
+    "held": (
+        lambda runs, m: mf.Record(
+            y=runs[0].y, u=held(runs[0]["de"]), dt=runs[0].dt, intersample="smooth"
+        ).check(),
+        "is declared smooth but holds its value",
+    ),
     "spike": (lambda runs, m: spoiled(runs[0], alpha=spike).check(), "has # outlying sample"),
     "dropout": (lambda runs, m: mf.fit(gap(runs[0]), m), "a gap hides # of # samples"),
     "late": (
         lambda runs, m: mf.fit(sticks(runs), mf.TransferFunction(**TWO, delay=0.05)).check(),
-        "The residuals correlate with stick: more delay by about",
+        "The residuals of q follow stick",
     ),
     "bound": (
         lambda runs, m: mf.fit(

@@ -22,6 +22,9 @@ import reasons  # noqa: E402
 import twins  # noqa: E402
 import validate  # noqa: E402
 
+# What fits on the page say is counted, or the point of a row.
+pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
+
 
 def sections():
     text = PAGE.read_text(encoding="utf-8")

@@ -330,16 +330,16 @@ def test_check_has_nothing_to_say_about_a_good_record(rec):
 
 def test_check_held_input_declared_smooth():
     steps = np.sign(np.sin(2 * T + 0.1))
-    (sentence,) = Record(y=Y, u=steps, dt=0.02).check()
+    (sentence,) = Record(y=Y, u=steps, dt=0.02, intersample="smooth").check()
     assert "holds its value over 494 of 500 steps" in sentence
     assert "intersample='zoh'" in sentence
     assert not Record(y=Y, u=steps, dt=0.02, intersample="zoh").check()
-    assert said("intersample='zoh'", y=Y, u=np.repeat(signals(2)[0], 3)[: N + 1])
+    assert said("intersample='zoh'", y=Y, u=np.repeat(signals(2)[0], 3)[: N + 1], intersample="smooth")
 
 
 def test_check_straight_lines_and_smooth_input_declared_held():
     ramps = np.interp(T, [0, 1, 3, 4, 7, 10], [0, 2, -1, 0.5, 1.5, -2])
-    assert said("intersample='foh'", y=Y, u=ramps)
+    assert said("intersample='foh'", y=Y, u=ramps, intersample="smooth")
     assert not Record(y=Y, u=ramps, dt=0.02, intersample="foh").check()
     assert said("give intersample='smooth'", y=Y, u=U, intersample="zoh")
 
@@ -574,7 +574,7 @@ REFUSED = {
     "hold of none": (
         lambda: Record(y=Y, dt=1, intersample="linear"),
         SpecError,
-        "there are: smooth, zoh, foh",
+        "there are: auto, smooth, zoh, foh",
     ),
     "holds": (lambda: Record(y=Y, u=U, dt=1, intersample=["zoh"] * 2), SpecError, "2 words for 1 inputs"),
     "hold of x": (lambda: Record(y=Y, u=U, dt=1, intersample={"x": "zoh"}), SpecError, "no input; .*are: u"),
