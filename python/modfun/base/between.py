@@ -20,7 +20,6 @@ FORMS = {
     "rest": "smooth",
     "held": "zoh",  # flat between jumps
     "stairs": "zoh",  # the same on four or five levels, one at a time: held, or a coarsely rounded motion
-    "lively": "zoh",  # another value at every sample, with power up to the highest frequencies
     "straight": "foh",
     "rounded": "smooth",  # flat, and then one unit of the last digit up or down
     "rough": "smooth",  # some power at the highest frequencies: held for one sample each, or noisy
@@ -36,8 +35,7 @@ FLAT = 0.4  # of both sides of the changes of held values: what is flat, at leas
 UNITS = 1.5  # smallest changes in a mean change of rounded values, at most
 LEVELS = 6  # of rounded values, at least, and two less where it is doubtful
 OUTLYING = 6  # median deviations
-LIVELY, ROUGH = 0.4, 0.05  # of the mean power density: that of the upper quarter of all frequencies
-ENOUGH = 50  # samples, at least, to call an input lively: the power of fewer lines is chance
+ROUGH = 0.05  # of the mean power density: that of the upper quarter of all frequencies
 
 
 def form_of(values: F64, t: F64 | None = None) -> str:
@@ -51,9 +49,8 @@ def form_of(values: F64, t: F64 | None = None) -> str:
 
     Notes
     -----
-    A value held for one sample only can be told from a motion sampled well by its power at the highest
-    frequencies alone: the motion has little there, noise included, held values have it unless they
-    themselves follow something smooth. Nobody can tell a sweep held for one sample from a smooth one.
+    Values held for one sample each, on more than two levels, cannot be told from a motion with power up to
+    the highest frequencies, or from noise: they are rough, which is doubtful.
     """
     span = float(values.max() - values.min())
     if span == 0:
@@ -62,7 +59,7 @@ def form_of(values: F64, t: F64 | None = None) -> str:
     size = np.abs(change)
     moves = size > SAME * span
     count = int(np.count_nonzero(moves))
-    slope = change if t is None else change / np.diff(t) * ((t[-1] - t[0]) / len(change))
+    slope = change if t is None else change * (((t[-1] - t[0]) / len(change)) / np.diff(t))
     if _straight(np.abs(slope[1:] - slope[:-1]), size > LINE * span, span):
         return "straight"
     if count < len(moves) and (form := _flat(size, moves, span)):
@@ -73,16 +70,16 @@ def form_of(values: F64, t: F64 | None = None) -> str:
         reach = OUTLYING * float(np.median(np.abs(values - middle)))
         if span > 2 * reach > 0:
             top = min(top, _top(values.clip(middle - reach, middle + reach)))
-    if top >= LIVELY and len(values) >= ENOUGH:
-        return "lively"
     return "rough" if top >= ROUGH else "smooth"
 
 
 def _top(values: F64) -> float:
     """Return the mean power density of the upper quarter of frequencies, of that of all."""
-    lines = np.fft.rfft(values - values.mean())[1:]
+    unit = float(np.max(np.abs(values))) or 1.0  # numbers of any size
+    lines = np.fft.rfft(values / unit - np.mean(values / unit))[1:]
     power = lines.real**2 + lines.imag**2
-    return float(power[-(len(power) // 4) :].mean() / power.mean())
+    whole = float(power.mean())
+    return float(power[-(len(power) // 4) :].mean() / whole) if whole > 0 else 0.0
 
 
 def _straight(bend: F64, moves: Mask, span: float) -> bool:

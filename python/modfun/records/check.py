@@ -135,11 +135,6 @@ def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
             f"Input {name!r} is declared smooth but consists of straight lines ({int(bends.sum())} bends); "
             "if it was interpolated so, give intersample='foh'."
         )
-    if form == "lively" and word == "smooth":
-        yield (
-            f"Input {name!r} is declared smooth but has as much power at the highest frequencies as below; "
-            "if each value was held for one sample, give intersample='zoh'."
-        )
     if word == "zoh" and flat == 0 and _is_smooth(values):
         yield (
             f"Input {name!r} is declared zoh but changes smoothly at every sample; if it was not held, "

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from ..base.tables import Findings
 from .diagnosis import diagnose
 from .doubts import (
@@ -40,8 +42,9 @@ def warnings_of(fit: Estimates) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
     if not fit.usable:
         return [f"fit: {fit.message}"]
-    found = (look(fit) for look in LOOKS)
-    return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
+    with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
+        found = (look(fit) for look in LOOKS)
+        return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
 
 
 def check(fit: Estimates, line: str) -> Findings:
@@ -49,12 +52,13 @@ def check(fit: Estimates, line: str) -> Findings:
     title = f"Check of {line}"
     if not fit.usable:
         return Findings(title, [fit.message])
-    found = [look(fit) for look in LOOKS if look is not misfit]
-    note = noise_free(fit)
-    if note is None:
-        diagnosis = diagnose(fit)
-        found += of_residuals(fit, diagnosis)
-        note = which_errors(diagnosis)
-    found += [biased(fit), minima(fit), few_samples(fit)]
+    with np.errstate(all="ignore"):
+        found = [look(fit) for look in LOOKS if look is not misfit]
+        note = noise_free(fit)
+        if note is None:
+            diagnosis = diagnose(fit)
+            found += of_residuals(fit, diagnosis)
+            note = which_errors(diagnosis)
+        found += [biased(fit), minima(fit), few_samples(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     return Findings(title, [doubt.text for doubt in doubts], note=note)

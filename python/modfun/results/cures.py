@@ -85,9 +85,10 @@ def _neighbours(
             changed = tuple(rec._like(intersample=tuple(kinds)) for rec in records)
             yield f"intersample={given} in the record", changed, fit.structure
     delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
-    if not isinstance(delays[output][channel], Free) and not delays[output][channel]:
+    known = delays[output][channel]
+    if not isinstance(known, Free):
         # Up to two periods of the highest line, or an eighth of the record: later ones are not next door.
-        most = min(4 * pi / fit.band[1], *(2 * pi / w / 8 for w in fit.omega0))
+        most = known + min(4 * pi / fit.band[1], *(2 * pi / w / 8 for w in fit.omega0))
         delays[output][channel] = Free(min=0.0, max=float(f"{most:.1g}"))
         yield f"a delay{of}, delay={_told(delays)}", records, _with(fit, delay=delays)
     if path < layout.orders[output]:

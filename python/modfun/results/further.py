@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import inf, log, nan
+from math import inf, isnan, log, nan
 from typing import Any
 
 import numpy as np
@@ -66,7 +66,7 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
         for i, y in enumerate(fit.outputs):
             blocks = [_Block.of(fit, k, i) for k in range(len(fit.pieces))]
             for k, name in enumerate(fit.inputs):
-                found.append(_tested("response", name, i, blocks, [b.responses(k) for b in blocks]))
+                found.append(_response(name, i, blocks, [b.responses(k) for b in blocks]))
                 found.append(_tested("gain", name, i, blocks, [b.gains(k) for b in blocks]))
             found.append(_tested("power", y, i, blocks, [b.powers() for b in blocks]))
             found.append(_tested("change", y, i, blocks, [b.changes() for b in blocks]))
@@ -265,6 +265,14 @@ def _complex(rows: Sequence[Any]) -> C128:
 
 def _real(rows: C128) -> F64:
     return np.concatenate([rows.real, rows.imag], axis=-1)
+
+
+def _response(channel: str, output: int, blocks: Sequence[_Block], columns: Sequence[C128]) -> Explained:
+    """The likelier of any further response and of more delay alone, which is what is missing most often."""
+    every = _tested("response", channel, output, blocks, columns)
+    delay = _tested("response", channel, output, blocks, [rows[-1:] for rows in columns])
+    best = delay if delay.p_value < every.p_value or isnan(every.p_value) else every
+    return replace(best, p_value=min(1.0, 2 * best.p_value))
 
 
 def _tested(
