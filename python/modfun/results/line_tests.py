@@ -45,13 +45,11 @@ def correlation_of_lines(residuals: Sequence[C128], lags: int | None = None) -> 
     count = sum(e.size for e in residuals)
     shortest = min(e.size for e in residuals)
     lags = min(10, shortest // 4) if lags is None else min(lags, shortest - 1)
-    power = sum(float(np.sum(np.abs(e) ** 2)) for e in residuals)
+    power = sum(float(np.vdot(e, e).real) for e in residuals)
     if lags < 1 or power == 0:
         return Whiteness(np.nan, np.nan, count), np.zeros(0)
-    r = np.array(
-        [sum(float(np.sum((e[k:] * e[:-k].conj()).real)) for e in residuals) for k in range(1, lags + 1)]
-    )
-    r /= power
+    r = np.sum([np.correlate(e, e, "full")[e.size : e.size + lags].real for e in residuals], axis=0)
+    r = r / power
     # Re of a product of independent circular lines has variance 1/2 in units of their power, and the mean
     # square of the sum of n powers is n(n + 1): n + 2 is for real numbers.
     pairs = [sum(max(e.size - k, 0) for e in residuals) for k in range(1, lags + 1)]
@@ -96,6 +94,8 @@ def cumulated_power(residuals: Sequence[C128]) -> tuple[F64, F64]:
 
 def _pooled(residuals: Sequence[C128]) -> F64:
     """Power of the lines of all records, in the order of their place in their band."""
+    if len(residuals) == 1:
+        return np.asarray(residuals[0].real ** 2 + residuals[0].imag ** 2)
     share = np.concatenate([np.linspace(0, 1, e.size + 1)[1:] for e in residuals])
     order = np.argsort(share, kind="stable")
     power: F64 = np.concatenate([np.abs(e) ** 2 for e in residuals])[order]
