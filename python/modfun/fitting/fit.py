@@ -123,7 +123,8 @@ def fit(
     Warns
     -----
     ModfunWarning
-        Something about the result deserves a look; `fit.check()` says all.
+        At most one, where the data contradict the model or a default beyond doubt, with the first cure to
+        try; `fit.check()` says everything that is doubtful.
 
     See Also
     --------
@@ -134,7 +135,8 @@ def fit(
     Notes
     -----
     With a delay the window starts ceil(delay/dt) samples late, so that no input before the record is
-    needed.
+    needed. Over a band that is given, "ml" and "awls" start from the lowest lines, too, and keep the better
+    end.
 
     References
     ----------
