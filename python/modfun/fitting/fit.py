@@ -313,7 +313,7 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
     if not isinstance(structure, TransferFunction):
-        return fit_equation(records, structure, options)
+        return fit_equation(records, structure, options, fit_quietly)
     made = prepare(structure, options, records)
     refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])

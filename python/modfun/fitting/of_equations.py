@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, nan
@@ -113,8 +113,10 @@ def _made(
 _kept = lru_cache(KEPT)(_made)
 
 
-def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) -> EquationFit:
-    """One fit of equations, without its warnings."""
+def fit_equation(
+    records: tuple[Record, ...], structure: Any, options: Options, again: Callable[..., Any] | None = None
+) -> EquationFit:
+    """One fit of equations, without its warnings; `again` makes others like it."""
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     filled = [(rec, *bridged(rec)) for rec in records]
@@ -141,6 +143,7 @@ def fit_equation(records: tuple[Record, ...], structure: Any, options: Options) 
         levels=levels,
         seen=found["seen"],
         df_hc3=found["df_hc3"],
+        again=again,
     )
 
 

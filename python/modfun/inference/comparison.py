@@ -9,10 +9,11 @@ import numpy as np
 
 from ..base.arguments import public
 from ..base.tables import Table
-from ..errors import DataError, FitError, SpecError
+from ..errors import DataError, FitError, ModfunError, SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
+from ..results.cures import bic_beside, on_band
 from ..results.fit import Fit
 from . import drawing
 
@@ -25,7 +26,9 @@ SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 class Comparison(Table):
     """Scores of several fits on one record, a row a fit and output; see `compare`.
 
-    Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil.
+    Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
+    each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
+    own band, and does not compare. nan where the fits are not of the same records, or one was loaded.
 
     Parameters
     ----------
@@ -61,13 +64,14 @@ class Comparison(Table):
 
     def __init__(self, fits: dict[str, Fit], record: Record) -> None:
         columns: dict[str, list[Any]] = {"model": [], "parameters": [], "output": []}
-        columns |= {score: [] for score in SCORES}
-        for name, fit in fits.items():
+        columns |= {score: [] for score in (*SCORES, "bic")}
+        for (name, fit), bic in zip(fits.items(), _bics(list(fits.values())), strict=True):
             for row in fit.score(record):
                 columns["model"].append(name)
                 columns["parameters"].append(fit.params.size)
                 for key in ("output", *SCORES):
                     columns[key].append(row[key])
+                columns["bic"].append(bic)
         super().__init__(columns)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "record", record)
@@ -79,6 +83,24 @@ class Comparison(Table):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Comparison, (self.fits, self.record)
+
+
+def _bics(fits: list[Fit]) -> list[float]:
+    """BIC of each model over the widest band of all, as if all had as many equations."""
+    first, alike = fits[0], {(fit.options.noise, fit.options.output_weights, fit.outputs) for fit in fits}
+    if len(alike) > 1 or any(fit.again is None or fit.records != first.records for fit in fits):
+        return [float("nan")] * len(fits)
+    band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
+    found: list[Fit | None] = []
+    for fit in fits:
+        assert fit.again is not None
+        try:
+            other = fit.again(fit.records or (), fit.structure, on_band(fit, band))
+        except ModfunError:  # a band that leaves one of them too few equations
+            other = None
+        found.append(other if other is not None and other.usable else None)
+    base = next((fit for fit in found if fit is not None), None)
+    return [float("nan") if fit is None or base is None else bic_beside(fit, base) for fit in found]
 
 
 @public

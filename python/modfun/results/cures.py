@@ -9,12 +9,13 @@ from typing import Any
 
 from ..errors import ModfunError
 from ..models.free import Free
+from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import level_p
 from .estimates import Estimates
 
-__all__ = ["Cure", "best_cure"]
+__all__ = ["Cure", "best_cure", "bic_beside", "on_band"]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 2.0  # differences of BIC that say nothing: the more likely cure, which is tried first, is named
@@ -38,9 +39,9 @@ def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
     """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays."""
     if fit.again is None or fit.records is None or not isinstance(fit.structure, TransferFunction):
         return None
-    before = _bic(fit, fit)
+    before = bic_beside(fit, fit)
     found: Cure | None = None
-    options = fit.options.replace(band=(fit.band[0], fit.band[1] * (1 + 1e-9)), harmonics=None)
+    options = on_band(fit, fit.band)
     for words, records, structure in _neighbours(fit, output, fit.inputs.index(channel)):
         try:
             other = fit.again(records, structure, options)
@@ -48,7 +49,7 @@ def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
             continue
         if not other.usable:
             continue
-        after = _bic(other, fit)
+        after = bic_beside(other, fit)
         if isfinite(after) and after < (found.after - CLOSE if found else before - WORTH):
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
@@ -56,7 +57,12 @@ def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
     return found
 
 
-def _bic(fit: Estimates, base: Estimates) -> float:
+def on_band(fit: Estimates, band: tuple[float, float]) -> Options:
+    """The options of a fit over a band of lines."""
+    return fit.options.replace(band=(band[0], band[1] * (1 + 1e-9)), harmonics=None)
+
+
+def bic_beside(fit: Estimates, base: Estimates) -> float:
     """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away."""
     own, rows = fit.df_resid + fit.params.size, base.df_resid + base.params.size
     return (fit.bic - fit.params.size * log(own)) / own * rows + fit.params.size * log(rows)

@@ -86,8 +86,8 @@ class Fit(Estimates):
     condition_bound : float
         No less than `cond`, and had for nothing; inf where not known.
     again : callable or None
-        Fits records, a structure and options as this fit was made: `check` tries cures with it. None after
-        `load`, and for equations and gains.
+        Fits records, a structure and options as this fit was made: `check` tries cures with it, `compare`
+        puts fits on one band. None after `load`, and for gains.
 
     See Also
     --------

@@ -103,3 +103,25 @@ def test_plots(fits):
     assert drawn[2].get_label() == f"two: {table['fit_percent'][1]:.1f} %"
     crossed = mf.cross_validate([record(0), record(1), record(2)], [TF2])
     np.testing.assert_array_equal(crossed.plot().get_lines()[0].get_ydata(), crossed["fit_percent"])
+
+
+def test_bic_over_one_band_prefers_the_truth():
+    """A Duffing oscillator without and with seven superfluous terms; six records, one may be lost."""
+    true = "y'' + a*y' + b*y + c*y**3 = d*u"
+    left = "y'' + a*y' + b*y + c*y**3 + e1*y**2 + e2*y*y' + e3*y'**2 + e4*y**5 + e5*y**4"
+    more = f"{left} = d*u + e6*u**2 + e7*u*y"
+    plant = mf.Equation(true).model({"a": 0.5, "b": 4.0, "c": 8.0, "d": 5.0})
+    chosen = []
+    for seed in range(6):
+        rec = mf.simulate(plant, input="sin(t**2/10)", duration=20.0, intervals=800, nsr=0.05, seed=seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mf.ModfunWarning)
+            fits = {"true": mf.fit(rec, mf.Equation(true)), "more": mf.fit(rec, mf.Equation(more))}
+            bic = mf.compare(fits, rec)["bic"]
+        chosen.append(bool(bic[0] < bic[1]))
+    assert sum(chosen) >= 5
+
+
+def test_bic_of_fits_of_other_records_does_not_compare(fits):
+    assert np.all(np.isfinite(mf.compare(fits)["bic"]))
+    assert np.all(np.isnan(mf.compare([fits[0], mf.fit(record(1), TF2)], record(2))["bic"]))
