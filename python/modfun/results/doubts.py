@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ModfunError
+from .cures import on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 
@@ -94,7 +96,7 @@ def mean(fit: Estimates) -> Doubt | None:
         # The equation took the offset for the signal.
         return Doubt(
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {cure}"
+            f"constant, and no parameter is larger than its standard error. {cure}{_both_ways(fit)}"
         )
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
     if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
@@ -106,8 +108,25 @@ def mean(fit: Estimates) -> Doubt | None:
         return None
     return Doubt(
         f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
-        f"have an offset, and the equation has no constant. {cure}"
+        f"have an offset, and the equation has no constant. {cure}{_both_ways(fit)}"
     )
+
+
+def _both_ways(fit: Estimates) -> str:
+    """The parameter that a constant changes most, without and with it."""
+    if fit.again is None or fit.records is None or not fit.params.size:
+        return ""
+    options = on_band(fit, fit.band).replace(trend="constant")
+    try:
+        other = fit.again(fit.records, fit.structure, options)
+    except ModfunError:
+        return ""
+    if not other.usable or other.params.shape != fit.params.shape:
+        return ""
+    far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
+    at = int(np.argmax(far))
+    was, now = (f"{one.params[at]:.4g} ± {one.bse[at]:.2g}" for one in (fit, other))
+    return f" {fit.param_names[at]} is {was} without and {now} with it."
 
 
 def on_bound(fit: Estimates) -> Doubt | None:
