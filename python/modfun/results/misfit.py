@@ -20,6 +20,7 @@ __all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small", "whic
 # reasons and one record in four passes 2.5; coloured flight records start at 2.8. Hence the words.
 DISAGREE = 2.5
 UNLIKELY = 0.01  # p-value below which a test speaks
+PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far above the noise
 LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by itself
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
@@ -64,7 +65,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
     said: list[tuple[Doubt, float]] = []
     for one in d.further:
         spoken, sure = one.p_value < UNLIKELY / count, one.p_value < SURE / count
-        if spoken or (high and one.what == "response" and one.p_value < UNLIKELY):
+        if spoken or (high and one.what == "response" and one.p_value < PLAUSIBLE):
             said += _further(fit, one, sure, spoken)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
