@@ -35,14 +35,18 @@ class Cure:
     level_p: float
 
 
-def best_cure(fit: Estimates, output: int, channel: str) -> Cure | None:
-    """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays."""
+def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
+    """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays.
+
+    Without a channel: of free motion, which has poles only.
+    """
     if fit.again is None or fit.records is None or not isinstance(fit.structure, TransferFunction):
         return None
     before = bic_beside(fit, fit)
     found: Cure | None = None
     options = on_band(fit, fit.band)
-    for words, records, structure in _neighbours(fit, output, fit.inputs.index(channel)):
+    near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
+    for words, records, structure in near:
         try:
             other = fit.again(records, structure, options)
         except ModfunError:  # too many unknowns for the band, say
@@ -101,13 +105,27 @@ def _neighbours(
         more = [list(row) for row in degrees]
         more[output][channel] = path + 1
         yield f"one more zero{of}, zeros={_told(more)}", records, _with(fit, zeros=more)
+    yield from _poles(fit, output)
+
+
+def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:
+    """The structure with one or two more poles, and as many more zeros."""
+    layout, records = fit.layout, fit.records or ()
+    degrees = [list(row) for row in layout.numerators]
     for extra in (1, 2):
         poles: Any = [n + extra if layout.common or i == output else n for i, n in enumerate(layout.orders)]
         if max(poles) > MOST_POLES:
             continue
         told = poles[0] if layout.common or len(poles) == 1 else poles
         words = "one more pole" if extra == 1 else "two more poles"
-        yield f"{words}, poles={told}", records, _with(fit, poles=told)
+        if not fit.inputs:
+            yield (
+                f"{words}, poles={told}",
+                records,
+                TransferFunction(poles=told, denominator=fit.structure.denominator),
+            )
+            continue
+        yield f"{words}, poles={told}, zeros={_told(degrees)}", records, _with(fit, poles=told)
         wider = [
             [None if d is None else d + extra for d in row] if layout.common or i == output else row
             for i, row in enumerate(degrees)

@@ -67,6 +67,8 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
         spoken, sure = one.p_value < UNLIKELY / count, one.p_value < SURE / count
         if spoken or (high and one.what == "response" and one.p_value < PLAUSIBLE):
             said += _further(fit, one, sure, spoken)
+    if high and not fit.inputs:
+        said += _of_free_motion(fit)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -128,6 +130,20 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
     return [(Doubt(text, sure or settled), cure.before - cure.after)] if spoken or settled else []
+
+
+def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
+    """That more poles bring the residuals of free motion down to the noise."""
+    found = []
+    for i, y in enumerate(fit.outputs):
+        cure = best_cure(fit, i, None)
+        if cure is not None and cure.level_p > UNLIKELY:
+            text = (
+                f"The residuals of {y} are far above the noise of the high band. First try {cure.words}: BIC "
+                f"falls from {cure.before:.4g} to {cure.after:.4g}."
+            )
+            found.append((Doubt(text), cure.before - cure.after))
+    return found
 
 
 def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:

@@ -51,6 +51,15 @@ def test_a_cure_lowers_bic_by_what_it_says():
     assert "doubt" not in repr(cured)
 
 
+def test_free_motion_with_too_few_poles_is_told_to_take_more():
+    t = np.arange(0, 20, 0.05)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    rec = mf.Record(y=np.exp(-0.3 * t) * np.cos(2 * t) + noise, dt=0.05)
+    with pytest.warns(mf.ModfunWarning, match="First try one more pole, poles=2"):
+        mf.fit(rec, mf.TransferFunction(poles=1))
+    assert not mf.fit(rec, mf.TransferFunction(poles=2)).check()
+
+
 def test_without_noise_there_is_nothing_to_test():
     fit = mf.fit(CLEAN, TWO)
     assert not fit.check()
