@@ -23,6 +23,7 @@ __all__ = [
     "growth",
     "high_band_df",
     "level_p",
+    "level_ratio",
     "overlapping",
     "surely_stable",
 ]
@@ -51,12 +52,8 @@ class Diagnosis:
     further : tuple of Explained
         What further columns would explain of the residuals, an event last. `check` objects below .01 over
         their number.
-    growing : float
-        Largest real part of the poles, rad/s. `check` objects above 0.
     disagreement : float
         Largest ratio of HC3 and classical standard errors, either way up. `check` objects above 2.5.
-    samples : float
-        Fewest samples a period of the highest harmonic used. `check` objects below 8.
     """
 
     chi2_p: float
@@ -67,33 +64,33 @@ class Diagnosis:
     coloured: str
     colour_ratio: float
     further: tuple[Explained, ...]
-    growing: float
     disagreement: float
-    samples: float
 
 
 def diagnose(fit: Estimates) -> Diagnosis:
     """All tests of a fit with finite parameters."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
-        ratio = float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
     found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.row_names))]
     colours = [colour_of_lines(pieces) for pieces in found]
     correlations = [correlation_of_lines(pieces)[0] for pieces in found]
     dim, close = _worst([colour for colour, _ in colours]), _worst(correlations)
     return Diagnosis(
         chi2_p=level_p(fit),
-        level_ratio=ratio,
+        level_ratio=level_ratio(fit),
         correlation=_corrected(correlations, close),
         correlated=fit.row_names[close],
         colour=_corrected([colour for colour, _ in colours], dim),
         coloured=fit.row_names[dim],
         colour_ratio=colours[dim][1],
         further=further(fit),
-        growing=growth(fit),
         disagreement=disagreement(fit),
-        samples=fewest_samples(fit),
     )
+
+
+def level_ratio(fit: Estimates) -> float:
+    """Noise level of the fit over that of the high band."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Over all outputs: chi-square a degree of freedom is the mean square of their ratios.
+        return float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
 
 
 def level_p(fit: Estimates) -> float:

@@ -180,7 +180,7 @@ def unstable(fit: Estimates) -> Doubt | None:
     growing = growth(fit)
     if growing <= 0:
         return None
-    longest = max(n * 2 * math.pi / w / n for n, w in zip(fit.intervals, fit.omega0, strict=True))
+    longest = 2 * math.pi / min(fit.omega0)
     doubtful = fit.layout.rational and growing * longest > VISIBLE and growing < CERTAIN * _growth_error(fit)
     return Doubt(
         f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "

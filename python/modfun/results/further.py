@@ -9,6 +9,7 @@ from math import inf, isnan, log, nan
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._core import coefficients
 from ..base.arrays import C128, F64
@@ -35,7 +36,7 @@ class Explained:
         output and its rate, coefficients that change in time, a slope and a bend of the output, one event at
         one time, one sample.
     channel : str
-        The input of a response, else the output.
+        The input of a response or a gain, else the output.
     output : int
         Position of the output.
     p_value : float
@@ -58,24 +59,43 @@ class Explained:
 def further(fit: Estimates) -> tuple[Explained, ...]:
     """All tests of further columns that there is something to say about; see `Explained`.
 
-    Those of responses, powers, changes and drifts need transfer functions in white output noise and even,
-    unmasked samples. Where the residuals are finer than the quadrature there is no noise to test against.
+    All but that of events need transfer functions in white output noise and even, unmasked samples.
     """
-    found = []
+    found: list[Explained] = []
     if _testable(fit):
-        for i, y in enumerate(fit.outputs):
-            blocks = [_Block.of(fit, k, i) for k in range(len(fit.pieces))]
-            for k, name in enumerate(fit.inputs):
-                found.append(_response(name, i, blocks, [b.responses(k) for b in blocks]))
-                found.append(_tested("gain", name, i, blocks, [b.gains(k) for b in blocks]))
-            found.append(_tested("power", y, i, blocks, [b.powers() for b in blocks]))
-            found.append(_tested("change", y, i, blocks, [b.changes() for b in blocks]))
-            if fit.trend == "constant":
-                found.append(_tested("drift", y, i, blocks, [b.drifts() for b in blocks]))
-            found += _spikes(fit, i)
+        simulated = [_simulated(fit, k) for k in range(len(fit.pieces))]
+        for i in range(len(fit.outputs)):
+            found += _of_output(fit, i, simulated)
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
+
+
+def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:
+    """All tests of one output."""
+    y = fit.outputs[i]
+    blocks = [_Block.of(fit, k, i, whole) for k, whole in enumerate(simulated)]
+    lines = _Residual.of(blocks)
+    found = []
+    for k, name in enumerate(fit.inputs):
+        found.append(lines.response(name, [b.responses(k) for b in blocks]))
+        found.append(lines.tested("gain", name, [b.gains(k) for b in blocks]))
+    found.append(lines.tested("power", y, [b.powers() for b in blocks]))
+    found.append(lines.tested("change", y, [b.changes() for b in blocks]))
+    if fit.trend == "constant":
+        found.append(lines.tested("drift", y, [b.drifts() for b in blocks]))
+    return found + _spikes(fit, i, simulated)
+
+
+def _simulated(fit: Estimates, k: int) -> F64 | None:
+    """Simulated outputs over what was fitted of a record; None where they leave the range of floats."""
+    assert fit.records is not None
+    rec = fit.records[k]
+    try:
+        with np.errstate(all="ignore"):
+            return fit.simulate(rec)[0][:, rec.intervals - fit.intervals[k] :]
+    except DataError:
+        return None
 
 
 def _testable(fit: Estimates) -> bool:
@@ -119,18 +139,16 @@ def event(fit: Estimates) -> Explained | None:
     return best
 
 
-def _spikes(fit: Estimates, i: int) -> list[Explained]:
+def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:
     """The sample that is farthest from the simulated output, by the law of the largest of normal numbers."""
     from scipy.special import ndtr
 
     found = []
-    for k, rec in enumerate(fit.records or ()):
-        first = rec.intervals - fit.intervals[k]
-        try:
-            with np.errstate(all="ignore"):
-                e = (rec.y - fit.simulate(rec)[0])[i, first:]
-        except DataError:
+    for k, (rec, whole) in enumerate(zip(fit.records or (), simulated, strict=True)):
+        if whole is None:
             continue
+        first = rec.intervals - fit.intervals[k]
+        e = rec.y[i, first:] - whole[i]
         far = np.abs(e - np.median(e))
         usual = 1.4826 * float(np.median(far))
         at = int(np.argmax(far))
@@ -160,9 +178,10 @@ class _Block:
     response: C128
     over: C128
     deviation: F64
+    simulated: F64  # about its mean, in units of its range; zeros where there is none
 
     @classmethod
-    def of(cls, fit: Estimates, k: int, i: int) -> _Block:
+    def of(cls, fit: Estimates, k: int, i: int, simulated: F64 | None) -> _Block:
         assert fit.records is not None
         rec, (lo, hi) = fit.records[k], fit.lines[k]
         m = np.arange(lo, hi + 1, dtype=np.float64)
@@ -183,7 +202,7 @@ class _Block:
             fit, k, i, m, fit.pieces[k][i],
             np.einsum("pkf,kf->pf", slopes[:, i], u * late) / deviation,
             _complex(own).reshape(-1, m.size) / deviation,
-            u, late, response[i], over, deviation,
+            u, late, response[i], over, deviation, _centred(simulated, i, fit.intervals[k] + 1),
         )  # fmt: skip
 
     def responses(self, k: int) -> C128:
@@ -195,7 +214,7 @@ class _Block:
 
     def powers(self) -> C128:
         """Powers of the output, and what these and those of its rate would add to the equation."""
-        y = self._simulated()
+        y = self.simulated
         rate = np.gradient(y)
         rate /= float(np.max(np.abs(rate))) or 1.0
         found = self._spectra(np.vstack([y**2, y**3, rate * np.abs(rate)]))
@@ -212,7 +231,7 @@ class _Block:
 
     def changes(self) -> C128:
         """What coefficients that change in time would add to the equation."""
-        y = self._simulated()
+        y = self.simulated
         time = np.linspace(-1.0, 1.0, y.size)
         return self._spectra(np.vstack([time * y, time * np.gradient(y)])) * self.over
 
@@ -221,26 +240,18 @@ class _Block:
         time = np.linspace(-1.0, 1.0, self.fit.intervals[self.record] + 1)
         return self._spectra(np.vstack([time, time**2]))
 
-    def _simulated(self) -> F64:
-        assert self.fit.records is not None
-        rec = self.fit.records[self.record]
-        first = rec.intervals - self.fit.intervals[self.record]
-        try:
-            with np.errstate(all="ignore"):
-                y = self.fit.simulate(rec)[0][self.output, first:]
-        except DataError:  # an unstable mode that leaves the range of numbers
-            y = np.zeros(self.fit.intervals[self.record] + 1)
-        if not np.all(np.abs(y) < LARGE):
-            y = np.zeros_like(y)
-        size = float(np.ptp(y)) or 1.0
-        centred: F64 = (y - y.mean()) / size
-        return centred
-
     def _spectra(self, rows: F64) -> C128:
         full = np.zeros((len(rows), self.fit.records[self.record].t.size))  # type: ignore[index]
         full[:, full.shape[1] - rows.shape[1] :] = rows
         kinds = ["smooth"] * len(rows)
         return _lines(self.fit, self.record, full, kinds, np.zeros(len(rows))) / self.deviation
+
+
+def _centred(simulated: F64 | None, i: int, count: int) -> F64:
+    if simulated is None or not np.all(np.abs(simulated[i]) < LARGE):
+        return np.zeros(count)
+    y: F64 = simulated[i]
+    return np.asarray((y - y.mean()) / (float(np.ptp(y)) or 1.0))
 
 
 def _ramp(m: F64) -> C128:
@@ -267,69 +278,88 @@ def _real(rows: C128) -> F64:
     return np.concatenate([rows.real, rows.imag], axis=-1)
 
 
-def _response(channel: str, output: int, blocks: Sequence[_Block], columns: Sequence[C128]) -> Explained:
-    """The likelier of any further response and of more delay alone, which is what is missing most often."""
-    every = _tested("response", channel, output, blocks, columns)
-    delay = _tested("response", channel, output, blocks, [rows[-1:] for rows in columns])
-    best = delay if delay.p_value < every.p_value or isnan(every.p_value) else every
-    return replace(best, p_value=min(1.0, 2 * best.p_value))
+@dataclass(frozen=True)
+class _Residual:
+    """The residual lines of one output over all records, real parts first, and what was fitted to them."""
 
+    output: int
+    nuisance: F64
+    e: F64
+    x: F64  # logarithm of the frequency
+    ends: NDArray[np.intp]  # of the records
+    basis: F64  # of the nuisance, unweighted
 
-def _tested(
-    what: str, channel: str, output: int, blocks: Sequence[_Block], columns: Sequence[C128]
-) -> Explained:
-    """F test of columns beside the fitted ones, in white noise and in noise of one slope; the larger p."""
-    from scipy.special import digamma, fdtrc, polygamma
+    @classmethod
+    def of(cls, blocks: Sequence[_Block]) -> _Residual:
+        ends = np.cumsum([0, *(2 * b.m.size for b in blocks)])
+        nuisance = np.zeros((len(blocks[0].fitted) + sum(len(b.own) for b in blocks), ends[-1]))
+        at = len(blocks[0].fitted)
+        for block, (first, last) in zip(blocks, pairwise(ends), strict=True):
+            nuisance[: len(block.fitted), first:last] = _real(block.fitted)
+            nuisance[at : at + len(block.own), first:last] = _real(block.own)
+            at += len(block.own)
+        e = np.concatenate([_real(b.residual) for b in blocks])
+        x = np.concatenate([np.tile(np.log(b.m + 1.0), 2) for b in blocks])
+        return cls(blocks[0].output, nuisance, e, x, ends, _basis(nuisance))
 
-    tall, lines = sum(2 * b.m.size for b in blocks), [b.m.size for b in blocks]
-    ends = np.cumsum([0, *(2 * n for n in lines)])
-    nuisance = np.zeros((len(blocks[0].fitted) + sum(len(b.own) for b in blocks), tall))
-    tested, e, x = np.zeros((len(columns[0]), tall)), np.zeros(tall), np.zeros(tall)
-    at = len(blocks[0].fitted)
-    for block, extra, first, last in zip(blocks, columns, ends, ends[1:], strict=False):
-        nuisance[: len(block.fitted), first:last] = _real(block.fitted)
-        nuisance[at : at + len(block.own), first:last] = _real(block.own)
-        at += len(block.own)
-        tested[:, first:last], e[first:last] = _real(extra), _real(block.residual)
-        x[first:last] = np.tile(np.log(block.m + 1.0), 2)
+    def response(self, channel: str, columns: Sequence[C128]) -> Explained:
+        """The likelier of any further response and of more delay alone, which is missing most often."""
+        every = self.tested("response", channel, columns)
+        delay = self.tested("response", channel, [rows[-1:] for rows in columns])
+        best = delay if delay.p_value < every.p_value or isnan(every.p_value) else every
+        return replace(best, p_value=min(1.0, 2 * best.p_value))
 
-    def pairs(values: F64) -> F64:
-        """Sums over the real and the imaginary part of each line, twice."""
-        halves = [values[a:b].reshape(2, -1).sum(axis=0) for a, b in pairwise(ends)]
-        return np.concatenate([np.tile(half, 2) for half in halves])
+    def tested(self, what: str, channel: str, columns: Sequence[C128]) -> Explained:
+        """F test of columns beside the fitted ones in white noise and in noise of one slope: the larger p."""
+        from scipy.special import fdtrc
 
-    weight, worst, share, extra_count = np.ones(tall), 0.0, 0.0, 0
-    for pass_ in range(3):
-        basis = _basis(nuisance * weight)
-        new = tested * weight
-        size = np.linalg.norm(new, axis=1)
-        new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
-        left, s, _ = np.linalg.svd(new.T, full_matrices=False)
-        left = left[:, s > SAME]
-        whole = e * weight - basis @ (basis.T @ (e * weight))
-        part = left.T @ whole
-        rest = whole - left @ part
-        count, free = left.shape[1], tall - basis.shape[1] - left.shape[1] - (pass_ > 0)
-        remaining = float(rest @ rest)
-        if count == 0 or free < 2:
-            return Explained(what, channel, output, nan, -inf)
-        ratio = float(part @ part) / count / (remaining / free) if remaining > 0 else inf
-        if pass_ != 1:  # white noise first; the slope settles in two passes
-            worst = max(worst, float(fdtrc(count, free, ratio)))
-        if pass_ == 0:
-            share, extra_count = float(part @ part) / float(whole @ whole), count
-        # The slope of the log power of what is left, each line by its own degrees of freedom.
-        own = pairs(1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1)).clip(1e-6)
-        power = pairs((rest / weight) ** 2) / own
+        tested = np.concatenate([_real(extra) for extra in columns], axis=-1)
+        tall = self.e.size
+        weight, worst, share, extra_count = np.ones(tall), 0.0, 0.0, 0
+        for pass_ in range(3):
+            basis = self.basis if pass_ == 0 else _basis(self.nuisance * weight)
+            new = tested * weight
+            size = np.linalg.norm(new, axis=1)
+            new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
+            left, s, _ = np.linalg.svd(new.T, full_matrices=False)
+            left = left[:, s > SAME]
+            whole = self.e * weight - basis @ (basis.T @ (self.e * weight))
+            part = left.T @ whole
+            rest = whole - left @ part
+            count, free = left.shape[1], tall - basis.shape[1] - left.shape[1] - (pass_ > 0)
+            remaining = float(rest @ rest)
+            if count == 0 or free < 2:
+                return Explained(what, channel, self.output, nan, -inf)
+            ratio = float(part @ part) / count / (remaining / free) if remaining > 0 else inf
+            if pass_ != 1:  # white noise first; the slope settles in two passes
+                worst = max(worst, float(fdtrc(count, free, ratio)))
+            if pass_ == 0:
+                share, extra_count = float(part @ part) / float(whole @ whole), count
+            weight = self._weight(rest / weight, 1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1))
+        gain = -tall * log(max(1 - share, 1e-300)) - extra_count * log(tall)
+        return Explained(what, channel, self.output, worst, gain)
+
+    def _weight(self, rest: F64, free: F64) -> F64:
+        """Weights of noise whose log power is a straight line over log frequency, from what is left of lines.
+
+        `free`: degrees of freedom that are left of each part of a line.
+        """
+        from scipy.special import digamma, polygamma
+
+        own = self._of_lines(free).clip(1e-6)
+        power = self._of_lines(rest**2) / own
         height = np.log(np.maximum(power, 1e-12 * power.max() + 1e-300)) - digamma(own / 2) + np.log(own / 2)
         trust = 1 / polygamma(1, own / 2)
-        place = x - trust @ x / trust.sum()
+        place = self.x - trust @ self.x / trust.sum()
         spread = float(trust @ place**2)
         slope = float(trust @ (place * height)) / spread if spread > 0 else 0.0
         slope *= max(0.0, 1 - 2 / (spread * slope**2)) if slope else 0.0  # what chance makes of it
-        weight = np.exp(-0.5 * float(np.clip(slope, -STEEPEST, STEEPEST)) * place)
-    gain = -tall * log(max(1 - share, 1e-300)) - extra_count * log(tall)
-    return Explained(what, channel, output, worst, gain)
+        return np.asarray(np.exp(-0.5 * float(np.clip(slope, -STEEPEST, STEEPEST)) * place))
+
+    def _of_lines(self, values: F64) -> F64:
+        """Sums over the real and the imaginary part of each line, twice."""
+        halves = [values[a:b].reshape(2, -1).sum(axis=0) for a, b in pairwise(self.ends)]
+        return np.concatenate([np.tile(half, 2) for half in halves])
 
 
 def _basis(rows: F64) -> F64:

@@ -81,7 +81,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
                 d.correlation.p_value < SUREST,
             )
         )
-    if too_large(d):
+    if too_large(d.chi2_p):
         found.append(
             Doubt(
                 f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} "
@@ -91,7 +91,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
                 sure=False,
             )
         )
-    elif too_small(d):
+    elif too_small(d.chi2_p, d.level_ratio):
         found.append(
             Doubt(
                 f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at "
@@ -180,7 +180,7 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
 
 def _disagreement(fit: Estimates, d: Diagnosis) -> Doubt | None:
     """That the two kinds of standard errors differ, and the residual tests say that classical ones fail."""
-    if not d.disagreement > DISAGREE or not (min(_tests(d)) < UNLIKELY or too_large(d)):
+    if not d.disagreement > DISAGREE or not (min(_tests(d)) < UNLIKELY or too_large(d.chi2_p)):
         return None
     learnt = fit.layout.rational and fit.options.noise == "output" and fit.records is not None
     other = ', noise="coloured"' if learnt else ""
@@ -198,7 +198,7 @@ def which_errors(d: Diagnosis) -> str:
     In white noise nine in ten records of a light mode pass these tests, and classical intervals held the
     truth in 96 % of them; in AR(.6) and AR(.95) noise none of 300 each did.
     """
-    if not d.disagreement > DISAGREE or min(_tests(d)) < UNLIKELY or too_large(d):
+    if not d.disagreement > DISAGREE or min(_tests(d)) < UNLIKELY or too_large(d.chi2_p):
         return ""
     if not all(p >= UNLIKELY for p in _tests(d)):
         return (
@@ -220,14 +220,14 @@ def _differ(d: Diagnosis) -> str:
     return f"Classical and HC3 standard errors differ by a factor of up to {d.disagreement:.2g}"
 
 
-def too_large(d: Diagnosis) -> bool:
+def too_large(chi2_p: float) -> bool:
     """Whether the residuals are more than the noise of the high band explains."""
-    return d.chi2_p < UNLIKELY
+    return chi2_p < UNLIKELY
 
 
-def too_small(d: Diagnosis) -> bool:
-    """Whether they are far less."""
-    return d.chi2_p > 1 - UNLIKELY and d.level_ratio < 1 / LEVEL
+def too_small(chi2_p: float, ratio: float) -> bool:
+    """Whether they are far less, by their level over that of the high band."""
+    return chi2_p > 1 - UNLIKELY and ratio < 1 / LEVEL
 
 
 def _of(fit: Estimates, output: str) -> str:

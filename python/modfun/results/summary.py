@@ -10,7 +10,7 @@ from ..base import html
 from ..base.tables import Findings, Table, nearest
 from ..errors import SpecError
 from ..models.noise import Noise
-from .diagnosis import diagnose
+from .diagnosis import level_p, level_ratio
 from .doubts import numbers
 from .estimates import Estimates
 from .misfit import too_large, too_small
@@ -164,15 +164,15 @@ def _no_level(fit: Estimates) -> str:
 def _chi2(fit: Estimates) -> str:
     if np.isnan(fit.chi2) or not np.all(np.isfinite(fit.params)):
         return f"not available ({_no_level(fit)})"
-    d = diagnose(fit)
+    p = level_p(fit)
     verdict = (
         "residuals above the high band's level: model too simple, or filtered record"
-        if too_large(d)
+        if too_large(p)
         else "residuals below the high band's level"
-        if too_small(d)
+        if too_small(p, level_ratio(fit))
         else "as it should be"
     )
-    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}): {verdict}"
+    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {p:.2g}): {verdict}"
 
 
 def parameters(fit: Estimates, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
