@@ -48,6 +48,14 @@ pub(crate) struct Choice {
     pub theta: Option<Vec<f64>>,
 }
 
+/// Steps that a way to the right minimum takes at most, unless noise is large: a longer one may lead astray.
+pub(crate) const MANY: u32 = 10;
+
+/// So many lines at the lower end of each range.
+pub(crate) fn lower_ends(ranges: &[Range], lines: impl Iterator<Item = usize>) -> Vec<Range> {
+    ranges.iter().zip(lines).map(|((first, last), n)| (*first, (first + n).min(*last))).collect()
+}
+
 /// Lines that tell so many unknowns an output: the narrow fit of the default rule, and of second starts, goes so
 /// many lines up from its lowest.
 pub(crate) fn narrow_lines(unknowns: usize, order: usize) -> usize {

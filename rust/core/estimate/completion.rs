@@ -1,7 +1,7 @@
 //! What stands at the end of a fit: transient, cost and covariances, by the straight path or the general one; statuses.
 
 use super::design::Design;
-use super::outcome::{lost_in_rounding, statuses};
+use super::outcome::{lost_lanes, statuses};
 use super::workspace::Workspace;
 use super::{straight, uncertainty};
 use crate::error::Status;
@@ -22,12 +22,9 @@ pub(super) fn complete(
 
 /// Statuses of all lanes where they stand.
 pub(super) fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
-    let p = w.iterates.theta.now.len();
-    let mut dependent = w.dependent;
-    if with_covariance {
-        let lost = lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p);
-        dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
-    }
+    let theta = &w.iterates.theta.now;
+    let covariances = with_covariance.then_some([&w.cov_nonrobust[..], &w.cov_hc3[..]]);
+    let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(&w.iterates.theta.now, |k| d.scale[k], &w.progress, dependent, data)
+    statuses(theta, |k| d.scale[k], &w.progress, lost, data)
 }

@@ -10,7 +10,7 @@
 //! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
 //! is the report's guideline (eq. 20).
 
-use super::band::{BandRule, Choice, Range, SAME, fewest_lines};
+use super::band::{BandRule, Choice, Range, SAME, fewest_lines, lower_ends};
 use super::fitter::{Desk, Fitter, Problem};
 use super::pass::prepare;
 use super::uncertainty::{Information, mend_inverse};
@@ -42,8 +42,7 @@ impl Fitter {
 
     /// Few lines at the lower end of each range.
     fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
-        let each = ranges.iter().zip(&self.records);
-        each.map(|((first, last), r)| (*first, (first + r.narrow).min(*last))).collect()
+        lower_ends(ranges, self.records.iter().map(|r| r.narrow))
     }
 
     /// The second start of a fit on these lines: the estimate on few of them, where they are more than few and it

@@ -80,8 +80,19 @@ fn all_finite(theta: &[Wide], scale: impl Fn(usize) -> f64, cost: &Wide) -> bool
     (0..LANES / 2).map(|k| sum[k] + sum[k + LANES / 2]).sum::<f64>().is_finite()
 }
 
+/// Lanes in which columns were found dependent, or rounding took over in one of both covariances, where there are any.
+pub(crate) fn lost_lanes(
+    mut dependent: [bool; LANES],
+    covariances: Option<[&[Wide]; 2]>,
+    parameters: usize,
+) -> [bool; LANES] {
+    let lost = covariances.map_or([false; LANES], |both| lost_in_rounding(both, parameters));
+    dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
+    dependent
+}
+
 /// Lanes in which rounding took over: columns so nearly dependent that a variance came out below 0, or as no number.
-pub(crate) fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize) -> [bool; LANES] {
+fn lost_in_rounding(covariances: [&[Wide]; 2], parameters: usize) -> [bool; LANES] {
     let mut lost = [false; LANES];
     for cov in covariances {
         for variance in cov.iter().step_by(parameters + 1) {

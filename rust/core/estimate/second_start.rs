@@ -4,7 +4,7 @@
 //! longer. Such a lane goes again, from the estimate on the lower lines that tell its unknowns, and keeps the better
 //! end. What other lanes do changes no bit of it.
 
-use super::band::CLOSE;
+use super::band::{CLOSE, MANY};
 use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
@@ -16,9 +16,6 @@ use super::uncertainty;
 use super::workspace::Workspace;
 use crate::simd::{Isa, LANES};
 
-/// Steps that a way to the right minimum takes at most, unless noise is large.
-const MANY: f64 = 10.0;
-
 /// Goes again where the way was long; the better of both ends stands in each lane.
 pub(super) fn go_again(
     isa: Isa,
@@ -28,7 +25,8 @@ pub(super) fn go_again(
     rule: Rule,
     o: &Options,
 ) {
-    let long = |lane: usize| w.progress.active.0[lane] > 0.0 || w.progress.nit.0[lane] > MANY;
+    let long =
+        |lane: usize| w.progress.active.0[lane] > 0.0 || w.progress.nit.0[lane] > f64::from(MANY);
     let again: [bool; LANES] = std::array::from_fn(|lane| live[lane] && long(lane));
     if again == [false; LANES] {
         return;

@@ -8,7 +8,7 @@ use super::single::Single;
 use super::structure::Delay;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::band::{Band, BandRule, CLOSE, Choice, Range, SAME, fewest_lines};
+use crate::estimate::band::{Band, BandRule, CLOSE, Choice, Range, SAME, fewest_lines, lower_ends};
 use crate::estimate::{Options, Outcome, Wanted};
 use crate::simd::LANES;
 use crate::structure::Method;
@@ -32,13 +32,13 @@ impl JointFitter {
         let sought = self.o.band == Band::Default && self.adapts();
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
         if !sought {
-            let start = self.sought_delays(loaded, records, &given, &white)?;
+            let start = self.search(loaded, records, &given, &white)?;
             return Ok(Choice { ranges: given, rule: None, theta: start });
         }
         let narrow = self.narrow(&given);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
-        let first = self.sought_delays(loaded, records, &given, &white)?;
+        let first = self.search(loaded, records, &given, &white)?;
         let d = self.design(&given, &loaded.units, &white, true)?;
         let mut best = self.single(&d, loaded);
         let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
@@ -77,8 +77,7 @@ impl JointFitter {
 
     /// Few lines at the lower end of each range.
     fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
-        let each = ranges.iter().zip(&self.records);
-        each.map(|((first, last), r)| (*first, (first + r.narrow).min(*last))).collect()
+        lower_ends(ranges, self.records.iter().map(|r| r.narrow))
     }
 
     /// The second start of a fit on these lines, where they are more than few: the estimate on few of them, if there
@@ -97,23 +96,9 @@ impl JointFitter {
         // Too few lines for the unknowns are no failure of the wide fit.
         let Ok(few) = self.design(&narrow, &loaded.units, &white, true) else { return Ok(None) };
         let mut few = self.single(&few, loaded);
-        let start = self.sought_delays(loaded, records, &narrow, &white)?;
+        let start = self.search(loaded, records, &narrow, &white)?;
         let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
         Ok(cost.is_finite().then(|| few.w.theta(few.d, 0).collect()))
-    }
-
-    /// Where the search for delays ends, if any are to be found.
-    fn sought_delays(
-        &self,
-        loaded: &Loaded,
-        records: &[JointRecord<'_>],
-        ranges: &[Range],
-        noise: &NoiseModel,
-    ) -> Result<Option<Vec<f64>>, Error> {
-        match self.o.structure.free_delays().is_empty() {
-            true => Ok(None),
-            false => self.search(loaded, records, ranges, noise),
-        }
     }
 
     /// Options of a fit that need not come to its end.
@@ -142,7 +127,7 @@ impl JointFitter {
         Ok((if usable { cost } else { f64::INFINITY }, ended.near))
     }
 
-    /// Estimates from many delays at once, one a lane; the best one's parameters.
+    /// Estimates from many delays at once, one a lane; the best one's parameters. Nothing where none are to be found.
     fn search(
         &self,
         loaded: &Loaded,
@@ -150,6 +135,9 @@ impl JointFitter {
         ranges: &[Range],
         noise: &NoiseModel,
     ) -> Result<Option<Vec<f64>>, Error> {
+        if self.o.structure.free_delays().is_empty() {
+            return Ok(None);
+        }
         // Starts are good enough without what is known of worse samples.
         let d = self.design(ranges, &loaded.units, noise, false)?;
         let mut w = self.space(&d, loaded);

@@ -10,7 +10,7 @@ use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::Options;
 use crate::estimate::answer::{Answer, unit_diagonal};
-use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, default_lines};
+use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
@@ -20,9 +20,6 @@ use crate::simd::{Isa, Wide};
 use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
 use std::sync::Arc;
-
-/// Steps that a way to the right minimum takes at most, unless noise is large.
-const MANY: u32 = 10;
 
 /// Everything that says how records are fitted jointly.
 #[derive(Debug, Clone)]

@@ -8,7 +8,7 @@ use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
-use crate::estimate::outcome::{Outcome, lost_in_rounding, statuses};
+use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
 use crate::estimate::rule::Rule;
 use crate::estimate::{Options, Wanted};
@@ -108,14 +108,11 @@ pub(crate) fn estimate(
 }
 
 fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
-    let p = w.iterates.theta.now.len();
-    let mut dependent = w.dependent;
-    if with_covariance {
-        let lost = lost_in_rounding([&w.cov_nonrobust, &w.cov_hc3], p);
-        dependent.iter_mut().zip(lost).for_each(|(dependent, lost)| *dependent |= lost);
-    }
+    let theta = &w.iterates.theta.now;
+    let covariances = with_covariance.then_some([&w.cov_nonrobust[..], &w.cov_hc3[..]]);
+    let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(&w.iterates.theta.now, |k| d.parameter_scale(k), &w.progress, dependent, data)
+    statuses(theta, |k| d.parameter_scale(k), &w.progress, lost, data)
 }
 
 /// How far a call of the vector code came.
