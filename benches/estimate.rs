@@ -116,6 +116,7 @@ fn single(c: &mut Criterion) {
             trend: Trend::None,
             extended: true,
             band,
+            own_levels: true,
             options: common::OPTIONS,
         };
         let make = || {

@@ -108,6 +108,7 @@ fn plain(method: Method, rule: Rule, band: Band, options: Options) -> FitOptions
         trend: Trend::None,
         extended: true,
         band,
+        own_levels: true,
         options,
     }
 }
@@ -223,6 +224,7 @@ fn joint_options(structure: JointStructure, band: Band) -> JointOptions {
         trend: Trend::None,
         extended: true,
         band,
+        own_levels: true,
         options: SETTLED,
     }
 }

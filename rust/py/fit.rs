@@ -154,6 +154,7 @@ impl Given {
             trend: self.words.trend()?,
             extended: self.words.extended,
             band: self.words.band()?,
+            own_levels: true,
             options: self.words.iteration(wanted),
         })
     }
@@ -328,6 +329,7 @@ fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     let out = answered(py, f.answer)?;
     out.set_item("sigma", f.sigma)?;
+    out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
         residuals.append(vector(py, complex(record)))?;

@@ -23,6 +23,7 @@ type GivenPath = (usize, f64, Option<(f64, f64)>);
 pub struct GivenJoint {
     structure: JointStructure,
     noise: NoiseModel,
+    own_levels: bool,
     words: Words,
 }
 
@@ -54,6 +55,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenJoint {
                 colour: if coloured { Colour::Fitted } else { Colour::Given },
                 spectra: given.get_item("spectra")?.extract()?,
             },
+            own_levels: given.get_item("own_levels")?.extract()?,
             words: given.extract()?,
         })
     }
@@ -71,6 +73,7 @@ impl GivenJoint {
             trend: self.words.trend()?,
             extended: self.words.extended,
             band: self.words.band()?,
+            own_levels: self.own_levels,
             options: self.words.iteration(wanted),
         })
     }
@@ -159,6 +162,7 @@ pub fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound
     out.set_item("scale", f.scale)?;
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;
     out.set_item("at_bound", f.at_bound)?;
+    out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
         let own = PyList::empty(py);

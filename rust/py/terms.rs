@@ -9,7 +9,7 @@ use modfun::estimate::terms::{
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::tape::{Tape, Written};
-use numpy::PyReadonlyArray2;
+use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -170,8 +170,8 @@ impl TermsFitter {
 fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     let out = answered(py, f.answer)?;
     out.set_item("scale", f.scale)?;
-    out.set_item("levels", vector(py, f.levels))?;
-    out.set_item("seen", vector(py, f.seen))?;
+    out.set_item("levels", rows(py, f.levels)?)?;
+    out.set_item("seen", rows(py, f.seen)?)?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
     out.set_item("at_bound", f.at_bound)?;
     let residuals = PyList::empty(py);
@@ -180,4 +180,10 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     }
     out.set_item("residuals", residuals)?;
     Ok(out)
+}
+
+/// One row a record.
+fn rows(py: Python<'_>, values: Vec<Vec<f64>>) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let count = values.len();
+    matrix(py, values.concat(), count)
 }

@@ -110,6 +110,7 @@ fn plan(draw: Draw) -> Plan {
             trend: Trend::None,
             extended: true,
             band: Band::Harmonics(6),
+            own_levels: true,
             options: OPTIONS,
         };
         Contender {

@@ -52,6 +52,7 @@ fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
         trend: Trend::Constant,
         extended: true,
         band,
+        own_levels: true,
         options: OPTIONS,
     }
 }
@@ -84,6 +85,7 @@ fn one_output_is_what_the_fast_estimator_says() {
             trend: Trend::Constant,
             extended: true,
             band: Band::Default,
+            own_levels: true,
             options: OPTIONS,
         };
         let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];

@@ -40,6 +40,7 @@ fn options(delay: f64, band: Band) -> FitOptions {
         trend: Trend::None,
         extended: true,
         band,
+        own_levels: true,
         options: OPTIONS,
     }
 }
@@ -105,6 +106,7 @@ fn joint(order: usize, input: usize) -> JointOptions {
         trend: Trend::None,
         extended: true,
         band: Band::Harmonics(8),
+        own_levels: true,
         options: OPTIONS,
     }
 }

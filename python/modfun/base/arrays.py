@@ -1,12 +1,20 @@
-"""Arrays of numbers by their kind, for annotations."""
+"""Arrays of numbers by their kind, for annotations, and their geometric mean."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["C128", "F64", "I64"]
+__all__ = ["C128", "F64", "I64", "geometric_mean"]
 
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 I64 = NDArray[np.int64]
+
+
+def geometric_mean(values: F64, weights: Sequence[float]) -> F64:
+    """Of each column, over rows of these weights."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.exp(np.average(np.log(values), axis=0, weights=weights)))

@@ -177,6 +177,7 @@ def crlb(
         raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
+    levels: F64 | float = 1.0
     states: list[Any] = [None if start is None else reals("crlb", "start", start)]
     if isinstance(sys, Fit):
         if experiment is None:
@@ -187,6 +188,8 @@ def crlb(
                 states = [sys.initial_state(k).state for k in range(len(sys.records))]
         if nsr is None and sigma is None:
             sigma = noise_of(sys)
+            if experiment is sys.records:
+                levels = sys.noise_levels / np.sqrt(np.diag(sigma))
         trend = sys.trend if trend is None else trend
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
@@ -208,17 +211,18 @@ def crlb(
     cov = _covariance(nsr, sigma, np.sqrt(np.mean(y**2, axis=1)))
     size = np.zeros(len(known.names))
     factors = []
-    for rec, one in zip(records, found, strict=True):
+    each = np.broadcast_to(levels, (len(records), len(cov)))
+    for rec, one, over in zip(records, found, each, strict=True):
         t = trend_rows(trend, rec.t.size)
         offsets = np.kron(np.eye(len(cov)), t).reshape(-1, len(cov), rec.t.size)
         nuisance = np.concatenate([one.state if initial_state == "unknown" else one.state[:0], offsets])
-        columns = _whitened(np.concatenate([one.params, nuisance]), cov, rec)
+        columns = _whitened(np.concatenate([one.params, nuisance]), cov * np.outer(over, over), rec)
         wanted, rest = columns[:, : size.size], columns[:, size.size :]
         size = np.hypot(size, np.linalg.norm(wanted, axis=0))
         factors.append(np.linalg.qr(_without(wanted, rest), mode="r"))
     half = _inverse(np.vstack(factors), size, known)
-    levels = np.sqrt(np.diag(cov))
-    sd = float(levels[0]) if levels.size == 1 else levels
+    noise = np.sqrt(np.diag(cov))
+    sd = float(noise[0]) if noise.size == 1 else noise
     return Bound(param_names=known.names, values=known.values, cov=half @ half.T, sigma=sd)
 
 

@@ -66,9 +66,10 @@ def fit(
     Parameters
     ----------
     data : Record or sequence of Record, or FrequencyResponse
-        Lengths, rates and trims may differ between records, channels may not. Gains of a frequency response
-        are weighted by the inverse of their covariance; of the options band, tol and maxiter mean something
-        then.
+        Lengths, rates and trims may differ between records, channels may not. Each record has a noise level of
+        its own, estimated with the parameters (`Fit.noise_levels`) unless `noise` or ``Record(sigma=)`` tells
+        it. Gains of a frequency response are weighted by the inverse of their covariance; of the options band,
+        tol and maxiter mean something then.
     model : TransferFunction, Equation or StateSpace
         What is to be fitted.
     method : {"ml", "awls", "wls", "ls"}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._core import TermsFitter
-from ..base.arrays import F64
+from ..base.arrays import F64, geometric_mean
 from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
@@ -129,10 +129,11 @@ def fit_equation(
     _refuse_not_finite(layout, rows)
     found = made.core.fit(rows)
     levels = found["levels"]
-    known = levels[: len(layout.outputs)]
-    cost = found["cost"] * (known[0] ** 2 if levels.size == 1 else 1.0)
+    own = levels[:, : len(layout.outputs)]
+    known = geometric_mean(own, [2 * (hi - lo + 1) - (lo == 0) for lo, hi in found["lines"]])
+    cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 else 1.0)
     return EquationFit.of_core(
-        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"])},
+        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"]), "record_levels": own / known},
         structure,
         layout,
         options,

@@ -40,6 +40,9 @@ def weighting(
         "sigma_y": None,
         "sigma_u": None,
         "spectra": [],
+        "own_levels": not isinstance(options.noise, Noise)
+        and options.noise != "errors-in-variables"
+        and all(rec.sigma is None for rec in records),
     }
     if options.output_weights is not None:
         weights = np.array(options.output_weights, dtype=float)

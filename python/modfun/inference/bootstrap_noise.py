@@ -48,12 +48,16 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
         freedom = sum(e.shape[1] for e in errors) - fit.params.size - nuisance * len(records)
         root = np.diag(np.sqrt(sum(np.sum(e**2, axis=1) for e in errors) / freedom))
 
+    over = (fit.noise_levels / np.sqrt(np.diag(fit.noise_cov)))[:, :, None]
+
     def draw(block: range) -> list[F64]:
         drawn = []
         for k, (y, rec) in enumerate(zip(clean, records, strict=True)):
             z = normal_rows(seed, "bootstrap", 0, block.start, k, len(block), y.size).reshape(-1, *y.shape)
             # Megabytes are written where they stand.
             e = np.multiply(root, z, out=z) if root.size == 1 else root @ z
+            if fit.options.method in ("awls", "ml"):
+                e *= over[k]
             if rec.sigma is not None:
                 e *= rec.sigma
             drawn.append(y * np.expm1(e) if noise == "log-normal" else e)
@@ -144,7 +148,8 @@ def _unshrink(
         # Re and Im of the equation's rows, as in HC3; a real line has all of its variance in Re.
         before, after = (np.ones(a.shape), a / np.abs(a)) if flat else (a, np.ones(a.shape))
         after = after * np.where(np.arange(high + 1) == 0, np.sqrt(0.5), 1.0)
-        weight = after[:, None] * whiten[:, :, None] * before  # (row, output, line)
+        over = fit.noise_levels[k] / np.sqrt(np.diag(fit.noise_cov))
+        weight = after[:, None] * (whiten / over)[:, :, None] * before  # (row, output, line)
         block = np.einsum("rom,omc->rmc", weight, block)
         sizes.append(np.sum(np.abs(block) ** 2, axis=(0, 1)))  # of all lines, left out or not
         blocks.append(block[:, low:].reshape(-1, block.shape[2]))
@@ -181,14 +186,14 @@ def _unshrink_equations(
     fit: Fit, records: tuple[Record, ...], initial: list[InitialState], leads: list[int], lines: list[C128]
 ) -> None:
     """As `_unshrink`, for equations: the columns are the spectra of the responses' slopes."""
-    p, level = fit.params.size, np.sqrt(np.diag(fit.noise_cov))[:, None]
+    p = fit.params.size
     columns = [
         _lines(slopes(fit, rec, own), lead) for rec, own, lead in zip(records, initial, leads, strict=True)
     ]
     width = p + sum(len(one) - p for one in columns)
     blocks, errors, at = [], [], p
-    for column, line, (low, high) in zip(columns, lines, fit.lines, strict=True):
-        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level
+    for column, line, (low, high), level in zip(columns, lines, fit.lines, fit.noise_levels, strict=True):
+        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level[:, None]
         block = np.zeros((len(level), high - low + 1, width), complex)
         shaped = (column[:, :, low : high + 1] * half).transpose(1, 2, 0)
         block[:, :, :p], block[:, :, at : at + shaped.shape[2] - p] = shaped[:, :, :p], shaped[:, :, p:]
@@ -197,10 +202,9 @@ def _unshrink_equations(
         errors.append((line[:, low : high + 1] * half).ravel())
     stacked: C128 = np.vstack(blocks)
     size = np.linalg.norm(stacked, axis=0)
-    for line, part, (low, high) in zip(
-        lines, _grown(np.asarray(stacked / np.where(size > 0, size, 1.0)), errors), fit.lines, strict=True
-    ):
-        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level
+    grown = _grown(np.asarray(stacked / np.where(size > 0, size, 1.0)), errors)
+    for line, part, (low, high), level in zip(lines, grown, fit.lines, fit.noise_levels, strict=True):
+        half = np.where(np.arange(low, high + 1) == 0, np.sqrt(0.5), 1.0) / level[:, None]
         line[:, low : high + 1] = part.reshape(len(level), -1) / half
 
 

@@ -98,7 +98,9 @@ def _levels(fit: Fit, output: int, rec: Record) -> list[tuple[float, str, str]]:
         return []
     found = [(float(fit.high_band_levels[output]), ":", "noise of the high band")]
     if fit.options.noise != "equation" and fit.options.method in ("awls", "ml"):
-        found.insert(0, (float(np.atleast_1d(fit.sigma)[output]), "--", "noise of the fit"))
+        own = [k for k, one in enumerate(fit.records or ()) if one is rec]
+        level = fit.noise_levels[own[0], output] if own else np.atleast_1d(fit.sigma)[output]
+        found.insert(0, (float(level), "--", "noise of the fit"))
     gain = np.sqrt(6 / rec.intervals)
     return [(gain * level, style, words) for level, style, words in found if level > 0]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import noise_level
 from ..base.arguments import whole
-from ..base.arrays import C128, F64
+from ..base.arrays import C128, F64, geometric_mean
 from ..base.student import probability, root, student_interval
 from ..base.tables import nearest
 from ..errors import DataError, FitError, SpecError
@@ -69,6 +69,7 @@ class Estimates:
     known_level: F64 | None = None
     window_weights: tuple[float, ...] = ()
     df_hc3: F64 | None = None
+    record_levels: F64 | None = None
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     @classmethod
@@ -89,6 +90,7 @@ class Estimates:
             "params": found["theta"],
             "noise_cov": np.array([[found["sigma"] ** 2]]) if noise is None else noise,
             "noise_scale": found["scale"] if known else nan,
+            "record_levels": found.get("record_levels"),
             "lines": tuple(found["lines"]),
             "omega0": tuple(found["omega0"]),
             "pieces": tuple([np.atleast_2d(piece) for piece in found["residuals"]]),
@@ -118,9 +120,19 @@ class Estimates:
 
     @property
     def sigma(self) -> Any:
-        """Noise standard deviation on a sample of the output; of several outputs an array, (output,)."""
+        """Noise standard deviation on a sample of the output; of several outputs an array, (output,).
+
+        Of several records the geometric mean; `noise_levels` has each.
+        """
         levels = np.sqrt(np.diag(self.noise_cov))
         return float(levels[0]) if levels.size == 1 else levels
+
+    @property
+    def noise_levels(self) -> F64:
+        """Noise standard deviation on a sample of each output in each record, (record, output)."""
+        levels = np.sqrt(np.diag(self.noise_cov))
+        over = np.ones(len(self.lines)) if self.record_levels is None else self.record_levels
+        return np.asarray((over[:, None] if over.ndim == 1 else over) * levels)
 
     # Estimates and their uncertainty ------------------------------------------------------------
 
@@ -208,7 +220,7 @@ class Estimates:
                 return nothing
             window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
             variance.append(noise_level(window, order) ** 2)
-        return np.asarray(np.sqrt(np.mean(variance, axis=0)))
+        return np.sqrt(geometric_mean(np.array(variance), self.rows))
 
     @property
     def high_band_sigma(self) -> Any:
@@ -315,6 +327,11 @@ class Estimates:
     def has_poles(self) -> bool:
         """Whether the model is linear."""
         return True
+
+    @property
+    def rows(self) -> list[int]:
+        """Real equations of each record and output."""
+        return [2 * (hi - lo + 1) - (lo == 0) for lo, hi in self.lines]
 
     @property
     def row_names(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from ..errors import DataError
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "further"]
+__all__ = ["Explained", "event", "further", "stationary"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -105,8 +105,14 @@ def _testable(fit: Estimates) -> bool:
         and fit.options.noise == "output"
         and fit.options.method in ("awls", "ml")
         and bool(np.all(np.diag(fit.noise_cov) > 0))
-        and all(rec.mask is None and rec.sigma is None and rec.dt is not None for rec in fit.records or ())
+        and stationary(fit)
+        and all(rec.dt is not None for rec in fit.records or ())
     )
+
+
+def stationary(fit: Estimates) -> bool:
+    """Whether all samples count alike, so that noise may be stationary."""
+    return all(rec.mask is None and rec.sigma is None for rec in fit.records or ())
 
 
 def event(fit: Estimates) -> Explained | None:
@@ -116,6 +122,8 @@ def event(fit: Estimates) -> Explained | None:
     by exp(-i omega t) together.
     """
     best: Explained | None = None
+    if not stationary(fit):
+        return best
     for i in range(len(fit.row_names)):
         for k, piece in enumerate(fit.pieces):
             e = piece[i]
@@ -197,7 +205,7 @@ class _Block:
         if fit.trend == "linear":
             own.append(_ramp(m))
         h = np.where(m == 0, 1.0, 0.5)
-        deviation = float(np.sqrt(fit.noise_cov[i, i])) * np.sqrt(h / fit.intervals[k])
+        deviation = float(fit.noise_levels[k, i]) * np.sqrt(h / fit.intervals[k])
         return cls(
             fit, k, i, m, fit.pieces[k][i],
             np.einsum("pkf,kf->pf", slopes[:, i], u * late) / deviation,

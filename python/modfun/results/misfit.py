@@ -10,7 +10,7 @@ from .cures import best_cure
 from .diagnosis import Diagnosis, diagnose, level_p
 from .doubts import BLOCK, SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
-from .further import Explained, event
+from .further import Explained, event, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 
 __all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small", "which_errors"]
@@ -78,7 +78,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
                 f"{d.correlation.statistic:.3g}, p = {d.correlation.p_value:.2g}), so something short in "
                 "time is not explained, such as a gust, a step of another input or clipping. Look for it "
                 "with fit.plot_response().",
-                d.correlation.p_value < SUREST,
+                d.correlation.p_value < SUREST and stationary(fit),
             )
         )
     if too_large(d.chi2_p):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import reals
-from ..base.arrays import F64
+from ..base.arrays import F64, geometric_mean
 from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.symbolic.known import basis
@@ -30,18 +30,18 @@ class EquationFit(Fit):
 
     Attributes
     ----------
-    levels : (noisy channel,) array
+    levels : (record, noisy channel) array
         Standard deviation of the noise that weighed the lines: given, seen in the unused high band, or, where
-        the residuals of several outputs contradict that, estimated with the parameters.
-    seen : (noisy channel,) array
+        the residuals of several outputs or records contradict that, estimated with the parameters.
+    seen : (record, noisy channel) array
         The same as given or as seen in the high band.
     df_hc3 : (p,) array
         Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
-    levels: F64 = field(default_factory=lambda: np.empty(0))
-    seen: F64 = field(default_factory=lambda: np.empty(0))
+    levels: F64 = field(default_factory=lambda: np.empty((0, 0)))
+    seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def trend(self) -> str | None:
@@ -114,7 +114,7 @@ class EquationFit(Fit):
         """Noise level of each output as seen in the unused high band; nan where it was given."""
         given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
         outputs = len(self.outputs)
-        return np.full(outputs, np.nan) if given else self.seen[:outputs]
+        return np.full(outputs, np.nan) if given else geometric_mean(self.seen[:, :outputs], self.rows)
 
     @property
     def chi2(self) -> float:

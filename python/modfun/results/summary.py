@@ -18,6 +18,9 @@ from .misfit import too_large, too_small
 __all__ = ["Summary", "facts", "one_line", "parameters"]
 
 
+MANY = 8  # records whose noise levels are listed
+
+
 def one_line(fit: Estimates, doubts: int = 0) -> str:
     """A fit on one line, with the number of doubts about it."""
     numbers = ", ".join(
@@ -128,6 +131,10 @@ def _noise(fit: Estimates) -> str:
     if isinstance(fit.options.noise, Noise):
         kind = f"as given, {fit.options.noise!r}"
     text = f"{kind}; standard deviation on {', '.join(fit.outputs)}: {numbers(fit.sigma)}"
+    levels = fit.noise_levels
+    if len(levels) > 1 and np.ptp(levels, axis=0).any():
+        each = "; ".join(f"record {k}: {numbers(own)}" for k, own in enumerate(levels[:MANY]))
+        text += f" (geometric mean; {each}{'; ...' if len(levels) > MANY else ''})"
     if len(fit.outputs) > 1:
         level = np.sqrt(np.diag(fit.noise_cov))
         between = fit.noise_cov / np.outer(level, level)

@@ -41,7 +41,7 @@ impl Fitter {
     }
 
     /// Few lines at the lower end of each range.
-    fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
+    pub(super) fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
         lower_ends(ranges, self.records.iter().map(|r| r.narrow))
     }
 

@@ -1,5 +1,6 @@
 //! The plan of one estimation problem: columns, sums, lines and scales; nothing in it depends on the data.
 
+use super::aliasing::Aliasing;
 use super::band::narrow_lines;
 use super::straight::tables::{Tables, sizes};
 use super::sums::{Products, SumPlan, plan_sums};
@@ -53,6 +54,8 @@ pub struct Design {
     pub(crate) tile: usize,
     /// What the straight path needs, where the problem is one for it.
     pub(crate) straight: Option<Tables>,
+    /// What held inputs fold into the output's sums, where there are such.
+    pub(crate) aliasing: Option<Aliasing>,
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
     pub(crate) scale: Vec<f64>,
@@ -138,6 +141,7 @@ impl Design {
             unit: 1.0,
             band_edge,
             straight,
+            aliasing: None,
         })
     }
 

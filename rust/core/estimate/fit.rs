@@ -47,6 +47,8 @@ pub struct FitOptions {
     pub extended: bool,
     /// Lines.
     pub band: Band,
+    /// Whether several records have noise levels of their own.
+    pub own_levels: bool,
     /// Iteration.
     pub options: Options,
 }
@@ -59,7 +61,9 @@ pub struct Fit {
     /// Noise standard deviation, √(cost/degrees of freedom): of the output's samples, or of the
     /// equation error's.
     pub sigma: f64,
-    /// Residuals on the lines of each record over σ: unit variance in Re and Im.
+    /// Noise of each record over σ, of geometric mean 1 weighted by rows.
+    pub record_levels: Vec<f64>,
+    /// Residuals on the lines of each record over its noise: unit variance in Re and Im.
     pub residuals: Vec<Vec<(f64, f64)>>,
 }
 

@@ -3,6 +3,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::aliasing::Aliasing;
 use super::answer::{Answer, unit_diagonal};
 use super::band::{BandRule, CLOSE, Choice, Range};
 use super::design::Design;
@@ -10,6 +11,7 @@ use super::fit::{Fit, FitOptions, RecordView, Time};
 use super::many::Many;
 use super::options::{Options, Start, Wanted};
 use super::outcome::End;
+use super::record_levels::{misfits, settle};
 use super::replicates::estimate;
 use super::shared::Shared;
 use super::spare::Spare;
@@ -18,8 +20,10 @@ use super::window::{Spectra, Window, coefficient_plans};
 use super::workspace::Workspace;
 use crate::error::Error;
 use crate::modulation::Lines;
+use crate::quadrature::Hold;
 use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
+use crate::structure::Method;
 
 /// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
 const PROBLEMS: usize = 4;
@@ -57,6 +61,8 @@ pub(crate) struct Desk {
     spectra: Vec<Vec<Spectrum>>,
     /// Power of two at the size of each channel over all records.
     units: Vec<f64>,
+    /// Noise variance of each record over a common one.
+    levels: Vec<f64>,
     problems: Vec<Problem>,
 }
 
@@ -70,6 +76,7 @@ struct Spectrum {
 /// A choice of lines with its workspace.
 pub(crate) struct Problem {
     ranges: Vec<Range>,
+    levels: Vec<f64>,
     pub design: Design,
     /// The design's scales before a record's units.
     scale: Vec<f64>,
@@ -196,7 +203,7 @@ impl Fitter {
             to.re.copy_from_slice(re);
             to.im.copy_from_slice(im);
         }
-        desk.set_units();
+        desk.begin();
         Ok(self.records.iter().map(|r| r.range).collect())
     }
 
@@ -225,13 +232,25 @@ impl Fitter {
             None => self.narrow_estimate(desk, &ranges),
         };
         let starts: Vec<Vec<f64>> = narrow.into_iter().chain(starts.iter().cloned()).collect();
+        let best = self.best_of(desk, &ranges, &starts, rule)?;
+        self.levelled(desk, &ranges, best)
+    }
+
+    /// The estimate from `wls` and from each of these parameters with the lowest cost.
+    fn best_of(
+        &self,
+        desk: &mut Desk,
+        ranges: &[Range],
+        starts: &[Vec<f64>],
+        rule: Option<BandRule>,
+    ) -> Result<Fit, Error> {
         // As many at once as there are lanes beside that of `wls`.
         let mut starts = starts.chunks(LANES - 1);
         let first = starts.next().map_or(Start::Wls, Start::Each);
-        let mut best = self.finish(desk, &ranges, first, rule)?;
+        let mut best = self.finish(desk, ranges, first, rule)?;
         let end = |fit: &Fit| End { status: fit.answer.status, cost: fit.answer.cost };
         for more in starts {
-            let other = self.finish(desk, &ranges, Start::Each(more), None)?;
+            let other = self.finish(desk, ranges, Start::Each(more), None)?;
             if end(&other).is_better_than(end(&best)) {
                 best = other;
             }
@@ -242,11 +261,55 @@ impl Fitter {
     /// Loads the records and says which lines to use: as given, or by the default rule.
     fn choose(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<Choice, Error> {
         self.load(desk, records)?;
-        let ranges = self.records.iter().map(|r| r.range).collect();
+        let ranges: Vec<Range> = self.records.iter().map(|r| r.range).collect();
         match self.o.band_is_sought() {
-            true => self.default_band(desk, ranges),
+            true => {
+                self.find_levels(desk, &self.narrow(&ranges), Start::Wls);
+                let choice = self.default_band(desk, ranges.clone())?;
+                if let Some(theta) = &choice.theta {
+                    // More lines than the fit needs know the levels better.
+                    self.find_levels(desk, &ranges, Start::Theta(theta));
+                }
+                Ok(choice)
+            }
             false => Ok(Choice { ranges, rule: None, theta: None }),
         }
+    }
+
+    /// Noise levels of several records: those that a fit on these lines has; as they stand where it fails.
+    fn find_levels(&self, desk: &mut Desk, ranges: &[Range], start: Start<'_>) {
+        let before = desk.levels.clone();
+        if self.learns_levels()
+            && self
+                .finish(desk, ranges, start, None)
+                .and_then(|fit| self.levelled(desk, ranges, fit))
+                .is_err()
+        {
+            desk.levels = before;
+        }
+    }
+
+    /// Whether records have noise levels of their own.
+    fn learns_levels(&self) -> bool {
+        let adapts = matches!(self.o.method, Method::Awls | Method::Ml);
+        self.o.own_levels && self.records.len() > 1 && adapts
+    }
+
+    /// The fit with noise levels of the records that its residuals have.
+    fn levelled(&self, desk: &mut Desk, ranges: &[Range], first: Fit) -> Result<Fit, Error> {
+        if !self.learns_levels() {
+            return Ok(first);
+        }
+        let misfits = |fit: &Fit| misfits(&fit.answer, fit.sigma, &fit.residuals);
+        let (levels, fit) = settle(desk.levels.clone(), first, misfits, |levels, fit| {
+            desk.levels.copy_from_slice(levels);
+            let Answer { theta, nit, band_rule, .. } = &fit.answer;
+            let mut again = self.finish(desk, ranges, Start::Theta(theta), *band_rule)?;
+            again.answer.nit += nit;
+            Ok(again)
+        })?;
+        desk.levels = levels;
+        Ok(fit)
     }
 
     /// What the records of a batch share: lines as given, or those the default rule finds on one record.
@@ -273,26 +336,32 @@ impl Fitter {
             true => own.plans.clone(),
             false => coefficient_plans(&self.o.channels(), Time::Even(dt), own.window, range.1)?,
         };
-        let made = Arc::new(Shared::new(self.design(&[range])?, plans, range));
+        let made = Arc::new(Shared::new(self.design(&[range], &[1.0])?, plans, range));
         kept.truncate(BANDS - 1);
         kept.insert(0, made.clone());
         Ok(made)
     }
 
-    /// The problem on some lines.
-    pub(super) fn design(&self, ranges: &[Range]) -> Result<Design, Error> {
+    /// The problem on some lines, with noise variances of the records over a common one.
+    pub(super) fn design(&self, ranges: &[Range], levels: &[f64]) -> Result<Design, Error> {
         let o = &self.o;
         let lines: Vec<Lines> = ranges
             .iter()
             .zip(&self.records)
-            .map(|((first, last), r)| Lines {
+            .zip(levels)
+            .map(|(((first, last), r), level)| Lines {
                 first: *first,
                 last: *last,
                 omega0: r.window.omega0,
-                unit_variance: r.plans[0].unit_variance(),
+                unit_variance: r.plans[0].unit_variance() * level,
             })
             .collect();
-        Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)
+        let mut design = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)?;
+        let inputs: Vec<(Option<Hold>, f64)> =
+            o.intersample.iter().copied().zip(o.delays.iter().copied()).collect();
+        let steps = self.records.iter().map(|r| r.dt);
+        design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        Ok(design)
     }
 
     fn desk(&self) -> Desk {
@@ -304,6 +373,7 @@ impl Fitter {
         Desk {
             spectra: self.records.iter().map(spectra).collect(),
             units: Vec::new(),
+            levels: vec![1.0; self.records.len()],
             problems: Vec::new(),
         }
     }
@@ -330,19 +400,26 @@ impl Fitter {
                 plan.run_in(self.isa, samples, &mut s.re, &mut s.im, &mut s.scratch)?;
             }
         }
-        desk.set_units();
+        desk.begin();
         Ok(())
     }
 
     /// The problem on lines (first, last) a record, its workspace loaded. Put it back with
     /// [`Desk::keep`].
     pub(crate) fn problem(&self, desk: &mut Desk, ranges: &[Range]) -> Result<Problem, Error> {
-        let mut problem = match desk.problems.iter().position(|p| p.ranges == ranges) {
+        let same = |p: &Problem| p.ranges == ranges && p.levels == desk.levels;
+        let mut problem = match desk.problems.iter().position(same) {
             Some(at) => desk.problems.remove(at),
             None => {
-                let design = self.design(ranges)?;
+                let design = self.design(ranges, &desk.levels)?;
                 let (scale, space) = (design.scale.clone(), Workspace::new(&design));
-                Problem { ranges: ranges.to_vec(), design, scale, space }
+                Problem {
+                    ranges: ranges.to_vec(),
+                    levels: desk.levels.clone(),
+                    design,
+                    scale,
+                    space,
+                }
             }
         };
         problem.load(desk);
@@ -385,6 +462,7 @@ impl Fitter {
                 band_rule,
             },
             sigma: plain_sigma * d.cost_unit(),
+            record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
             residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
         };
         desk.keep(problem);
@@ -393,8 +471,10 @@ impl Fitter {
 }
 
 impl Desk {
-    /// The power of two at the size of each channel over all records.
-    fn set_units(&mut self) {
+    /// Units of the coefficients that stand, the power of two at the size of each channel over all records; noise of
+    /// one level.
+    fn begin(&mut self) {
+        self.levels.fill(1.0);
         let size = |k: usize| {
             let parts = self.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
             parts.fold(0.0, |most: f64, v| most.max(v.abs()))

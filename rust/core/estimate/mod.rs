@@ -1,5 +1,6 @@
 //! Estimators of θ for eight replicates at once; a single fit is the same kernel with one live lane.
 
+mod aliasing;
 mod answer;
 mod awls;
 mod band;
@@ -20,6 +21,7 @@ mod options;
 mod outcome;
 mod pass;
 mod qr_step;
+mod record_levels;
 mod record_space;
 mod replicates;
 mod rule;
@@ -30,6 +32,7 @@ mod straight;
 mod stream;
 mod sums;
 pub mod terms;
+mod unalias;
 mod uncertainty;
 mod window;
 mod wls;

@@ -1,5 +1,6 @@
 //! Scratch of one record: its coefficients, what a pass makes of them, and its system.
 
+use super::aliasing::Measured;
 use crate::simd::Wide;
 
 /// One record of eight replicates.
@@ -9,6 +10,8 @@ pub(crate) struct RecordSpace {
     pub re: Vec<Wide>,
     /// Imaginary parts, alike.
     pub im: Vec<Wide>,
+    /// The output as its sums were, where held inputs fold into it.
+    pub measured: Measured,
     /// Products on the lines of a tile, and how many lines that is.
     pub products: Vec<Wide>,
     pub rows: usize,

@@ -1,5 +1,6 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
+use super::aliasing::ROUNDS;
 use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
@@ -8,6 +9,7 @@ use super::outcome::Outcome;
 use super::pass::prepare;
 use super::rule::Rule;
 use super::second_start::go_again;
+use super::unalias::unalias;
 use super::workspace::Workspace;
 use super::{ls, straight, uncertainty};
 use crate::error::Status;
@@ -57,6 +59,13 @@ pub fn estimate(
         None => w.progress.active = Wide::ZERO,
     }
     let asked = o.wanted == Wanted::Covariance;
+    if d.aliasing.is_some() && o.wanted != Wanted::Cost {
+        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+        for _ in 0..ROUNDS {
+            unalias(isa, d, w);
+            again(isa, d, w, live, rule, o);
+        }
+    }
     if o.wanted != Wanted::Theta {
         complete(isa, d, w, live, asked);
     }
@@ -66,6 +75,38 @@ pub fn estimate(
         (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
+}
+
+/// The estimate once more, from where it stands, of an output that has changed a little.
+fn again(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    rule: Option<Rule>,
+    o: &Options,
+) {
+    let nit = w.progress.nit;
+    w.begin(live);
+    match (rule, d.method) {
+        (Some(rule), _) => {
+            prepare(isa, d, w);
+            isa.run(uncertainty::Transients { design: d, space: w });
+            iterate(isa, d, w, rule, o);
+        }
+        (None, Method::Ls) => {
+            if !straight::ls(isa, d, w) {
+                isa.run(ls::LsStep { design: d, space: w });
+            }
+        }
+        (None, _) => iterate(isa, d, w, Rule::Wls, o),
+    }
+    if rule.is_none() {
+        w.progress.active = Wide::ZERO;
+    }
+    for lane in 0..LANES {
+        w.progress.nit.0[lane] += nit.0[lane];
+    }
 }
 
 /// Lane 0 where `wls` leads, the lanes behind it at these parameters with the transients that belong to them.

@@ -2,7 +2,7 @@
 
 use super::fit::{Fit, FitOptions, Time};
 use super::fitter::Fitter;
-use super::joint::{JointFit, JointFitter, JointOptions};
+use super::joint::{JointFit, JointFitter, JointOptions, Scales};
 use super::many::Many;
 use super::window::Spectra;
 use crate::error::{Error, Status};
@@ -268,7 +268,7 @@ impl Slider for Fitter {
     }
 
     fn check(&self) -> Result<(), Error> {
-        self.design(&[self.records[0].range]).map(drop)
+        self.design(&[self.records[0].range], &[1.0]).map(drop)
     }
 
     fn parameters(&self) -> usize {
@@ -305,8 +305,8 @@ impl Slider for JointFitter {
     }
 
     fn check(&self) -> Result<(), Error> {
-        let units = vec![1.0; self.records[0].plans.len()];
-        self.design(&[self.records[0].range], &units, &self.o.noise, true).map(drop)
+        let scales = Scales { units: vec![1.0; self.records[0].plans.len()], levels: vec![1.0] };
+        self.design(&[self.records[0].range], &scales, &self.o.noise, true).map(drop)
     }
 
     fn parameters(&self) -> usize {

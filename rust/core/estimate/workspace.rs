@@ -1,5 +1,6 @@
 //! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
+use super::aliasing::Measured;
 use super::design::Design;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
@@ -77,6 +78,7 @@ impl Workspace {
                     re
                 },
                 im: wide((2 + inputs) * r.x.len()),
+                measured: Measured::new(d.aliasing.as_ref(), r.x.len()),
                 products: wide(d.products.count * r.x.len().min(tile)),
                 rows: r.x.len().min(tile),
                 inputs_ready: false,

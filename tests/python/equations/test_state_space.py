@@ -218,7 +218,7 @@ def test_filtered_records_are_weighed_by_their_own_errors(seed):
     rec = mf.Record(y=y, u=clean.u, dt=clean.dt, outputs=clean.outputs, inputs=["de"])
     fit = by_hand = mf.fit(rec, short_period())
     np.testing.assert_allclose(fit.seen, 1e-4, rtol=0.2)
-    assert 10 < fit.levels[1] / fit.levels[0] < 40
+    assert 10 < fit.levels[0, 1] / fit.levels[0, 0] < 40
     assert fit.chi2 > 100 * fit.df_resid
     for _ in range(3):
         by_hand = mf.fit(rec, short_period(), noise=mf.Noise(y=by_hand.errors().std(axis=1)), band=fit.band)

@@ -61,7 +61,8 @@ def test_held_inputs_have_exact_coefficients(intersample):
     y = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=10 / 256, intersample=intersample)
     rec = mf.Record(y=y, u=u, dt=10 / 256, intersample=intersample)
     plain = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), trend=None, harmonics=8)
-    assert mf.fit(rec, LINEAR, harmonics=8).params == pytest.approx(plain.params, rel=1e-9)
+    # But for what sampling folds into the output, which transfer functions take out: 5e-6 of the response here.
+    assert mf.fit(rec, LINEAR, harmonics=8).params == pytest.approx(plain.params, rel=2e-5)
 
 
 def test_coefficients_that_are_nonlinear_find_the_same_minimum():
@@ -131,12 +132,12 @@ def test_learnt_levels_are_those_of_restricted_likelihood():
         [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], C=np.eye(2), states=["alpha", "q"], inputs=["de"]
     )
     fit = mf.fit(rec, model, trend=None, harmonics=13, tol=1e-12)
-    assert fit.seen == pytest.approx(1e-4 * size[:, 0], rel=0.2)
-    problem = terms.Problem(case.terms, v, rec.dt, fit.levels, 14)
+    assert fit.seen[0] == pytest.approx(1e-4 * size[:, 0], rel=0.2)
+    problem = terms.Problem(case.terms, v, rec.dt, fit.levels[0], 14)
     theta = fit.params[[fit.param_names.index(name) for name in ("Za", "Zd", "Ma", "Mq", "Md")]]
     whiten, _, residual = problem.at_theta(theta, theta)
     inverse = whiten.T @ whiten
-    for level, lines in zip(fit.levels, problem.sensitivity(theta), strict=True):
+    for level, lines in zip(fit.levels[0], problem.sensitivity(theta), strict=True):
         squares = level**2 * np.sum((lines.T @ inverse @ residual) ** 2)
         rows = level**2 * np.trace(inverse @ lines @ lines.T) * fit.df_resid / residual.size
         assert squares == pytest.approx(rows, rel=0.01)
@@ -256,7 +257,7 @@ def test_noise_on_the_input():
     noisy = rec.u + 0.2 * np.random.default_rng(4).standard_normal(rec.u.shape)
     fit = mf.fit(mf.Record(y=rec.y, u=noisy, dt=rec.dt), DUFFING, noise="errors-in-variables", harmonics=11)
     assert np.all(np.abs(fit.params - case.true) < 4 * fit.bse)
-    assert fit.levels[1] == pytest.approx(0.2, rel=0.15)
+    assert fit.levels[0, 1] == pytest.approx(0.2, rel=0.15)
 
 
 def test_log_normal_noise():

@@ -26,6 +26,7 @@ fn options(order: usize, numerators: Vec<Option<usize>>, method: Method, band: B
         trend: Trend::None,
         extended: true,
         band,
+        own_levels: false,
         options: OPTIONS,
     }
 }
@@ -297,6 +298,44 @@ fn several_records_have_transients_of_their_own() {
         for trend in TRENDS {
             let o = options(2, vec![Some(1)], method, Band::Edges(0.0, 12.0));
             check(&FitOptions { trend, ..o }, &records);
+        }
+    }
+}
+
+pub fn own_levels(records: &[Record], method: Method, band: Band) -> Fit {
+    fit(&FitOptions { own_levels: true, ..options(2, vec![Some(1)], method, band) }, records)
+}
+
+/// Records divided by their levels have noise of one level: the same problem.
+#[test]
+fn levels_of_records_are_what_makes_their_noise_one() {
+    let noise = [0.02, 0.1, 0.4];
+    let records: Vec<Record> =
+        noise.iter().enumerate().map(|(k, s)| record(2, 1, 257, *s, k as u64)).collect();
+    for method in [Method::Awls, Method::Ml] {
+        let o = options(2, vec![Some(1)], method, Band::Edges(0.0, 12.0));
+        let own = own_levels(&records, method, Band::Edges(0.0, 12.0));
+        for pair in own.record_levels.windows(2) {
+            assert!((2.0..10.0).contains(&(pair[1] / pair[0])), "{:?}", own.record_levels);
+        }
+        let divided: Vec<Record> = records
+            .iter()
+            .zip(&own.record_levels)
+            .map(|(r, level)| {
+                let over = |all: &[Vec<f64>]| -> Vec<Vec<f64>> {
+                    all.iter().map(|v| v.iter().map(|x| x / level).collect()).collect()
+                };
+                Record { y: over(&r.y), u: over(&r.u), ..r.clone() }
+            })
+            .collect();
+        let one = fit(&o, &divided);
+        assert!((own.sigma / one.sigma - 1.0).abs() < 1e-9);
+        for k in 0..4 {
+            let bse = one.answer.cov_nonrobust[5 * k].sqrt();
+            let gap = (own.answer.theta[k] - one.answer.theta[k]).abs();
+            assert!(gap < 1e-4 * bse, "{method:?} {k}: {gap} for {bse}");
+            let (a, b) = (own.answer.cov_hc3[5 * k], one.answer.cov_hc3[5 * k]);
+            assert!((a / b - 1.0).abs() < 1e-4, "{method:?} {k}: {a} {b}");
         }
     }
 }

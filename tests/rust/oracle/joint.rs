@@ -67,6 +67,7 @@ pub fn options(structure: JointStructure, method: Method, band: Band) -> JointOp
         trend: Trend::None,
         extended: true,
         band,
+        own_levels: false,
         options: fast::OPTIONS,
     }
 }
@@ -271,6 +272,34 @@ fn later_records_have_transients_of_their_own() {
     }
 }
 
+/// The same levels, and the same estimates, as the fast path has.
+#[test]
+fn levels_of_records_are_those_of_the_fast_path() {
+    let records: Vec<Record> =
+        (0..3).map(|k| fast::record(2, 1, 257, [0.02, 0.1, 0.4][k], k as u64)).collect();
+    let s = JointStructure {
+        orders: vec![2],
+        numerators: vec![vec![Some(1)]],
+        paths: structure(true).paths[..1].to_vec(),
+        ..structure(true)
+    };
+    let band = Band::Edges(0.0, 12.0);
+    let o = JointOptions {
+        noise: NoiseModel::output(),
+        own_levels: true,
+        ..options(s, Method::Ml, band)
+    };
+    let joint = fit(&o, &records);
+    let plain = fast::own_levels(&records, Method::Ml, band);
+    for (a, b) in joint.record_levels.iter().zip(&plain.record_levels) {
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
+    for (k, (a, b)) in joint.answer.theta.iter().zip(&plain.answer.theta).enumerate() {
+        let bse = plain.answer.cov_nonrobust[5 * k].sqrt();
+        assert!((a - b).abs() < 1e-3 * bse, "{k}: {a} {b}");
+    }
+}
+
 /// Fits of one output by the fast path and jointly: (θ, cost, covariances).
 fn both(
     method: Method,
@@ -290,6 +319,7 @@ fn both(
         trend,
         extended: true,
         band: Band::Harmonics(18),
+        own_levels: false,
         options: fast::OPTIONS,
     };
     let one = JointStructure {

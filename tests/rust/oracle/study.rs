@@ -32,6 +32,7 @@ fn options(method: Method) -> FitOptions {
         trend: Trend::None,
         extended: true,
         band: Band::Harmonics(16),
+        own_levels: false,
         options: OPTIONS,
     }
 }
@@ -54,6 +55,7 @@ fn joint() -> JointOptions {
         trend: Trend::None,
         extended: true,
         band: Band::Harmonics(16),
+        own_levels: false,
         options: OPTIONS,
     }
 }

@@ -368,7 +368,7 @@ fn levels_are_read_from_the_record_where_none_are_given() {
     let o = TermsOptions { levels: None, ..options(duffing(), Method::Ml, Band::Default, &[]) };
     let found = fit(&o, DT, &[vec![&y, &u]]);
     assert_eq!(found.answer.status, Status::Ok);
-    assert!((found.levels[0] / 0.1 - 1.0).abs() < 0.15, "{}", found.levels[0]);
+    assert!((found.levels[0][0] / 0.1 - 1.0).abs() < 0.15, "{}", found.levels[0][0]);
     assert!((found.scale - 1.0).abs() < 0.5, "{}", found.scale);
     for (k, want) in [0.3, 1.0, 0.5].iter().enumerate() {
         let bse = found.answer.cov_hc3[4 * k].sqrt();

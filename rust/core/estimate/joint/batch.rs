@@ -76,7 +76,7 @@ impl JointFitter {
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
         let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
-        let design = self.design(&ranges, &loaded.units, &self.o.noise, false)?;
+        let design = self.design(&ranges, &loaded.scales, &self.o.noise, false)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
         Ok(JointShared {
             design: Arc::new(design),

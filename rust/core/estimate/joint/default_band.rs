@@ -28,7 +28,7 @@ impl JointFitter {
         loaded: &Loaded,
         records: &[JointRecord<'_>],
     ) -> Result<Choice, Error> {
-        let given: Vec<Range> = self.records.iter().map(|r| r.range).collect();
+        let given = self.ranges();
         let sought = self.o.band == Band::Default && self.adapts();
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
         if !sought {
@@ -39,7 +39,7 @@ impl JointFitter {
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
         let first = self.search(loaded, records, &given, &white)?;
-        let d = self.design(&given, &loaded.units, &white, true)?;
+        let d = self.design(&given, &loaded.scales, &white, true)?;
         let mut best = self.single(&d, loaded);
         let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
         let mut rule = BandRule {
@@ -70,13 +70,18 @@ impl JointFitter {
         Ok(Choice { ranges, rule: Some(rule), theta })
     }
 
+    /// Lines as given, else up to the widest of the default rule.
+    pub(super) fn ranges(&self) -> Vec<Range> {
+        self.records.iter().map(|r| r.range).collect()
+    }
+
     /// Whether the weights follow the parameters.
-    fn adapts(&self) -> bool {
+    pub(super) fn adapts(&self) -> bool {
         !self.o.noise.equation && matches!(self.o.method, Method::Awls | Method::Ml)
     }
 
     /// Few lines at the lower end of each range.
-    fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
+    pub(super) fn narrow(&self, ranges: &[Range]) -> Vec<Range> {
         lower_ends(ranges, self.records.iter().map(|r| r.narrow))
     }
 
@@ -94,7 +99,7 @@ impl JointFitter {
         }
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
         // Too few lines for the unknowns are no failure of the wide fit.
-        let Ok(few) = self.design(&narrow, &loaded.units, &white, true) else { return Ok(None) };
+        let Ok(few) = self.design(&narrow, &loaded.scales, &white, true) else { return Ok(None) };
         let mut few = self.single(&few, loaded);
         let start = self.search(loaded, records, &narrow, &white)?;
         let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
@@ -116,7 +121,8 @@ impl JointFitter {
         near: Option<&[f64]>,
     ) -> Result<(f64, bool), Error> {
         // To choose a band, an estimate near the minimum will do.
-        let options = Options { tol: self.o.options.tol.max(CLOSE), ..self.few_steps() };
+        let tol = self.o.options.tol.max(CLOSE);
+        let options = Options { tol, wanted: Wanted::Cost, ..self.few_steps() };
         let mut delayed = self.delayed(records);
         let d = single.d;
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
@@ -139,7 +145,7 @@ impl JointFitter {
             return Ok(None);
         }
         // Starts are good enough without what is known of worse samples.
-        let d = self.design(ranges, &loaded.units, noise, false)?;
+        let d = self.design(ranges, &loaded.scales, noise, false)?;
         let mut w = self.space(&d, loaded);
         let free = &d.free_delays;
         // So many of each that all combinations stay within the trials.

@@ -3,10 +3,10 @@
 use super::structure::{JointSignal, JointStructure, Term};
 use super::whitener::Whitener;
 use crate::error::Error;
+use crate::estimate::aliasing::Aliasing;
 use crate::modulation::{Column, Lines, transient_columns};
 use crate::simd::LANES;
 use crate::structure::{Method, Trend};
-use std::sync::Arc;
 
 /// Lines of one pass: their rows stay in a near cache.
 const TILE: usize = 16;
@@ -72,7 +72,7 @@ pub(crate) struct RecordDesign {
     pub output_roots: Vec<f64>,
     pub path_spectra: Vec<f64>,
     /// Whitens the lines where samples are uneven in variance, one an output.
-    pub dense: Vec<Arc<Whitener>>,
+    pub dense: Vec<Whitener>,
 }
 
 impl RecordDesign {
@@ -105,6 +105,8 @@ pub struct JointDesign {
     /// Outputs whose equations each unknown, and last the target, stand in; and whether they are made of an output.
     pub(crate) reach: Vec<Vec<usize>>,
     pub(crate) denoised: Vec<bool>,
+    /// What held inputs fold into the outputs' sums, where there are such.
+    pub(crate) aliasing: Option<Aliasing>,
     /// First coefficient of denominators, and of numerators [output × path].
     pub(crate) denominators: Vec<usize>,
     pub(crate) numerators: Vec<usize>,
@@ -122,7 +124,7 @@ pub struct JointDesign {
 pub(crate) struct RecordLines {
     pub lines: Lines,
     pub used: usize,
-    pub dense: Vec<Arc<Whitener>>,
+    pub dense: Vec<Whitener>,
 }
 
 impl JointDesign {
@@ -214,6 +216,7 @@ impl JointDesign {
             scale,
             delay_scale: 1.0 / band_edge,
             units,
+            aliasing: None,
             band_edge,
         })
     }

@@ -4,22 +4,23 @@ use super::delays::{self, Delayed};
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
 use super::iterate::JointStart;
 use super::single::{Covariances, Ended, Single};
-use super::structure::{Delay, JointStructure};
+use super::structure::{Delay, JointStructure, Path};
 use super::whitener::{Whitener, whiteners};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::Options;
+use crate::estimate::aliasing::Aliasing;
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
+use crate::estimate::record_levels::{misfits, settle};
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
 use crate::simd::{Isa, Wide};
 use crate::spectrum::{CoefficientPlan, Kind};
 use crate::structure::{Method, Trend};
-use std::sync::Arc;
 
 /// Everything that says how records are fitted jointly.
 #[derive(Debug, Clone)]
@@ -40,6 +41,8 @@ pub struct JointOptions {
     pub extended: bool,
     /// Lines.
     pub band: Band,
+    /// Whether several records have noise levels of their own.
+    pub own_levels: bool,
     /// Iteration.
     pub options: Options,
 }
@@ -94,7 +97,9 @@ pub struct JointFit {
     pub noise: Vec<f64>,
     /// Whether each parameter stands at a bound.
     pub at_bound: Vec<bool>,
-    /// Residuals of each record and output over σ: unit variance in Re and Im.
+    /// Noise of each record over that, of geometric mean 1 weighted by rows.
+    pub record_levels: Vec<f64>,
+    /// Residuals of each record and output over its noise: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
 }
 
@@ -109,7 +114,7 @@ pub(crate) struct JointRecordPlan {
     pub range: Range,
     pub narrow: usize,
     /// Of each output whose samples are uneven in variance, up to the highest line.
-    pub whiteners: Vec<Arc<Whitener>>,
+    pub whiteners: Vec<Whitener>,
 }
 
 /// Everything about joint fits of one kind that their samples do not change.
@@ -120,10 +125,18 @@ pub struct JointFitter {
     pub(crate) kinds: Vec<Kind>,
 }
 
-/// Coefficients of all records and signals (outputs, then paths), and a unit for each signal.
+/// Coefficients of all records and signals (outputs, then paths), and what they are measured in.
 pub(crate) struct Loaded {
     pub spectra: Spectra,
+    pub scales: Scales,
+}
+
+/// What coefficients are measured in.
+pub(crate) struct Scales {
+    /// A unit for each signal.
     pub units: Vec<f64>,
+    /// Noise variance of each record over a common one.
+    pub levels: Vec<f64>,
 }
 
 impl Loaded {
@@ -134,7 +147,8 @@ impl Loaded {
         };
         let signals = spectra.first().map_or(0, Vec::len);
         let units = (0..signals).map(|k| binary_unit(size(k))).collect();
-        Loaded { spectra, units }
+        let levels = vec![1.0; spectra.len()];
+        Loaded { spectra, scales: Scales { units, levels } }
     }
 }
 
@@ -228,8 +242,78 @@ impl JointFitter {
     /// # Errors
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
     pub fn fit(&self, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
-        let loaded = self.load(records)?;
-        self.fit_loaded(&loaded, records)
+        let mut loaded = self.load(records)?;
+        if records.len() == 1 || !(self.o.own_levels && self.adapts()) {
+            return self.fit_loaded(&loaded, records);
+        }
+        if self.o.band != Band::Default {
+            let first = self.fit_loaded(&loaded, records)?;
+            return self.levelled(&mut loaded, records, &self.o.noise, first);
+        }
+        // Lines are chosen with the levels that few of them tell; then all tell them better than those the fit needs.
+        let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
+        let wide = self.ranges();
+        if let Some(theta) = self.narrow_estimate(&loaded, records, &wide)? {
+            let few = (&white, JointStart::Theta(&theta));
+            let few = self.fit_from(&loaded, records, &self.narrow(&wide), few)?;
+            self.levelled(&mut loaded, records, &white, few)?;
+        }
+        let first = self.fit_loaded(&loaded, records)?;
+        let theta = first.answer.theta.clone();
+        let all = (&self.o.noise, JointStart::Theta(&theta));
+        let all = self.fit_from(&loaded, records, &wide, all)?;
+        self.levelled(&mut loaded, records, &self.o.noise, all)?;
+        self.repeated(&loaded, records, &self.o.noise, &first)
+    }
+
+    /// The fit with noise levels of the records that its residuals have.
+    fn levelled(
+        &self,
+        loaded: &mut Loaded,
+        records: &[JointRecord<'_>],
+        noise: &NoiseModel,
+        first: JointFit,
+    ) -> Result<JointFit, Error> {
+        let misfits = |fit: &JointFit| misfits(&fit.answer, fit.scale.sqrt(), &fit.residuals);
+        let (levels, fit) = settle(loaded.scales.levels.clone(), first, misfits, |levels, fit| {
+            loaded.scales.levels.copy_from_slice(levels);
+            self.repeated(loaded, records, noise, fit)
+        })?;
+        loaded.scales.levels = levels;
+        Ok(fit)
+    }
+
+    /// A fit once more on its lines, from where it stands, with the levels that stand.
+    fn repeated(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        noise: &NoiseModel,
+        fit: &JointFit,
+    ) -> Result<JointFit, Error> {
+        let Answer { theta, lines, nit, band_rule, .. } = &fit.answer;
+        let ranges: Vec<Range> = lines.iter().map(|l| (l.first, l.last)).collect();
+        let start = JointStart::Theta(theta);
+        let mut again = self.fit_from(loaded, records, &ranges, (noise, start))?;
+        again.answer.nit += nit;
+        again.answer.band_rule = *band_rule;
+        Ok(again)
+    }
+
+    /// The estimate on these lines from one start.
+    fn fit_from(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+        (noise, start): (&NoiseModel, JointStart<'_>),
+    ) -> Result<JointFit, Error> {
+        let d = self.design(ranges, &loaded.scales, noise, true)?;
+        let mut delayed = self.delayed(records);
+        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
+        let mut single = self.single(&d, loaded);
+        let ended = single.estimate(start, &self.o.options, None, &mut refresh)?;
+        Ok(self.finished(&d, &mut single, (ended, None), loaded))
     }
 
     /// The same from coefficients of each record and signal (outputs, then paths), with delays that are known.
@@ -247,7 +331,7 @@ impl JointFitter {
 
     fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
         let Choice { ranges, rule, theta } = self.choose(loaded, records)?;
-        let d = self.design(&ranges, &loaded.units, &self.o.noise, true)?;
+        let d = self.design(&ranges, &loaded.scales, &self.o.noise, true)?;
         let mut delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
         let start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
@@ -292,7 +376,7 @@ impl JointFitter {
                 (best, ended) = (other, again);
             }
         }
-        Ok(self.finished(&d, &mut best, ended, rule))
+        Ok(self.finished(&d, &mut best, (ended, rule), loaded))
     }
 
     /// Coefficients of all channels of all records.
@@ -333,12 +417,12 @@ impl JointFitter {
     pub(crate) fn design(
         &self,
         ranges: &[Range],
-        units: &[f64],
+        scales: &Scales,
         noise: &NoiseModel,
         whitened: bool,
     ) -> Result<JointDesign, Error> {
         let o = &self.o;
-        let record = |((first, last), r): (&Range, &JointRecordPlan)| {
+        let record = |(((first, last), r), level): ((&Range, &JointRecordPlan), &f64)| {
             let highest = match noise.colour {
                 Colour::Fitted => r.plans[0].harmonics(),
                 Colour::Given => *last,
@@ -348,22 +432,37 @@ impl JointFitter {
                     first: *first,
                     last: highest,
                     omega0: r.window.omega0,
-                    unit_variance: r.plans[0].unit_variance(),
+                    unit_variance: r.plans[0].unit_variance() * level,
                 },
                 used: last + 1 - first,
-                dense: if whitened { r.whiteners.clone() } else { Vec::new() },
+                dense: match whitened {
+                    true => r.whiteners.iter().map(|w| w.of_variance(*level)).collect(),
+                    false => Vec::new(),
+                },
             }
         };
-        let records = ranges.iter().zip(&self.records).map(record).collect();
-        JointDesign::new(
+        let records = ranges.iter().zip(&self.records).zip(&scales.levels).map(record).collect();
+        let mut design = JointDesign::new(
             &o.structure,
             o.method,
             noise,
             o.trend,
             o.extended,
             records,
-            units.to_vec(),
-        )
+            scales.units.clone(),
+        )?;
+        let input = |p: &Path| {
+            let delay = match p.delay {
+                Delay::Known(delay) => delay,
+                // Where it stands is looked up.
+                Delay::Free { .. } => 0.0,
+            };
+            (o.intersample.get(p.input).copied().flatten(), delay)
+        };
+        let inputs: Vec<(Option<Hold>, f64)> = o.structure.paths.iter().map(input).collect();
+        let steps = self.records.iter().map(|r| Some(r.dt).filter(|dt| dt.is_finite()));
+        design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        Ok(design)
     }
 
     /// A workspace that holds the coefficients in all lanes.
@@ -371,7 +470,7 @@ impl JointFitter {
         let mut w = JointSpace::new(d);
         for (k, spectra) in loaded.spectra.iter().enumerate() {
             let first = d.records[k].lines.first;
-            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.units).enumerate() {
+            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.scales.units).enumerate() {
                 let (to_re, to_im) = w.signal_mut(k, signal);
                 for (m, (to_re, to_im)) in to_re.iter_mut().zip(to_im).enumerate() {
                     *to_re = Wide::splat(re[first + m] / unit);
@@ -387,11 +486,12 @@ impl JointFitter {
     pub(crate) fn single<'d>(&self, d: &'d JointDesign, loaded: &Loaded) -> Single<'d> {
         let mut single = Single::new(self.isa, d);
         for (k, spectra) in loaded.spectra.iter().enumerate() {
-            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.units).enumerate() {
+            for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.scales.units).enumerate() {
                 single.load(k, signal, (re, im), *unit);
             }
         }
         single.w.begin_delays(d);
+        single.w.keep_measured();
         single
     }
 
@@ -412,8 +512,8 @@ impl JointFitter {
         &self,
         d: &JointDesign,
         single: &mut Single<'_>,
-        ended: Ended,
-        band_rule: Option<BandRule>,
+        (ended, band_rule): (Ended, Option<BandRule>),
+        loaded: &Loaded,
     ) -> JointFit {
         let q = d.outputs();
         let freedom = d.degrees_of_freedom();
@@ -442,6 +542,7 @@ impl JointFitter {
             },
             scale,
             noise,
+            record_levels: loaded.scales.levels.iter().map(|v| v.sqrt()).collect(),
             at_bound: w.pinned.iter().map(|v| v.0[0] > 0.0).collect(),
             residuals: residuals
                 .iter()

@@ -4,9 +4,11 @@ use super::colour;
 use super::design::{Colour, JointDesign};
 use super::rows::rows;
 use super::step::step;
+use super::unalias::unalias;
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::aliasing;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
@@ -85,6 +87,21 @@ pub(crate) fn estimate(
         iterate(isa, d, w, run, refresh)?;
         if d.alternates() {
             settle_noise(isa, d, w, live, run, refresh)?;
+        }
+        if d.aliasing.is_some() && o.wanted != Wanted::Cost {
+            w.keep_measured();
+            for _ in 0..aliasing::ROUNDS {
+                unalias(isa, d, w);
+                let nit = w.progress.nit;
+                w.progress.begin(live);
+                w.dependent = [false; LANES];
+                isa.run(uncertainty::Transients { design: d, space: w });
+                iterate(isa, d, w, run, refresh)?;
+                if d.alternates() {
+                    settle_noise(isa, d, w, live, run, refresh)?;
+                }
+                (0..LANES).for_each(|k| w.progress.nit.0[k] += nit.0[k]);
+            }
         }
     } else {
         w.progress.active = Wide::ZERO;

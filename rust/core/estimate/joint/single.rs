@@ -10,12 +10,13 @@ use super::colour;
 use super::design::{Colour, JointDesign};
 use super::iterate::{COLOUR_SETTLED, FLOOR, JointStart, LONGER, ROUNDS, Refresh};
 use super::tile::Block;
+use super::unalias::unalias;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::Options;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
 use crate::estimate::rule::Rule;
+use crate::estimate::{Options, Wanted, aliasing};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -138,19 +139,14 @@ impl<'d> Single<'d> {
         };
         let (mut nit, mut came_near) = (0.0, false);
         if rule != Rule::Wls {
-            let last = !estimated && d.noise.colour == Colour::Given;
-            if last || !known {
-                let near = near.filter(|_| last);
-                came_near = self.iterate(Run { near, ..run }, refresh)?;
-            }
-            let alive = !self.dependent && self.w.progress.cost.0[0].is_finite();
-            if alive && estimated && d.noise.colour == Colour::Given {
-                nit = self.again();
-                let most = o.maxiter.saturating_mul(LONGER);
-                came_near = self.iterate(Run { most, fresh: true, near, ..run }, refresh)?;
-            } else if alive && d.alternates() {
-                nit = self.again();
-                self.alternate(Run { fresh: estimated, ..run }, refresh)?;
+            (nit, came_near) = self.settle(run, known, near, refresh)?;
+            if d.aliasing.is_some() && o.wanted != Wanted::Cost && !came_near {
+                for _ in 0..aliasing::ROUNDS {
+                    unalias(self.isa, d, &mut self.w);
+                    self.find_transients();
+                    nit += self.again();
+                    nit += self.settle(run, true, None, refresh)?.0;
+                }
             }
         } else {
             self.w.progress.active = Wide::ZERO;
@@ -169,6 +165,35 @@ impl<'d> Single<'d> {
         self.w.progress.cost = Wide::splat(self.system.cost(&self.coupling));
         nit += self.w.progress.nit.0[0];
         Ok(Ended { status: self.status(), nit: nit as u32, near: came_near })
+    }
+
+    /// Steps under the weights that count, until θ and the noise stand; steps before the last count, and whether the
+    /// way came near another estimate.
+    fn settle(
+        &mut self,
+        run: Run<'_>,
+        known: bool,
+        near: Option<&[f64]>,
+        refresh: &mut Refresh<'_>,
+    ) -> Result<(f64, bool), Error> {
+        let d = self.d;
+        let estimated = d.estimates_covariance();
+        let (mut nit, mut came_near) = (0.0, false);
+        let last = !estimated && d.noise.colour == Colour::Given;
+        if last || !known {
+            let near = near.filter(|_| last);
+            came_near = self.iterate(Run { near, ..run }, refresh)?;
+        }
+        let alive = !self.dependent && self.w.progress.cost.0[0].is_finite();
+        if alive && estimated && d.noise.colour == Colour::Given {
+            nit = self.again();
+            let most = run.most.saturating_mul(LONGER);
+            came_near = self.iterate(Run { most, fresh: true, near, ..run }, refresh)?;
+        } else if alive && d.alternates() {
+            nit = self.again();
+            self.alternate(Run { fresh: estimated, ..run }, refresh)?;
+        }
+        Ok((nit, came_near))
     }
 
     fn begin(&mut self) {

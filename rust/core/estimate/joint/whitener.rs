@@ -28,7 +28,9 @@ enum Instants<'a> {
 /// The factor of fewer lines is the leading part of that of more.
 #[derive(Debug, Clone)]
 pub(crate) struct Whitener {
-    factor: Cholesky,
+    factor: Arc<Cholesky>,
+    /// One over the standard deviation of all samples beside the factor's.
+    by: f64,
     first_is_real: bool,
 }
 
@@ -70,7 +72,13 @@ impl Whitener {
                 column[i] = entry(rows[i], rows[j]);
             }
         }
-        Ok(Whitener { factor: Cholesky::new(covariance, size), first_is_real: first == 0 })
+        let factor = Arc::new(Cholesky::new(covariance, size));
+        Ok(Whitener { factor, by: 1.0, first_is_real: first == 0 })
+    }
+
+    /// The same for samples of so many times the variance.
+    pub fn of_variance(&self, variance: f64) -> Whitener {
+        Whitener { by: self.by / variance.sqrt(), ..self.clone() }
     }
 
     /// Whitens the columns of `lines` lines that start at some blocks of `all`, each Re and then Im, groups of eight
@@ -100,7 +108,7 @@ impl Whitener {
             let column = &mut numbers_mut(all)[start * LANES..][..2 * part];
             column.fill(0.0);
             for (row, value) in own.iter().enumerate() {
-                column[place(row)] = *value;
+                column[place(row)] = self.by * value;
             }
         }
     }
@@ -113,7 +121,7 @@ pub(crate) fn whiteners(
     window: Window,
     rule: Rule,
     (first, last): Range,
-) -> Result<Vec<Arc<Whitener>>, Error> {
+) -> Result<Vec<Whitener>, Error> {
     let intervals = window.intervals;
     let mut turns = Vec::new();
     let (instants, weights): (Instants<'_>, Vec<f64>) = match time {
@@ -128,7 +136,7 @@ pub(crate) fn whiteners(
             (Instants::Uneven(&turns), weights)
         }
     };
-    let mut all: Vec<Arc<Whitener>> = Vec::new();
+    let mut all: Vec<Whitener> = Vec::new();
     for (i, v) in variances.iter().enumerate() {
         if v.len() != samples || v.iter().any(|x| *x <= 0.0 || x.is_nan()) {
             return Err(Error::Data(format!(
@@ -142,8 +150,8 @@ pub(crate) fn whiteners(
             ));
         }
         let own = match variances[..i].iter().position(|other| other == v) {
-            Some(same) => Arc::clone(&all[same]),
-            None => Arc::new(Whitener::new(&v[window.lead..], &weights, &instants, first, last)?),
+            Some(same) => all[same].clone(),
+            None => Whitener::new(&v[window.lead..], &weights, &instants, first, last)?,
         };
         all.push(own);
     }

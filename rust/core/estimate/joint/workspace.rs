@@ -2,6 +2,7 @@
 
 use super::design::{JointDesign, RecordDesign};
 use super::tile::{Across, Block, Rows};
+use crate::estimate::aliasing::Measured;
 use crate::estimate::iterates::{Iterates, Progress};
 use crate::linalg::qr::Absorber;
 use crate::math::ln_1;
@@ -13,6 +14,8 @@ pub(crate) struct JointRecordSpace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
     pub im: Vec<Wide>,
+    /// The outputs as their sums were, where held inputs fold into them.
+    pub measured: Measured,
     /// System of this record, (transient + θ) × (one more).
     pub matrix: Vec<Wide>,
     /// (TᵀWT)⁻¹TᵀWJ, transient × θ, and (TᵀWT)⁻¹.
@@ -132,6 +135,7 @@ impl JointSpace {
             .map(|r| JointRecordSpace {
                 re: wide((q + 2 * paths) * r.count),
                 im: wide((q + 2 * paths) * r.count),
+                measured: Measured::new(d.aliasing.as_ref(), q * r.count),
                 matrix: wide(size * (size + 1)),
                 projection: wide(nt * p),
                 transient_inverse: wide(nt * nt),
@@ -200,6 +204,7 @@ impl JointSpace {
             JointRecordSpace {
                 re: wide((q + 2 * paths) * lines),
                 im: wide((q + 2 * paths) * lines),
+                measured: Measured::new(d.aliasing.as_ref(), q * lines),
                 colour: vec![Wide::splat(1.0); lines * q],
                 lines,
                 limit: lines,

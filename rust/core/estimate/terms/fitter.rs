@@ -1,6 +1,7 @@
 //! Fits of equations to records, with everything a user sees.
 
 use super::iterate::{Ended, TermsProblem};
+use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Spot, Worker};
 use super::uncertainty::Worth;
@@ -24,10 +25,10 @@ pub struct TermsFit {
     pub answer: Answer,
     /// Variance of the noise over that of the levels: cost over degrees of freedom.
     pub scale: f64,
-    /// Standard deviation of each noisy channel that weighed the rows.
-    pub levels: Vec<f64>,
+    /// Standard deviation of each noisy channel of each record that weighed the rows.
+    pub levels: Vec<Vec<f64>>,
     /// The same as given, or as seen in the high band.
-    pub seen: Vec<f64>,
+    pub seen: Vec<Vec<f64>>,
     /// Degrees of freedom of each HC3 standard error (Satterthwaite).
     pub hc3_degrees: Vec<f64>,
     /// Whether each parameter stands at a bound.
@@ -58,7 +59,7 @@ impl TermsFitter {
     pub(crate) fn finish(
         &self,
         records: &[TermsRecord<'_>],
-        variances: Vec<f64>,
+        variances: Vec<Vec<f64>>,
         chosen: &Choice,
         worker: Worker,
     ) -> Result<(TermsFit, Worker), Error> {
@@ -96,43 +97,40 @@ impl TermsFitter {
         )))
     }
 
-    /// Variance of each noisy channel: as given, else from the band that signals leave empty.
-    pub(crate) fn variances(&self, records: &[TermsRecord<'_>]) -> Result<Vec<f64>, Error> {
+    /// Variance of each noisy channel of each record: as given, else from the band that signals leave empty.
+    pub(crate) fn variances(&self, records: &[TermsRecord<'_>]) -> Result<Vec<Vec<f64>>, Error> {
         if let Some(levels) = &self.o.levels {
-            return Ok(levels.iter().map(|s| s * s).collect());
+            return Ok(vec![levels.iter().map(|s| s * s).collect(); records.len()]);
         }
         let order = self.o.equations.orders.iter().copied().max().unwrap_or(1);
-        let one = |channel: &usize| -> Result<f64, Error> {
-            let (mut sum, mut size): (f64, f64) = (0.0, 0.0);
-            for (record, plan) in records.iter().zip(&self.records) {
-                let samples = &record.channels[*channel][plan.window.lead..];
-                size = samples.iter().fold(size, |m, x| m.max(x.abs()));
-                let level = match (plan.dt.is_nan(), self.o.levels_matter) {
-                    (false, _) => plan.noise_level(self.isa, record.channels[*channel], order),
-                    (true, _) => Err(Error::Data(
-                        "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
-                         give it with noise=mf.Noise(y=...)"
-                            .into(),
-                    )),
-                };
-                let level = match level {
-                    Err(error) if self.o.levels_matter => return Err(error),
-                    Err(_) => 1.0,
-                    Ok(level) => level,
-                };
-                sum += level * level;
-            }
-            let least = SILENT * size;
-            let mean = sum / records.len() as f64;
-            Ok(mean.max(least * least).max(f64::MIN_POSITIVE))
+        let one = |record: &TermsRecord<'_>, plan: &TermsRecordPlan, channel: usize| {
+            let level = match plan.dt.is_nan() {
+                false => plan.noise_level(self.isa, record.channels[channel], order),
+                true => Err(Error::Data(
+                    "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
+                     give it with noise=mf.Noise(y=...)"
+                        .into(),
+                )),
+            };
+            let level = match level {
+                Err(error) if self.o.levels_matter => return Err(error),
+                Err(_) => 1.0,
+                Ok(level) => level,
+            };
+            let samples = &record.channels[channel][plan.window.lead..];
+            let least = SILENT * samples.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            Ok((level * level).max(least * least).max(f64::MIN_POSITIVE))
         };
-        self.o.equations.noisy.iter().map(one).collect()
+        let all = |(record, plan): (&TermsRecord<'_>, &TermsRecordPlan)| {
+            self.o.equations.noisy.iter().map(|channel| one(record, plan, *channel)).collect()
+        };
+        records.iter().zip(&self.records).map(all).collect()
     }
 
     pub(crate) fn problem<'a>(
         &'a self,
         records: &'a [TermsRecord<'a>],
-        variances: Vec<f64>,
+        variances: Vec<Vec<f64>>,
         ranges: &[Range],
         worker: Worker,
     ) -> Result<TermsProblem<'a>, Error> {
@@ -186,7 +184,7 @@ impl TermsFitter {
     fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
-        variances: &[f64],
+        variances: &[Vec<f64>],
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
         let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
@@ -250,7 +248,7 @@ impl TermsFitter {
     pub(crate) fn choose(
         &self,
         records: &[TermsRecord<'_>],
-        variances: &[f64],
+        variances: &[Vec<f64>],
     ) -> Result<Choice, Error> {
         if !self.band_is_sought() {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
@@ -297,7 +295,11 @@ impl TermsFitter {
 
     /// The wide band: as planned, for nonlinear signals no wider than the channels show more than noise, since
     /// what noise makes of such a signal beyond would pass for information.
-    fn widest(&self, records: &[TermsRecord<'_>], variances: &[f64]) -> Result<Vec<Range>, Error> {
+    fn widest(
+        &self,
+        records: &[TermsRecord<'_>],
+        variances: &[Vec<f64>],
+    ) -> Result<Vec<Range>, Error> {
         let e = &self.o.equations;
         let mut ranges = self.given.clone();
         if !e.bends() {
@@ -305,7 +307,7 @@ impl TermsFitter {
         }
         let order = e.orders.iter().copied().max().unwrap_or(1);
         let own = ranges.iter_mut().zip(&self.narrow).zip(self.records.iter().zip(records));
-        for ((range, narrow), (plan, record)) in own {
+        for (((range, narrow), (plan, record)), variances) in own.zip(variances) {
             if plan.dt.is_nan() {
                 continue;
             }
@@ -378,8 +380,8 @@ impl TermsFitter {
     }
 }
 
-fn levels(variances: &[f64]) -> Vec<f64> {
-    variances.iter().map(|v| v.sqrt()).collect()
+fn levels(variances: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    variances.iter().map(|own| own.iter().map(|v| v.sqrt()).collect()).collect()
 }
 
 /// Whether an estimate is one.

@@ -31,8 +31,8 @@ const LEVEL: f64 = 1e-9;
 pub(crate) struct TermsProblem<'a> {
     pub fitter: &'a TermsFitter,
     pub records: &'a [TermsRecord<'a>],
-    /// Variance of each noisy channel.
-    pub variances: Vec<f64>,
+    /// Variance of each noisy channel of each record.
+    pub variances: Vec<Vec<f64>>,
     pub spots: Vec<Spot>,
     /// g of each term, then the slopes.
     values: Vec<f64>,
@@ -91,7 +91,7 @@ impl<'a> TermsProblem<'a> {
     pub fn new(
         fitter: &'a TermsFitter,
         records: &'a [TermsRecord<'a>],
-        variances: Vec<f64>,
+        variances: Vec<Vec<f64>>,
         spots: Vec<Spot>,
         desk: Desk,
     ) -> TermsProblem<'a> {
@@ -124,7 +124,7 @@ impl<'a> TermsProblem<'a> {
     }
 
     /// Other levels from now on.
-    pub fn set_variances(&mut self, variances: Vec<f64>) {
+    pub fn set_variances(&mut self, variances: Vec<Vec<f64>>) {
         self.variances = variances;
         self.loaded = Loaded::Nothing;
         self.stands = None;
@@ -168,7 +168,7 @@ impl<'a> TermsProblem<'a> {
         for (k, ((plan, record), spot)) in own.enumerate() {
             let at = Place {
                 channels: &record.channels,
-                variances: &self.variances,
+                variances: &self.variances[k],
                 theta,
                 clean: self.clean.get(k).map_or(&[], Vec::as_slice),
             };
@@ -192,9 +192,9 @@ impl<'a> TermsProblem<'a> {
         // The cost of one record was just made from these formulas.
         let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
-        for ((plan, record), spot) in own {
+        for (((plan, record), spot), variances) in own.zip(&self.variances) {
             spot.find_sources(isa, pairs);
-            let (channels, variances) = (&record.channels[..], &self.variances[..]);
+            let (channels, variances) = (&record.channels[..], &variances[..]);
             let at = Place { channels, variances, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
             let (sources, desk) = (&spot.sources, &mut self.desk);
@@ -221,6 +221,26 @@ impl<'a> TermsProblem<'a> {
         self.theta.extend_from_slice(theta);
         self.stands = Some((weights, cost));
         Ok(cost)
+    }
+
+    /// That of one record at the θ of the last cost with other variances; what stands is then to be made anew.
+    pub fn cost_of(
+        &mut self,
+        record: usize,
+        variances: &[f64],
+        theta: &[f64],
+    ) -> Result<f64, Error> {
+        let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
+        let at = Place {
+            channels: &self.records[record].channels,
+            variances,
+            theta,
+            clean: self.clean.get(record).map_or(&[], Vec::as_slice),
+        };
+        let (plan, spot) = (&self.fitter.records[record], &mut self.spots[record]);
+        plan.load(isa, e, pairs, &at, &mut self.desk, &mut spot.spectra)?;
+        let g = &self.values[..e.terms.len()];
+        Ok(spot.evaluate(isa, e, pairs, g, &self.lags, RowWeights::Adapted))
     }
 
     /// Columns of θ and the residual where [`TermsProblem::cost`] was last.

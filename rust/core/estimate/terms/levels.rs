@@ -1,8 +1,8 @@
-//! Noise levels of several outputs, estimated with the parameters.
+//! Noise levels of several outputs, and of several records, estimated with the parameters.
 //!
-//! With C = Σ_j σ_j² C_j the covariance of the rows, σ_j² ∂/∂σ_j² of rᵀC⁻¹r and of log det C are −q_j and t_j: what
+//! With C = Σ_j σ_j² C_j the covariance of a record's rows, σ_j² ∂/∂σ_j² of rᵀC⁻¹r and of log det C are −q_j and t_j: what
 //! channel j's noise has of the weighted sum of squares, and of the rows. Where the levels are right q_j/t_j is the
-//! same for all channels; else σ_j² ← σ_j² q_j/t_j is the way to maximum likelihood (restricted: what transients and
+//! same for all channels and records; else σ_j² ← σ_j² q_j/t_j is the way to maximum likelihood (restricted: what transients and
 //! parameters take from the rows is taken from all channels alike).
 
 use super::fitter::usable;
@@ -28,7 +28,7 @@ const LEAST: f64 = 1e-4;
 
 /// What residuals say of the levels.
 struct Learnt {
-    variances: Vec<f64>,
+    variances: Vec<Vec<f64>>,
     /// Largest |log| of what the variances change by.
     change: f64,
     /// Largest |log| of what they change by beside the common factor, in its standard deviations.
@@ -38,7 +38,8 @@ struct Learnt {
 impl TermsFitter {
     /// Whether levels are estimated with the parameters.
     fn learns(&self) -> bool {
-        self.o.learn && self.o.equations.noisy.len() > 1 && self.weights().0 == RowWeights::Adapted
+        let several = self.o.equations.noisy.len() * self.records.len() > 1;
+        self.o.learn && several && self.weights().0 == RowWeights::Adapted
     }
 
     /// Variances to choose lines with: those that the residuals on few lines have, where these contradict
@@ -46,8 +47,8 @@ impl TermsFitter {
     pub(crate) fn first_variances(
         &self,
         records: &[TermsRecord<'_>],
-        seen: &[f64],
-    ) -> Result<Vec<f64>, Error> {
+        seen: &[Vec<f64>],
+    ) -> Result<Vec<Vec<f64>>, Error> {
         if !self.learns() || !self.band_is_sought() {
             return Ok(seen.to_vec());
         }
@@ -69,7 +70,10 @@ impl TermsFitter {
         }
         let mut ended = first;
         let (seen, least) = (problem.variances.clone(), problem.least_variances());
-        let raised = seen.iter().zip(&least).map(|(own, least)| own.max(*least)).collect();
+        let more = |(own, least): (&Vec<f64>, &Vec<f64>)| {
+            own.iter().zip(least).map(|(own, least)| own.max(*least)).collect()
+        };
+        let raised = seen.iter().zip(&least).map(more).collect();
         problem.set_variances(raised);
         for round in 0..ROUNDS {
             let learnt = problem.learnt(&ended.theta, &least)?;
@@ -95,48 +99,56 @@ impl TermsFitter {
 
 impl TermsProblem<'_> {
     /// Smallest variances that levels are given.
-    fn least_variances(&self) -> Vec<f64> {
-        let size = |channel: &usize| {
-            let samples = self.records.iter().flat_map(|r| r.channels[*channel]);
-            let (low, high) =
-                samples.fold((f64::MAX, f64::MIN), |(low, high), v| (v.min(low), v.max(high)));
+    fn least_variances(&self) -> Vec<Vec<f64>> {
+        let size = |samples: &[f64]| {
+            let (low, high) = samples
+                .iter()
+                .fold((f64::MAX, f64::MIN), |(low, high), v| (v.min(low), v.max(high)));
             let least = LEAST * 0.5 * (high - low);
             least * least
         };
-        self.fitter.o.equations.noisy.iter().map(size).collect()
+        let noisy = &self.fitter.o.equations.noisy;
+        self.records.iter().map(|r| noisy.iter().map(|c| size(r.channels[*c])).collect()).collect()
     }
 
     /// What the residuals at θ say of the levels.
-    fn learnt(&mut self, theta: &[f64], least: &[f64]) -> Result<Learnt, Error> {
+    fn learnt(&mut self, theta: &[f64], least: &[Vec<f64>]) -> Result<Learnt, Error> {
         let own = self.variances.clone();
-        let (cost, log_det) = self.likelihood(theta)?;
+        let cost = self.cost(theta, RowWeights::Adapted)?;
         let rows: usize = self.spots.iter().map(|s| s.rows.len()).sum();
         let degrees = self.degrees_of_freedom() as f64;
         let (left, scale) = (degrees / rows as f64, cost / degrees);
         let mut found = Learnt { variances: own.clone(), change: 0.0, contradiction: 0.0 };
-        for j in 0..own.len() {
-            let mut moved = own.clone();
-            moved[j] *= 1.0 + CHANGE;
-            self.set_variances(moved);
-            let (near, log_det_near) = self.likelihood(theta)?;
-            let (q, t) = ((cost - near) / CHANGE, left * (log_det_near - log_det) / CHANGE);
-            if !(q > 0.0 && t > 1.0) {
-                continue; // no row tells it
+        for (k, own) in own.iter().enumerate() {
+            let (cost, log_det) = self.likelihood(k, own, theta)?;
+            for j in 0..own.len() {
+                let mut moved = own.clone();
+                moved[j] *= 1.0 + CHANGE;
+                let (near, log_det_near) = self.likelihood(k, &moved, theta)?;
+                let (q, t) = ((cost - near) / CHANGE, left * (log_det_near - log_det) / CHANGE);
+                if !(q > 0.0 && t > 1.0) {
+                    continue; // no row tells it
+                }
+                let ratio = (q / t).clamp(1.0 / MOST, MOST);
+                let variance = (own[j] * ratio).max(least[k][j]);
+                found.variances[k][j] = variance;
+                found.change = found.change.max(ln_1(variance / own[j]).abs());
+                let deviations = ln_1(ratio / scale).abs() * (0.5 * t).sqrt();
+                found.contradiction = found.contradiction.max(deviations);
             }
-            let ratio = (q / t).clamp(1.0 / MOST, MOST);
-            found.variances[j] = (own[j] * ratio).max(least[j]);
-            let change = ln_1(found.variances[j] / own[j]).abs();
-            found.change = found.change.max(change);
-            let deviations = ln_1(ratio / scale).abs() * (0.5 * t).sqrt();
-            found.contradiction = found.contradiction.max(deviations);
         }
         self.set_variances(own);
         Ok(found)
     }
 
-    /// Weighted sum of squares at θ and log det of the rows' covariance.
-    fn likelihood(&mut self, theta: &[f64]) -> Result<(f64, f64), Error> {
-        let cost = self.cost(theta, RowWeights::Adapted)?;
-        Ok((cost, self.spots.iter().map(|spot| spot.log_det()).sum()))
+    /// Weighted sum of squares of a record at θ and log det of its rows' covariance, under other variances.
+    fn likelihood(
+        &mut self,
+        record: usize,
+        variances: &[f64],
+        theta: &[f64],
+    ) -> Result<(f64, f64), Error> {
+        let cost = self.cost_of(record, variances, theta)?;
+        Ok((cost, self.spots[record].log_det()))
     }
 }

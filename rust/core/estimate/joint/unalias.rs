@@ -1,0 +1,88 @@
+//! What sampling folds into the outputs' sums under held inputs, taken out of them (`estimate::aliasing`).
+
+use super::design::JointDesign;
+use super::tile::Across;
+use super::workspace::JointSpace;
+use crate::estimate::aliasing::{Aliasing, Fold};
+use crate::simd::{Isa, Kernel, Lanes, Wide};
+
+/// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
+pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
+    let Some(aliasing) = &d.aliasing else { return };
+    let power = isa.run(Unalias { aliasing, design: d, space: w });
+    let power = match w.across {
+        Across::Replicates => power,
+        Across::Lines => power.map(|p| Wide::splat(p.0.iter().sum())),
+    };
+    for r in &mut w.records {
+        r.measured.judge(&mut r.re, &mut r.im, &power);
+    }
+}
+
+impl JointSpace {
+    /// Keeps the outputs' sums as they stand.
+    pub(crate) fn keep_measured(&mut self) {
+        self.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+    }
+}
+
+struct Unalias<'a> {
+    aliasing: &'a Aliasing,
+    design: &'a JointDesign,
+    space: &'a mut JointSpace,
+}
+
+impl Kernel for Unalias<'_> {
+    /// Power of what was taken out, and of the outputs.
+    type Output = [Wide; 2];
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [Wide; 2] {
+        let Unalias { aliasing, design: d, space: w } = self;
+        let (q, paths) = (d.outputs(), d.paths());
+        let mut power = [L::splat(0.0); 2];
+        for ((r, rd), own) in w.records.iter_mut().zip(&d.records).zip(&aliasing.records) {
+            let Some(record) = own else { continue };
+            let mut moved = None;
+            for (at, s) in d.free_delays.iter().enumerate() {
+                let delay = &w.iterates.theta.now[d.free.len() + at];
+                let record = moved.get_or_insert_with(|| record.clone());
+                if let Some(fold) = &mut record.inputs[*s] {
+                    *fold = Fold::new(fold.hold, delay.0.map(|v| v * d.delay_scale / record.step));
+                }
+            }
+            let record = moved.as_ref().unwrap_or(record);
+            for m in 0..r.lines {
+                let x = w.across.load::<L>(&rd.x, rd.stride(), 0, m);
+                for i in 0..q {
+                    let from = d.denominators[i];
+                    let a = &w.coefficients[from..from + d.structure.orders[i]];
+                    let mut sum = (L::splat(0.0), L::splat(0.0));
+                    for (s, fold) in record.inputs.iter().enumerate() {
+                        let (Some(degree), Some(fold)) = (d.structure.numerators[i][s], fold)
+                        else {
+                            continue;
+                        };
+                        let from = d.numerators[i * paths + s];
+                        let c =
+                            fold.sum::<L>(a, &w.coefficients[from..=from + degree], x, record.span);
+                        let at = (q + s) * r.lines + m;
+                        let u = (L::load(&r.re[at]), L::load(&r.im[at]));
+                        sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
+                        sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
+                    }
+                    let at = i * r.lines + m;
+                    let y = (L::load(&r.measured.re[at]), L::load(&r.measured.im[at]));
+                    (y.0 - sum.0).store(&mut r.re[at]);
+                    (y.1 - sum.1).store(&mut r.im[at]);
+                    power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
+                    power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
+                }
+            }
+        }
+        power.map(|p| {
+            let mut out = Wide::ZERO;
+            p.store(&mut out);
+            out
+        })
+    }
+}

@@ -1,0 +1,65 @@
+//! Takes what sampling folds into the output's sums under held inputs out of them, at the estimate that stands.
+
+use super::aliasing::Aliasing;
+use super::design::Design;
+use super::workspace::Workspace;
+use crate::simd::{Isa, Kernel, Lanes, Wide};
+use crate::structure::Structure;
+
+/// Takes what the estimate's response folds out of the output, of all lanes; from the sums as they were measured.
+pub(crate) fn unalias(isa: Isa, d: &Design, w: &mut Workspace) {
+    let Some(aliasing) = &d.aliasing else { return };
+    let power = isa.run(Unalias { structure: &d.structure, aliasing, design: d, space: w });
+    for r in &mut w.records {
+        r.measured.judge(&mut r.re, &mut r.im, &power);
+    }
+}
+
+struct Unalias<'a> {
+    structure: &'a Structure,
+    aliasing: &'a Aliasing,
+    design: &'a Design,
+    space: &'a mut Workspace,
+}
+
+impl Kernel for Unalias<'_> {
+    /// Power of what was taken out, and of the output.
+    type Output = [Wide; 2];
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [Wide; 2] {
+        let Unalias { structure, aliasing, design, space: w } = self;
+        let theta = &w.iterates.theta.now;
+        let (a, b) = theta.split_at(structure.order);
+        let mut power = [L::splat(0.0); 2];
+        for ((r, rd), own) in w.records.iter_mut().zip(&design.records).zip(&aliasing.records) {
+            let Some(record) = own else { continue };
+            for (m, x) in rd.x.iter().enumerate() {
+                let mut sum = (L::splat(0.0), L::splat(0.0));
+                let mut from = 0;
+                for (input, (degree, fold)) in
+                    structure.numerators.iter().zip(&record.inputs).enumerate()
+                {
+                    let Some(degree) = degree else { continue };
+                    let own = &b[from..=from + degree];
+                    from += degree + 1;
+                    let Some(fold) = fold else { continue };
+                    let c = fold.sum::<L>(a, own, L::splat(*x), record.span);
+                    let at = (1 + input) * r.lines + m;
+                    let u = (L::load(&r.re[at]), L::load(&r.im[at]));
+                    sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
+                    sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
+                }
+                let y = (L::load(&r.measured.re[m]), L::load(&r.measured.im[m]));
+                (y.0 - sum.0).store(&mut r.re[m]);
+                (y.1 - sum.1).store(&mut r.im[m]);
+                power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
+                power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
+            }
+        }
+        power.map(|p| {
+            let mut out = Wide::ZERO;
+            p.store(&mut out);
+            out
+        })
+    }
+}
