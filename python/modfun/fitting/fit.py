@@ -55,6 +55,7 @@ def fit(
     extended: bool = True,
     tol: float = 1e-9,
     maxiter: int = 50,
+    stable: bool = False,
     **unknown: Never,
 ) -> Fit:
     """Estimate the parameters of a structure from one record, or from several as one problem.
@@ -66,10 +67,10 @@ def fit(
     Parameters
     ----------
     data : Record or sequence of Record, or FrequencyResponse
-        Lengths, rates and trims may differ between records, channels may not. Each record has a noise level of
-        its own, estimated with the parameters (`Fit.noise_levels`) unless `noise` or ``Record(sigma=)`` tells
-        it. Gains of a frequency response are weighted by the inverse of their covariance; of the options band,
-        tol and maxiter mean something then.
+        Lengths, rates and trims may differ between records, channels may not. Each record has a noise level
+        of its own, estimated with the parameters (`Fit.noise_levels`) unless `noise` or ``Record(sigma=)``
+        tells it. Gains of a frequency response are weighted by the inverse of their covariance; of the
+        options band, tol and maxiter mean something then.
     model : TransferFunction, Equation or StateSpace
         What is to be fitted.
     method : {"ml", "awls", "wls", "ls"}
@@ -108,6 +109,10 @@ def fit(
         Relative change of the parameters at which the iteration ends.
     maxiter : int
         Most iterations.
+
+    stable : bool, default False
+        Whether an unstable estimate of a transfer function gives way to the nearest stable model,
+        `Fit.stable`.
 
     Returns
     -------
@@ -167,6 +172,7 @@ def fit(
         extended=extended,
         tol=tol,
         maxiter=maxiter,
+        stable=stable,
         **unknown,
     )
     return _fitted(data, structure_of(model, "fit"), options)
@@ -285,6 +291,8 @@ def fit_many(
     (3, 3)
     """
     checked = Options.checked("fit_many", **options)
+    if checked.stable:
+        raise SpecError("fit_many: stable=True is for mf.fit, one fit at a time")
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
     if not isinstance(data, Batch):
@@ -306,6 +314,8 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
         result: Fit = fit_response(data, structure, options)
     else:
         result = fit_quietly(records_of(data), structure, options)
+    if options.stable and result.usable:
+        result = result.stable()
     for text in result.remarks():
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any, TypedDict
 
@@ -23,7 +23,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "cov_type": ("HC3", "nonrobust"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
-_REPORTED = ("cov_type", "output_weights", "correct")
+_REPORTED = ("cov_type", "output_weights", "correct", "stable")
 MOST = 10**9
 MOST_THREADS = 10_000
 
@@ -43,6 +43,7 @@ class Choices(TypedDict, total=False):
     extended: bool
     tol: float
     maxiter: int
+    stable: bool
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class Options:
     extended: bool = True
     tol: float = 1e-9
     maxiter: int = 50
+    stable: bool = field(default=False, repr=False)  # no study has it
 
     @classmethod
     def checked(cls, what: str, **given: Any) -> Options:
@@ -155,7 +157,12 @@ def _checked(what: str, **given: Any) -> Options:
             f"{what}: correct={given['correct']!r} must be True (what noise adds to nonlinear signals is "
             "taken out) or False"
         )
-    for name in ("extended", "correct"):
+    if "stable" in given and not isinstance(given["stable"], bool | np.bool_):
+        raise SpecError(
+            f"{what}: stable={given['stable']!r} must be True (an unstable estimate gives way to the "
+            "nearest stable model) or False"
+        )
+    for name in ("extended", "correct", "stable"):
         if name in given:
             checked[name] = bool(given[name])
     return Options(**checked)

@@ -16,6 +16,7 @@ from .doubts import (
     mean,
     minima,
     noise_free,
+    of_stability,
     offset,
     on_bound,
     repeated,
@@ -61,4 +62,4 @@ def check(fit: Estimates, line: str) -> Findings:
             note = which_errors(diagnosis)
         found += [biased(fit), minima(fit), few_samples(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    return Findings(title, [doubt.text for doubt in doubts], note=note)
+    return Findings(title, [doubt.text for doubt in doubts], note=of_stability(fit) or note)

@@ -160,9 +160,10 @@ def repeated(fit: Estimates) -> Doubt | None:
 
 
 def few_samples(fit: Estimates) -> Doubt | None:
-    """That the highest lines are sampled too slowly for the quadrature."""
+    """That the highest lines are sampled too slowly for the quadrature; held inputs need none."""
     samples = fewest_samples(fit)
-    if samples >= FEW_SAMPLES:
+    exact = fit.layout.rational and fit.inputs and "smooth" not in fit.intersample
+    if samples >= FEW_SAMPLES or exact:
         return None
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "
@@ -185,9 +186,32 @@ def unstable(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
         f"{math.log(2) / growing:.3g} s). This is right for an unstable system; otherwise first try "
-        "another number of poles, select_order.",
+        f"another number of poles, select_order{_stable_words(fit)}.",
         doubtful,
     )
+
+
+def of_stability(fit: Estimates) -> str | None:
+    """What it cost that poles were kept stable."""
+    if not math.isfinite(fit.stability_cost):
+        return None
+    from scipy.special import chdtrc
+
+    # A pole at the border: half of chi-square with one degree of freedom.
+    p = 0.5 * float(chdtrc(1, max(fit.stability_cost, 0.0)))
+    said = (
+        "as a stable system explains by chance"
+        if p > 0.05
+        else "more than chance: the system may be unstable"
+    )
+    return (
+        f"The poles were kept stable, which raises -2 log likelihood by {fit.stability_cost:.3g} "
+        f"(p = {p:.2g}), {said}."
+    )
+
+
+def _stable_words(fit: Estimates) -> str:
+    return ", or the nearest stable model, fit.stable()" if fit.layout.rational and fit.inputs else ""
 
 
 def _growth_error(fit: Estimates) -> float:

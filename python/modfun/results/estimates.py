@@ -70,6 +70,7 @@ class Estimates:
     window_weights: tuple[float, ...] = ()
     df_hc3: F64 | None = None
     record_levels: F64 | None = None
+    stability_cost: float = nan
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     @classmethod

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ from .estimates import Estimates
 from .page import page_of
 from .page_records import Content, of_records
 from .prediction import InitialState, observe_paths
+from .stability import stable_neighbour
 from .storage import fit_to_dict
 from .summary import Summary, facts, one_line, parameters
 
@@ -250,6 +251,45 @@ class Fit(Estimates):
         record = self.record_of(rec, "predict")
         simulated, _ = self.simulate(record, initial_state)
         return record._like(y=simulated, mask=None, sigma=None)
+
+    def stable(self) -> Fit:
+        """The nearest stable model: the fit of the same structure and band with all poles stable.
+
+        It minimises the same criterion among models whose poles lie left of −0.01/T rad/s, T the duration of
+        the longest record; `stability_cost` says by how much that raises −2 log likelihood. A pole at the
+        margin is shown in `damp()`. Covariances are those of the free estimate, given that such poles stay
+        there. A stable fit is returned as it is.
+
+        Returns
+        -------
+        Fit
+
+        Raises
+        ------
+        SpecError
+            Of equations, state spaces, gains, free motion, or where coefficients of a denominator are held.
+        FitError
+            Where no stable model can be fitted.
+
+        See Also
+        --------
+        modfun.select_order : Whether there are too many poles.
+
+        References
+        ----------
+        L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999, section 10.1.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> light = mf.tf([1], [1, 0.02, 4])
+        >>> rec = mf.simulate(light, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=0.5, seed=2)
+        >>> free = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+        >>> kept = free.stable()
+        >>> [bool(fit["a1"] > 0) for fit in (free, kept)], round(kept.stability_cost, 2)
+        ([False, True], 1.66)
+        """
+        return cast(Fit, stable_neighbour(self))
 
     def errors(self, rec: Record | int | None = None) -> F64:
         """Measured less simulated output in time, (output, time); nan where the record is masked."""

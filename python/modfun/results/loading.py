@@ -58,6 +58,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields.update({name: tuple(values[name]) for name in TUPLES})
     fields["window_weights"] = tuple(values.get("window_weights", ()))
     fields.update({name: _array(values[name]) for name in ARRAYS})
+    fields["stability_cost"] = float(values.get("stability_cost", "nan"))
     if "record_levels" in values:  # files of old have none
         fields["record_levels"] = _array(values["record_levels"])
     fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])
@@ -75,7 +76,9 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
     fields.update({name: _array(values[name]) for name in OF_EQUATIONS})
     for name in ("levels", "seen"):  # files of old have one row for all records
-        fields[name] = np.broadcast_to(np.atleast_2d(fields[name]), (len(fields["lines"]), fields[name].shape[-1]))
+        fields[name] = np.broadcast_to(
+            np.atleast_2d(fields[name]), (len(fields["lines"]), fields[name].shape[-1])
+        )
     return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
 
 

@@ -43,6 +43,8 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values[name] = getattr(fit, name).tolist()
     if fit.df_hc3 is not None:
         values["df_hc3"] = fit.df_hc3.tolist()
+    if np.isfinite(fit.stability_cost):
+        values["stability_cost"] = fit.stability_cost
     if fit.record_levels is not None:
         values["record_levels"] = fit.record_levels.tolist()
     values |= fit.own_values()

@@ -147,6 +147,8 @@ def contenders(
                     "from; give model=mf.TransferFunction(poles=, zeros=) or mf.Equation(...)"
                 )
             own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
+        elif isinstance(value, Estimator) and value.options.stable:
+            raise SpecError(f"MonteCarlo: stable=True of {name!r} is for mf.fit, one fit at a time")
         elif isinstance(value, Estimator):
             own = (value,) * len(found)
         elif callable(value) and not isinstance(value, type):

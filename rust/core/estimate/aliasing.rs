@@ -16,7 +16,8 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::math::sin_cos_turns_1;
-use crate::quadrature::Hold;
+use crate::modulation::Column;
+use crate::quadrature::{Hold, Rule};
 use crate::simd::{LANES, Lanes, Wide};
 
 /// Foldings on each side that are taken one by one.
@@ -25,6 +26,15 @@ const FOLDS: usize = 8;
 pub(crate) const ROUNDS: usize = 2;
 /// A correction above this part of the output's power is none: the estimate is far off.
 const LARGE: f64 = 0.1;
+
+/// The rule of the output's sums: where all is known that plain sums fold into it, they need no end weights.
+pub(crate) fn output_rule(given: Rule, inputs: &[Option<Hold>]) -> Rule {
+    let all = inputs.iter().all(Option::is_some);
+    match given {
+        Rule::Gregory if all && !inputs.is_empty() => Rule::Trapezoid,
+        _ => given,
+    }
+}
 
 /// Foldings of one input, in each lane.
 #[derive(Debug, Clone)]
@@ -47,6 +57,8 @@ pub(crate) struct Record {
     pub span: f64,
     /// Of each input, where it is held.
     pub inputs: Vec<Option<Fold>>,
+    /// Whether all are held: then what the ends of the record fold is known, too.
+    pub ends: bool,
 }
 
 /// Foldings of held inputs in a problem: of each record, none where its steps are uneven.
@@ -69,6 +81,7 @@ impl Aliasing {
                 .iter()
                 .map(|(hold, delay)| hold.map(|hold| Fold::new(hold, [delay / step; LANES])))
                 .collect(),
+            ends: inputs.iter().all(|(hold, _)| hold.is_some()),
         };
         let any = inputs.iter().any(|(hold, _)| hold.is_some());
         any.then(|| Aliasing { records: steps.map(|step| step.map(record)).collect() })
@@ -124,16 +137,17 @@ impl Fold {
     #[inline(always)]
     fn rest<L: Lanes>(&self, a: &[Wide], b: &[Wide], x: L, span: f64) -> (L, L) {
         let zero = L::splat(0.0);
-        let load = |of: &[Wide], k: usize| of.get(k).map_or(zero, |v| L::load(v));
-        let through = match a.len() + 1 - b.len() {
-            0 => load(b, 0),
-            _ => zero,
-        };
-        let next = match a.len() + 1 - b.len() {
-            0 => (-through).mul_add(load(a, 0), load(b, 1)),
-            1 => load(b, 0),
-            _ => return (zero, zero),
-        };
+        let (mut through, mut next) = (zero, zero);
+        if b.len() > a.len() {
+            through = L::load(&b[0]);
+            if let (Some(a), Some(b)) = (a.first(), b.get(1)) {
+                next = (-through).mul_add(L::load(a), L::load(b));
+            }
+        } else if b.len() == a.len() {
+            next = L::load(&b[0]);
+        } else {
+            return (zero, zero);
+        }
         let far = x * L::load(&self.far) * L::splat(1.0 / (span * span));
         match self.hold {
             Hold::Zoh => {
@@ -145,16 +159,76 @@ impl Fold {
     }
 }
 
-/// B(ix)/A(ix) with A monic.
+impl Record {
+    /// Σ_{j≠0} T(i(x + jX))/A(i(x + jX)): what the ends of the record fold, by the transient's columns and values.
+    #[inline(always)]
+    pub fn ends<'a, L: Lanes>(
+        &self,
+        a: &[Wide],
+        transient: impl Iterator<Item = (Column, &'a Wide)> + Clone,
+        x: L,
+    ) -> (L, L) {
+        let mut sum = (L::splat(0.0), L::splat(0.0));
+        for j in 1..=FOLDS {
+            let shift = j as f64 * self.span;
+            // Those beyond fall as 1/j and cancel in pairs but for 1/j²: the last one stands for them.
+            let last = FOLDS as f64;
+            let by = if j < FOLDS { 1.0 } else { 1.0 + last * last / (last + 0.5) };
+            for at in [x + L::splat(shift), x - L::splat(shift)] {
+                let mut t = (L::splat(0.0), L::splat(0.0));
+                for (column, value) in transient.clone() {
+                    let mut size = L::splat(column.sign);
+                    for _ in 0..column.power {
+                        size = size * at;
+                    }
+                    if column.power < 0 {
+                        size = -size / at;
+                    }
+                    let own = L::load(value) * size;
+                    match column.phase % 2 {
+                        0 => t.0 = t.0 + own,
+                        _ => t.1 = t.1 + own,
+                    }
+                }
+                let one = over(t, denominator::<L>(a, at));
+                sum = (one.0.mul_add(L::splat(by), sum.0), one.1.mul_add(L::splat(by), sum.1));
+            }
+        }
+        // Columns stand on the left side of the equation.
+        (-sum.0, -sum.1)
+    }
+}
+
+/// A(ix), monic.
 #[inline(always)]
-fn response<L: Lanes>(a: &[Wide], b: &[Wide], x: L) -> (L, L) {
-    let add = |(re, im): (L, L), next: &Wide| ((-x).mul_add(im, L::load(next)), x * re);
-    let zero = (L::splat(0.0), L::splat(0.0));
-    let a = a.iter().fold((L::splat(1.0), zero.1), add);
-    let b = b.iter().fold(zero, add);
+fn denominator<L: Lanes>(a: &[Wide], x: L) -> (L, L) {
+    let mut sum = (L::splat(1.0), L::splat(0.0));
+    for next in a {
+        sum = horner(sum, next, x);
+    }
+    sum
+}
+
+#[inline(always)]
+fn horner<L: Lanes>((re, im): (L, L), next: &Wide, x: L) -> (L, L) {
+    ((-x).mul_add(im, L::load(next)), x * re)
+}
+
+#[inline(always)]
+fn over<L: Lanes>(b: (L, L), a: (L, L)) -> (L, L) {
     let square = a.0.mul_add(a.0, a.1 * a.1);
     let (re, im) = (b.0.mul_add(a.0, b.1 * a.1), b.1.mul_add(a.0, -(b.0 * a.1)));
     (re / square, im / square)
+}
+
+/// B(ix)/A(ix) with A monic.
+#[inline(always)]
+fn response<L: Lanes>(a: &[Wide], b: &[Wide], x: L) -> (L, L) {
+    let mut sum = (L::splat(0.0), L::splat(0.0));
+    for next in b {
+        sum = horner(sum, next, x);
+    }
+    over(sum, denominator(a, x))
 }
 
 /// The outputs' sums as they were measured.

@@ -1,5 +1,6 @@
 //! What a fit is told and what it answers.
 
+use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
 use super::options::Options;
@@ -99,7 +100,8 @@ impl FitOptions {
         let inputs = self.intersample.iter().zip(&self.delays);
         let input =
             |(h, d): (&Option<Hold>, &f64)| (h.map_or(Kind::Rule(self.rule), Kind::Hold), *d);
-        std::iter::once((Kind::Rule(self.rule), 0.0)).chain(inputs.map(input)).collect()
+        let output = Kind::Rule(output_rule(self.rule, &self.intersample));
+        std::iter::once((output, 0.0)).chain(inputs.map(input)).collect()
     }
 
     /// Real unknowns of the default rule's guideline: parameters and trend terms.

@@ -62,6 +62,10 @@ pub fn estimate(
     if d.aliasing.is_some() && o.wanted != Wanted::Cost {
         w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
         for _ in 0..ROUNDS {
+            if d.method == Method::Ls {
+                prepare(isa, d, w);
+                isa.run(uncertainty::Transients { design: d, space: w });
+            }
             unalias(isa, d, w);
             again(isa, d, w, live, rule, o);
         }

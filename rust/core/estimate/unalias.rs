@@ -31,8 +31,10 @@ impl Kernel for Unalias<'_> {
         let theta = &w.iterates.theta.now;
         let (a, b) = theta.split_at(structure.order);
         let mut power = [L::splat(0.0); 2];
-        for ((r, rd), own) in w.records.iter_mut().zip(&design.records).zip(&aliasing.records) {
-            let Some(record) = own else { continue };
+        let transients = w.iterates.transients.iter();
+        let each = w.records.iter_mut().zip(&design.records).zip(&aliasing.records);
+        for (((r, rd), own), transient) in each.zip(transients) {
+            let (Some(record), transient) = (own, &transient.now) else { continue };
             for (m, x) in rd.x.iter().enumerate() {
                 let mut sum = (L::splat(0.0), L::splat(0.0));
                 let mut from = 0;
@@ -49,6 +51,11 @@ impl Kernel for Unalias<'_> {
                     sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
                     sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
                 }
+                if record.ends {
+                    let columns = design.columns.iter().copied().zip(transient);
+                    let own = record.ends::<L>(a, columns, L::splat(*x));
+                    sum = (sum.0 + own.0, sum.1 + own.1);
+                }
                 let y = (L::load(&r.measured.re[m]), L::load(&r.measured.im[m]));
                 (y.0 - sum.0).store(&mut r.re[m]);
                 (y.1 - sum.1).store(&mut r.im[m]);
@@ -56,10 +63,9 @@ impl Kernel for Unalias<'_> {
                 power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
             }
         }
-        power.map(|p| {
-            let mut out = Wide::ZERO;
-            p.store(&mut out);
-            out
-        })
+        let mut out = [Wide::ZERO; 2];
+        power[0].store(&mut out[0]);
+        power[1].store(&mut out[1]);
+        out
     }
 }

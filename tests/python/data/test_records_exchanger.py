@@ -32,8 +32,9 @@ def test_what_leaves_the_tube_is_what_entered(numbers):
 
 
 def test_squares_predict_better(numbers):
-    """On all windows of the same excitation; the best one is above what any linear model of 40 s reaches."""
+    """On all windows of the same excitation; three poles, which nothing determines, gain nothing."""
     levels = numbers["levels"]
     assert levels["flow squared"][1] > levels["one sample earlier"][1] + 1
-    assert levels["squared, three poles"][1] == pytest.approx(11.0, abs=0.1)
+    assert levels["flow squared"][1] == pytest.approx(9.7, abs=0.1)
+    assert levels["squared, three poles"][1] < levels["flow squared"][1]
     assert numbers["gain"]["flow squared"]["value"] == pytest.approx(-18.2, abs=0.1)

@@ -112,7 +112,9 @@ def test_what_was_told_of_the_noise_wins():
     records = [record(0.02, 1), record(0.4, 2)]
     fit = mf.fit(records, MODEL, noise=mf.Noise(y=0.1))
     assert np.ptp(fit.noise_levels) == 0.0
-    own = [mf.Record(y=r.y, u=r.u, dt=r.dt, sigma=np.ones(r.y.shape[1]), intersample="smooth") for r in records]
+    own = [
+        mf.Record(y=r.y, u=r.u, dt=r.dt, sigma=np.ones(r.y.shape[1]), intersample="smooth") for r in records
+    ]
     assert np.ptp(mf.fit(own, MODEL).noise_levels) == 0.0
 
 

@@ -12,11 +12,10 @@ here handed to SciPy's least_squares with θ and T as plain real unknowns.  A co
 line 0 out, a linear one adds a column 1/s.  Dense matrices everywhere, nothing eliminated.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import cont2discrete
 
 from .coefficients import coefficients, unit_variance
 
@@ -247,25 +246,3 @@ def _result(problem, x, estimator, leverage):
     unit = np.outer(problem.unit, problem.unit)
     theta = x[: problem.p] * problem.unit
     return Result(theta, cost, df, cost / df * estimator @ estimator.T * unit, pull @ pull.T * unit, e)
-
-
-def unfolded(record, order, degrees, theta, highest):
-    """A record whose output lacks, up to line `highest`, what sampling folds into its lines under held inputs.
-
-    The sampled response over the response, less one, by the exact discrete twin of each path.
-    """
-    samples = record.y.size - 1
-    m = np.arange(1, highest + 1)
-    w = 2 * np.pi * m / samples  # rad a sample
-    s, z = 1j * w / record.dt, np.exp(1j * w)
-    t = np.arange(samples + 1)
-    den, at, y = np.r_[1.0, theta[:order]], order, record.y.copy()
-    for u, kind, degree in zip(record.u, record.kinds, degrees, strict=True):
-        num = theta[at : at + degree + 1]
-        at += degree + 1
-        discrete, poles, _ = cont2discrete((num, den), record.dt, method=kind)
-        shape = {"zoh": (1 - 1 / z) / (1j * w), "foh": (2 - 2 * np.cos(w)) / w**2}[kind]
-        sampled = np.polyval(discrete.ravel(), z) / np.polyval(poles, z) / shape
-        folded = (sampled - np.polyval(num, s) / np.polyval(den, s)) * coefficients(u, highest, kind)[1:]
-        y -= 2 * np.real(np.exp(1j * np.outer(t, w)) @ folded)
-    return replace(record, y=y)

@@ -9,7 +9,7 @@ use super::whitener::{Whitener, whiteners};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::Options;
-use crate::estimate::aliasing::Aliasing;
+use crate::estimate::aliasing::{Aliasing, output_rule};
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
@@ -194,7 +194,8 @@ impl JointFitter {
             Delay::Free { start, .. } => start,
         };
         let outputs = s.orders.len();
-        let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(o.rule), 0.0), outputs)
+        let rule = output_rule(o.rule, &o.intersample);
+        let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(rule), 0.0), outputs)
             .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
             .collect();
         let order = s.orders.iter().copied().max().unwrap_or(1);
@@ -226,7 +227,7 @@ impl JointFitter {
                     )));
                 }
                 Some(all) if !all.is_empty() => {
-                    whiteners(all, (*samples, *time), window, o.rule, (first, range.1))?
+                    whiteners(all, (*samples, *time), window, rule, (first, range.1))?
                 }
                 _ => Vec::new(),
             };

@@ -1,6 +1,6 @@
 //! What sampling folds into the outputs' sums under held inputs, taken out of them (`estimate::aliasing`).
 
-use super::design::JointDesign;
+use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointSpace;
 use crate::estimate::aliasing::{Aliasing, Fold};
@@ -9,6 +9,8 @@ use crate::simd::{Isa, Kernel, Lanes, Wide};
 /// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
 pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
     let Some(aliasing) = &d.aliasing else { return };
+    let moved = moved(aliasing, d, w);
+    let aliasing = moved.as_ref().unwrap_or(aliasing);
     let power = isa.run(Unalias { aliasing, design: d, space: w });
     let power = match w.across {
         Across::Replicates => power,
@@ -26,6 +28,23 @@ impl JointSpace {
     }
 }
 
+/// Foldings where free delays stand, if there are such.
+fn moved(aliasing: &Aliasing, d: &JointDesign, w: &JointSpace) -> Option<Aliasing> {
+    if d.free_delays.is_empty() {
+        return None;
+    }
+    let mut moved = aliasing.clone();
+    for record in moved.records.iter_mut().flatten() {
+        for (at, s) in d.free_delays.iter().enumerate() {
+            if let Some(fold) = &mut record.inputs[*s] {
+                let delay = &w.iterates.theta.now[d.free.len() + at];
+                *fold = Fold::new(fold.hold, delay.0.map(|v| v * d.delay_scale / record.step));
+            }
+        }
+    }
+    Some(moved)
+}
+
 struct Unalias<'a> {
     aliasing: &'a Aliasing,
     design: &'a JointDesign,
@@ -40,17 +59,10 @@ impl Kernel for Unalias<'_> {
         let Unalias { aliasing, design: d, space: w } = self;
         let (q, paths) = (d.outputs(), d.paths());
         let mut power = [L::splat(0.0); 2];
-        for ((r, rd), own) in w.records.iter_mut().zip(&d.records).zip(&aliasing.records) {
-            let Some(record) = own else { continue };
-            let mut moved = None;
-            for (at, s) in d.free_delays.iter().enumerate() {
-                let delay = &w.iterates.theta.now[d.free.len() + at];
-                let record = moved.get_or_insert_with(|| record.clone());
-                if let Some(fold) = &mut record.inputs[*s] {
-                    *fold = Fold::new(fold.hold, delay.0.map(|v| v * d.delay_scale / record.step));
-                }
-            }
-            let record = moved.as_ref().unwrap_or(record);
+        let transients = w.iterates.transients.iter();
+        let each = w.records.iter_mut().zip(&d.records).zip(&aliasing.records);
+        for (((r, rd), own), transient) in each.zip(transients) {
+            let (Some(record), transient) = (own, &transient.now) else { continue };
             for m in 0..r.lines {
                 let x = w.across.load::<L>(&rd.x, rd.stride(), 0, m);
                 for i in 0..q {
@@ -70,6 +82,13 @@ impl Kernel for Unalias<'_> {
                         sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
                         sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
                     }
+                    if record.ends {
+                        let own = |(t, _): &(&TransientColumn, &Wide)| t.output == i;
+                        let columns = d.transient.iter().zip(transient).filter(own);
+                        let columns = columns.map(|(t, value)| (t.column, value));
+                        let own = record.ends::<L>(a, columns, x);
+                        sum = (sum.0 + own.0, sum.1 + own.1);
+                    }
                     let at = i * r.lines + m;
                     let y = (L::load(&r.measured.re[at]), L::load(&r.measured.im[at]));
                     (y.0 - sum.0).store(&mut r.re[at]);
@@ -79,10 +98,9 @@ impl Kernel for Unalias<'_> {
                 }
             }
         }
-        power.map(|p| {
-            let mut out = Wide::ZERO;
-            p.store(&mut out);
-            out
-        })
+        let mut out = [Wide::ZERO; 2];
+        power[0].store(&mut out[0]);
+        power[1].store(&mut out[1]);
+        out
     }
 }

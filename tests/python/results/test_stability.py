@@ -1,0 +1,110 @@
+"""The stable neighbour of an unstable estimate."""
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+LIGHT = mf.tf([1], [1, 0.02, 4])
+TWO = mf.TransferFunction(poles=2, zeros=0)
+pytestmark = pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
+
+
+def record(seed, nsr=0.5):
+    return mf.simulate(LIGHT, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=nsr, seed=seed)
+
+
+def held(fit, a1, a2):
+    """The fit of the numerator alone beside this denominator, on the same band."""
+    params = {"a1": a1, "a2": a2}
+    low, high = fit.band
+    return mf.fit(
+        fit.records[0], mf.TransferFunction(poles=2, zeros=0, params=params), band=(low, high * (1 + 1e-9))
+    )
+
+
+def poles(fit):
+    return np.roots(fit.polynomials()[0])
+
+
+@pytest.mark.parametrize("seed", [2, 9, 12, 14])
+def test_it_is_the_lowest_criterion_of_stable_models(seed):
+    """Free estimates are slightly unstable: the best model stands at the margin, where one number is left."""
+    free = mf.fit(record(seed), TWO)
+    assert poles(free).real.max() > 0
+    found = free.stable()
+    margin = 0.01 / 10.0
+    assert poles(found).real == pytest.approx(-margin, rel=1e-6)
+    rows = free.df_resid + free.params.size
+    cost = minimize_scalar(
+        lambda q: rows * np.log(held(free, 2 * margin, q).cost), bounds=(2.0, 6.0), method="bounded",
+        options={"xatol": 1e-10},
+    )  # fmt: skip
+    assert found.stability_cost == pytest.approx(cost.fun - rows * np.log(free.cost), abs=1e-6)
+    assert found.params[1] == pytest.approx(cost.x, rel=1e-4)
+
+
+def test_what_is_stable_stays():
+    fit = mf.fit(record(0, nsr=0.05), TWO)
+    assert poles(fit).real.max() < 0
+    assert fit.stable() is fit
+    assert mf.fit(record(0, nsr=0.05), TWO, stable=True).params == pytest.approx(fit.params, rel=1e-12)
+
+
+def test_it_simulates_where_the_free_model_runs_away():
+    """Over ten times the record, from rest: the free model grows, its neighbour does not."""
+    t = np.linspace(0, 100, 1281)
+    u, dt = np.sin(t**2 / 40), t[1]
+    free = mf.fit(record(12), TWO)
+    truth, grown, kept = (
+        np.std(model.simulate(u=u, dt=dt)) for model in (LIGHT, free.model, free.stable().model)
+    )
+    assert grown > 10 * truth
+    assert kept < 3 * truth
+
+
+def test_the_words():
+    found = mf.fit(record(12), TWO, stable=True)
+    assert found.options.stable
+    assert found.stability_cost == pytest.approx(4.29, abs=0.05)
+    assert "raises -2 log likelihood by 4.29 (p = 0.019)" in str(found.check())
+    assert "fit.stable()" in str(mf.fit(record(12), TWO).check())
+    # What the margin holds has no error of its own; what follows it has.
+    assert found.bse[0] == pytest.approx(0.0, abs=1e-6)
+    assert np.all(found.bse[1:] > 0.01)
+
+
+@pytest.mark.parametrize("denominator", ["common", "separate"])
+def test_several_outputs(denominator):
+    system = mf.tf([[[1.0]], [[2.0, 1.0]]], [1, 0.02, 4])
+    rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=0.5, seed=3)
+    free = mf.fit(rec, mf.TransferFunction(poles=2, zeros=[[0], [1]], denominator=denominator))
+    found = free.stable()
+    for _, i in found.denominators():
+        assert np.roots(found.polynomials(i)[0]).real.max() <= -0.001 * (1 - 1e-6)
+    assert 0 < found.stability_cost < 1
+
+
+def test_a_file_keeps_it(tmp_path):
+    found = mf.fit(record(12), TWO, stable=True)
+    found.save(tmp_path / "fit.json")
+    again = mf.load(tmp_path / "fit.json")
+    assert again.stability_cost == found.stability_cost
+    assert again.options == found.options
+
+
+def test_what_has_none_is_told_so():
+    rec = record(2)
+    with pytest.raises(mf.SpecError, match="stable: a1 is held"):
+        mf.fit(rec, mf.TransferFunction(poles=2, zeros=0, params={"a1": -0.1}), stable=True)
+    with pytest.raises(mf.SpecError, match="transfer functions"):
+        mf.fit(rec, mf.Equation("y'' + a*y' + b*y = c*u"), stable=True)
+    with pytest.raises(mf.SpecError, match="one fit at a time"):
+        mf.fit_many([rec, rec], TWO, stable=True)
+    with pytest.raises(mf.SpecError, match="stable='yes' must be True"):
+        mf.fit(rec, TWO, stable="yes")
+    with pytest.raises(mf.SpecError, match="stable=True of 'ml'"):
+        mf.MonteCarlo(
+            system=LIGHT, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=0.5, replicates=8, seed=1,
+            estimators={"ml": mf.Estimator(TWO, stable=True)},
+        )  # fmt: skip
