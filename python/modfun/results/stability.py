@@ -26,8 +26,9 @@ PRECISION = 1e-10  # relative fall of the criterion that ends the search
 def stable_neighbour(fit: Any) -> Any:
     """The fit of the same structure, records and band whose poles are all stable.
 
-    A(s) is a product of sections s'² + ps' + q and s' + p, p and q not negative, in s' = s + MARGIN/T: all stable
-    polynomials and no others. Numerators, delays, end conditions and noise follow each A(s) by the core.
+    A(s) is a product of sections s'² + ps' + q and s' + p, p and q not negative, in s' = s + MARGIN/T: all
+    stable polynomials and no others. Numerators, delays, end conditions and noise follow each A(s) by the
+    core.
 
     Raises
     ------
@@ -67,8 +68,8 @@ def deviance(fit: Estimates) -> float:
 def _refuse(fit: Any) -> None:
     if not isinstance(fit.structure, TransferFunction) or fit.again is None or fit.records is None:
         raise SpecError(
-            "stable: this is for transfer functions fitted to records; of a StateSpace or an Equation bound the "
-            "parameters that decide, params={...: mf.Free(max=0)}"
+            "stable: this is for transfer functions fitted to records; of a StateSpace or an Equation bound "
+            "the parameters that decide, params={...: mf.Free(max=0)}"
         )
     if not fit.inputs:
         raise SpecError("stable: free motion has no numerator that could follow; bound its coefficients")

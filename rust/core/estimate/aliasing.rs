@@ -21,7 +21,9 @@ use crate::quadrature::{Hold, Rule};
 use crate::simd::{LANES, Lanes, Wide};
 
 /// Foldings on each side that are taken one by one.
-const FOLDS: usize = 8;
+const FOLDS: usize = 6;
+/// Images of a line, on both sides.
+const IMAGES: usize = 2 * FOLDS;
 /// Rounds of taking it out and of the estimate that follows.
 pub(crate) const ROUNDS: usize = 2;
 /// A correction above this part of the output's power is none: the estimate is far off.
@@ -114,22 +116,20 @@ impl Fold {
 
     /// Σ_{j≠0} G(i(x + jX)) (x/(x + jX))^p e^{−2πijf} of a = (a₁ … a_n) and b in falling powers.
     #[inline(always)]
-    pub fn sum<L: Lanes>(&self, a: &[Wide], b: &[Wide], x: L, span: f64) -> (L, L) {
+    pub fn sum<L: Lanes>(&self, a: &[Wide], b: &[Wide], images: &Images<L>) -> (L, L) {
         let mut sum = (L::splat(0.0), L::splat(0.0));
         for (k, [cos, sin]) in self.phases.iter().enumerate() {
-            let shift = (k + 1) as f64 * span;
             let (cos, sin) = (L::load(cos), L::load(sin));
-            for (shift, sin) in [(shift, sin), (-shift, -sin)] {
-                let at = x + L::splat(shift);
-                let part = x / at;
+            for (k, sin) in [(2 * k, sin), (2 * k + 1, -sin)] {
+                let part = images.x / images.at[k];
                 let part = if self.hold == Hold::Zoh { part } else { part * part };
-                let g = response::<L>(a, b, at);
+                let g = times(polynomial::<L>(b, images.at[k]), images.inverse[k]);
                 let (c, s) = (part * cos, part * sin);
                 sum.0 = g.0.mul_add(c, (-g.1).mul_add(s, sum.0));
                 sum.1 = g.0.mul_add(s, g.1.mul_add(c, sum.1));
             }
         }
-        let rest = self.rest::<L>(a, b, x, span);
+        let rest = self.rest::<L>(a, b, images.x, images.span);
         (sum.0 + rest.0, sum.1 + rest.1)
     }
 
@@ -159,51 +159,68 @@ impl Fold {
     }
 }
 
-impl Record {
+/// Lines that sampling folds onto line x, with 1/A on them.
+pub(crate) struct Images<L> {
+    x: L,
+    span: f64,
+    at: [L; IMAGES],
+    inverse: [(L, L); IMAGES],
+}
+
+impl<L: Lanes> Images<L> {
+    #[inline(always)]
+    pub fn new(a: &[Wide], x: L, span: f64) -> Images<L> {
+        let (mut at, mut inverse) = ([x; IMAGES], [(x, x); IMAGES]);
+        for k in 0..IMAGES {
+            let shift = (k / 2 + 1) as f64 * span;
+            at[k] = x + L::splat(if k % 2 == 0 { shift } else { -shift });
+            // Monic.
+            let mut sum = (L::splat(1.0), L::splat(0.0));
+            for next in a {
+                sum = horner(sum, next, at[k]);
+            }
+            let square = sum.0.mul_add(sum.0, sum.1 * sum.1);
+            inverse[k] = (sum.0 / square, -sum.1 / square);
+        }
+        Images { x, span, at, inverse }
+    }
+
     /// Σ_{j≠0} T(i(x + jX))/A(i(x + jX)): what the ends of the record fold, by the transient's columns and values.
     #[inline(always)]
-    pub fn ends<'a, L: Lanes>(
-        &self,
-        a: &[Wide],
-        transient: impl Iterator<Item = (Column, &'a Wide)> + Clone,
-        x: L,
-    ) -> (L, L) {
+    pub fn ends<'a>(&self, transient: impl Iterator<Item = (Column, &'a Wide)> + Clone) -> (L, L) {
         let mut sum = (L::splat(0.0), L::splat(0.0));
-        for j in 1..=FOLDS {
-            let shift = j as f64 * self.span;
-            // Those beyond fall as 1/j and cancel in pairs but for 1/j²: the last one stands for them.
+        for (k, at) in self.at.iter().enumerate() {
+            // Those beyond fall as 1/j and cancel in pairs but for 1/j²: the last pair stands for them.
             let last = FOLDS as f64;
-            let by = if j < FOLDS { 1.0 } else { 1.0 + last * last / (last + 0.5) };
-            for at in [x + L::splat(shift), x - L::splat(shift)] {
-                let mut t = (L::splat(0.0), L::splat(0.0));
-                for (column, value) in transient.clone() {
-                    let mut size = L::splat(column.sign);
-                    for _ in 0..column.power {
-                        size = size * at;
-                    }
-                    if column.power < 0 {
-                        size = -size / at;
-                    }
-                    let own = L::load(value) * size;
-                    match column.phase % 2 {
-                        0 => t.0 = t.0 + own,
-                        _ => t.1 = t.1 + own,
-                    }
+            let by = if k / 2 + 1 < FOLDS { 1.0 } else { 1.0 + last * last / (last + 0.5) };
+            let mut t = (L::splat(0.0), L::splat(0.0));
+            for (column, value) in transient.clone() {
+                let mut size = L::splat(column.sign);
+                for _ in 0..column.power {
+                    size = size * *at;
                 }
-                let one = over(t, denominator::<L>(a, at));
-                sum = (one.0.mul_add(L::splat(by), sum.0), one.1.mul_add(L::splat(by), sum.1));
+                if column.power < 0 {
+                    size = -size / *at;
+                }
+                let own = L::load(value) * size;
+                match column.phase % 2 {
+                    0 => t.0 = t.0 + own,
+                    _ => t.1 = t.1 + own,
+                }
             }
+            let one = times(t, self.inverse[k]);
+            sum = (one.0.mul_add(L::splat(by), sum.0), one.1.mul_add(L::splat(by), sum.1));
         }
         // Columns stand on the left side of the equation.
         (-sum.0, -sum.1)
     }
 }
 
-/// A(ix), monic.
+/// B(ix), falling powers.
 #[inline(always)]
-fn denominator<L: Lanes>(a: &[Wide], x: L) -> (L, L) {
-    let mut sum = (L::splat(1.0), L::splat(0.0));
-    for next in a {
+fn polynomial<L: Lanes>(b: &[Wide], x: L) -> (L, L) {
+    let mut sum = (L::splat(0.0), L::splat(0.0));
+    for next in b {
         sum = horner(sum, next, x);
     }
     sum
@@ -215,20 +232,8 @@ fn horner<L: Lanes>((re, im): (L, L), next: &Wide, x: L) -> (L, L) {
 }
 
 #[inline(always)]
-fn over<L: Lanes>(b: (L, L), a: (L, L)) -> (L, L) {
-    let square = a.0.mul_add(a.0, a.1 * a.1);
-    let (re, im) = (b.0.mul_add(a.0, b.1 * a.1), b.1.mul_add(a.0, -(b.0 * a.1)));
-    (re / square, im / square)
-}
-
-/// B(ix)/A(ix) with A monic.
-#[inline(always)]
-fn response<L: Lanes>(a: &[Wide], b: &[Wide], x: L) -> (L, L) {
-    let mut sum = (L::splat(0.0), L::splat(0.0));
-    for next in b {
-        sum = horner(sum, next, x);
-    }
-    over(sum, denominator(a, x))
+fn times<L: Lanes>(a: (L, L), b: (L, L)) -> (L, L) {
+    (a.0.mul_add(b.0, -(a.1 * b.1)), a.0.mul_add(b.1, a.1 * b.0))
 }
 
 /// The outputs' sums as they were measured.
@@ -283,7 +288,8 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> (f64, f64) {
             let wide = |v: &[f64]| v.iter().map(|v| Wide::splat(*v)).collect::<Vec<_>>();
-            let found = self.0.sum::<L>(&wide(self.1), &wide(self.2), L::splat(self.3), self.4);
+            let (a, b) = (wide(self.1), wide(self.2));
+            let found = self.0.sum(&a, &b, &Images::new(&a, L::splat(self.3), self.4));
             let (mut re, mut im) = (Wide::ZERO, Wide::ZERO);
             found.0.store(&mut re);
             found.1.store(&mut im);
@@ -292,12 +298,12 @@ mod tests {
     }
 
     type C = (f64, f64);
-    fn times(a: C, b: C) -> C {
+    fn product(a: C, b: C) -> C {
         (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
     }
     fn over(a: C, b: C) -> C {
         let square = b.0 * b.0 + b.1 * b.1;
-        let c = times(a, (b.0, -b.1));
+        let c = product(a, (b.0, -b.1));
         (c.0 / square, c.1 / square)
     }
     fn turn(phase: f64) -> C {
@@ -323,7 +329,7 @@ mod tests {
             }
             Hold::Foh => {
                 let falling = b * (one(1.0) - ramp(1.0));
-                let rising = times((b * ramp(1.0), 0.0), z);
+                let rising = product((b * ramp(1.0), 0.0), z);
                 let shape = (2.0 - 2.0 * w.cos()) / (w * w);
                 ((falling + rising.0, rising.1), (shape, 0.0))
             }
@@ -331,7 +337,7 @@ mod tests {
         let state = over(gain, (z.0 - decay(1.0), z.1));
         // A sample sees what came last.
         let direct = if late > 0.0 { over((d, 0.0), z) } else { (d, 0.0) };
-        over((state.0 + direct.0, state.1 + direct.1), times(input, late_by))
+        over((state.0 + direct.0, state.1 + direct.1), product(input, late_by))
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Takes what sampling folds into the output's sums under held inputs out of them, at the estimate that stands.
 
-use super::aliasing::Aliasing;
+use super::aliasing::{Aliasing, Images};
 use super::design::Design;
 use super::workspace::Workspace;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
@@ -37,6 +37,7 @@ impl Kernel for Unalias<'_> {
             let (Some(record), transient) = (own, &transient.now) else { continue };
             for (m, x) in rd.x.iter().enumerate() {
                 let mut sum = (L::splat(0.0), L::splat(0.0));
+                let images = Images::new(a, L::splat(*x), record.span);
                 let mut from = 0;
                 for (input, (degree, fold)) in
                     structure.numerators.iter().zip(&record.inputs).enumerate()
@@ -45,7 +46,7 @@ impl Kernel for Unalias<'_> {
                     let own = &b[from..=from + degree];
                     from += degree + 1;
                     let Some(fold) = fold else { continue };
-                    let c = fold.sum::<L>(a, own, L::splat(*x), record.span);
+                    let c = fold.sum(a, own, &images);
                     let at = (1 + input) * r.lines + m;
                     let u = (L::load(&r.re[at]), L::load(&r.im[at]));
                     sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
@@ -53,7 +54,7 @@ impl Kernel for Unalias<'_> {
                 }
                 if record.ends {
                     let columns = design.columns.iter().copied().zip(transient);
-                    let own = record.ends::<L>(a, columns, L::splat(*x));
+                    let own = images.ends(columns);
                     sum = (sum.0 + own.0, sum.1 + own.1);
                 }
                 let y = (L::load(&r.measured.re[m]), L::load(&r.measured.im[m]));

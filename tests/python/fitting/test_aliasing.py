@@ -41,7 +41,7 @@ def test_estimates_are_right_on_average(num, den, dt, delay):
 
 @pytest.mark.parametrize("kind", ["zoh", "foh"])
 def test_without_noise(kind):
-    """(s + 5)/(s² + 3s + 8) at 26 samples a second: 0.4 % before, and nothing now but what ends the sums over j."""
+    """(s + 5)/(s² + 3s + 8) at 26 samples a second: 0.4 % before, and next to nothing now."""
     num, den = [1.0, 5.0], [1.0, 3.0, 8.0]
     fit = mf.fit(held(num, den, 1 / 25.6, 0, 0.0, kind), structure(num, den))
     assert np.max(np.abs(fit.params / np.array([3.0, 8.0, 1.0, 5.0]) - 1)) < 1e-6

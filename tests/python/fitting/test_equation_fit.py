@@ -61,7 +61,7 @@ def test_held_inputs_have_exact_coefficients(intersample):
     y = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=10 / 256, intersample=intersample)
     rec = mf.Record(y=y, u=u, dt=10 / 256, intersample=intersample)
     plain = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), trend=None, harmonics=8)
-    # But for what sampling folds into the output, which transfer functions take out: 5e-6 of the response here.
+    # But for what sampling folds into the output, which transfer functions take out: 5e-6 of it.
     assert mf.fit(rec, LINEAR, harmonics=8).params == pytest.approx(plain.params, rel=2e-5)
 
 

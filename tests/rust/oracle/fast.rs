@@ -87,6 +87,7 @@ fn problem(o: &FitOptions, records: &[Record], found: &Fit) -> Problem {
         r.lines = (lines.first, lines.last);
     }
     Problem {
+        folded: Vec::new(),
         orders: vec![o.structure.order],
         common: true,
         numerators: vec![o.structure.numerators.clone()],

@@ -24,6 +24,8 @@ pub struct Problem {
     pub sigma: Vec<Vec<f64>>,
     pub input_sigma: Vec<Vec<f64>>,
     pub records: Vec<Record>,
+    /// What stands in the outputs' coefficients too much, see `fold`: record, line, output.
+    pub folded: Vec<Vec<Vec<C>>>,
 }
 
 /// Which signals the columns of θ are made of.
@@ -118,12 +120,60 @@ impl Problem {
 
     /// Coefficients of outputs and delayed inputs: record, line, signal.
     fn signals(&self, tau: &[f64]) -> Vec<Vec<Vec<C>>> {
-        let of = |r: &Record, m: usize| {
-            let y = r.y.iter().map(|y| r.coefficient(y, m));
+        let of = |k: usize, r: &Record, at: usize, m: usize| {
+            let folded = |i: usize| self.folded.get(k).map_or(C::default(), |own| own[at][i]);
+            let y = r.y.iter().enumerate().map(|(i, y)| r.coefficient(y, m) - folded(i));
             y.chain((0..self.paths()).map(|k| self.input(r, k, m, tau[k]))).collect()
         };
-        let lines = |r: &Record| r.line_numbers(self.trend).map(|m| of(r, m)).collect();
-        self.records.iter().map(lines).collect()
+        let lines = |(k, r): (usize, &Record)| {
+            r.line_numbers(self.trend).enumerate().map(|(at, m)| of(k, r, at, m)).collect()
+        };
+        self.records.iter().enumerate().map(lines).collect()
+    }
+
+    /// What plain sums over samples fold into the outputs at θ under held inputs: their lines m + jN one by one.
+    pub fn fold(&mut self, theta: &[f64]) {
+        const MOST: isize = 300;
+        if self.inputs == Between::Samples {
+            return;
+        }
+        let (all, tau) = self.expand(theta);
+        // The transient follows what is folded, and that the transient.
+        for _ in 0..3 {
+            let t = self.transients(theta, false);
+            let each: Vec<usize> =
+                self.orders.iter().map(|n| self.transient(*n, 1.0).len()).collect();
+            let own: usize = each.iter().sum();
+            let mut folded = Vec::new();
+            for (k, r) in self.records.iter().enumerate() {
+                let count = (r.y[0].len() - 1 - r.lead) as isize;
+                let line = |m: usize| {
+                    let mut sum = vec![C::default(); self.outputs()];
+                    for j in (-MOST..=MOST).filter(|j| *j != 0) {
+                        let far = m as isize + j * count;
+                        let omega = far as f64 * r.omega0();
+                        let (a, b) = self.polynomials(&all, omega);
+                        let mut at = k * own;
+                        for i in 0..self.outputs() {
+                            let mut one = C::default();
+                            for s in 0..self.paths() {
+                                let u = self.input(r, s, far.unsigned_abs(), tau[s]);
+                                one = one + b[i][s] * if far < 0 { u.conj() } else { u };
+                            }
+                            for value in self.transient(self.orders[i], omega * self.records[0].dt)
+                            {
+                                one = one - value * t[at];
+                                at += 1;
+                            }
+                            sum[i] = sum[i] + one * a[i].inverse();
+                        }
+                    }
+                    sum
+                };
+                folded.push(r.line_numbers(self.trend).map(line).collect());
+            }
+            self.folded = folded;
+        }
     }
 
     /// A_i and B_ik on a line.

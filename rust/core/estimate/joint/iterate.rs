@@ -9,6 +9,7 @@ use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::aliasing;
+use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
@@ -84,22 +85,27 @@ pub(crate) fn estimate(
     };
     let run = Run { rule, most: o.maxiter, limit: o.tol * o.tol, held, fresh: false };
     if rule != Rule::Wls {
-        iterate(isa, d, w, run, refresh)?;
-        if d.alternates() {
-            settle_noise(isa, d, w, live, run, refresh)?;
-        }
-        if d.aliasing.is_some() && o.wanted != Wanted::Cost {
-            w.keep_measured();
-            for _ in 0..aliasing::ROUNDS {
+        let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
+            true => aliasing::ROUNDS,
+            false => 0,
+        };
+        // What is folded need not be known to the last digit before the last round.
+        let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
+        w.keep_measured();
+        for round in 0..=rounds {
+            let nit = w.progress.nit;
+            if round > 0 {
                 unalias(isa, d, w);
-                let nit = w.progress.nit;
                 w.progress.begin(live);
                 w.dependent = [false; LANES];
                 isa.run(uncertainty::Transients { design: d, space: w });
-                iterate(isa, d, w, run, refresh)?;
-                if d.alternates() {
-                    settle_noise(isa, d, w, live, run, refresh)?;
-                }
+            }
+            let run = Run { limit: if round < rounds { rough } else { run.limit }, ..run };
+            iterate(isa, d, w, run, refresh)?;
+            if d.alternates() {
+                settle_noise(isa, d, w, live, run, refresh)?;
+            }
+            if round > 0 {
                 (0..LANES).for_each(|k| w.progress.nit.0[k] += nit.0[k]);
             }
         }

@@ -13,6 +13,7 @@ use super::tile::Block;
 use super::unalias::unalias;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
 use crate::estimate::rule::Rule;
@@ -139,14 +140,20 @@ impl<'d> Single<'d> {
         };
         let (mut nit, mut came_near) = (0.0, false);
         if rule != Rule::Wls {
-            (nit, came_near) = self.settle(run, known, near, refresh)?;
-            if d.aliasing.is_some() && o.wanted != Wanted::Cost && !came_near {
-                for _ in 0..aliasing::ROUNDS {
-                    unalias(self.isa, d, &mut self.w);
-                    self.find_transients();
-                    nit += self.again();
-                    nit += self.settle(run, true, None, refresh)?.0;
-                }
+            let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
+                true => aliasing::ROUNDS,
+                false => 0,
+            };
+            // What is folded need not be known to the last digit before the last round.
+            let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
+            let first = Run { limit: if rounds > 0 { rough } else { limit }, ..run };
+            (nit, came_near) = self.settle(first, known, near, refresh)?;
+            for round in 1..=rounds {
+                unalias(self.isa, d, &mut self.w);
+                self.find_transients();
+                nit += self.again();
+                let run = Run { limit: if round < rounds { rough } else { limit }, ..run };
+                nit += self.settle(run, true, None, refresh)?.0;
             }
         } else {
             self.w.progress.active = Wide::ZERO;

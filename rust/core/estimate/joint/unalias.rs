@@ -3,7 +3,7 @@
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointSpace;
-use crate::estimate::aliasing::{Aliasing, Fold};
+use crate::estimate::aliasing::{Aliasing, Fold, Images};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
@@ -68,6 +68,7 @@ impl Kernel for Unalias<'_> {
                 for i in 0..q {
                     let from = d.denominators[i];
                     let a = &w.coefficients[from..from + d.structure.orders[i]];
+                    let images = Images::new(a, x, record.span);
                     let mut sum = (L::splat(0.0), L::splat(0.0));
                     for (s, fold) in record.inputs.iter().enumerate() {
                         let (Some(degree), Some(fold)) = (d.structure.numerators[i][s], fold)
@@ -75,8 +76,7 @@ impl Kernel for Unalias<'_> {
                             continue;
                         };
                         let from = d.numerators[i * paths + s];
-                        let c =
-                            fold.sum::<L>(a, &w.coefficients[from..=from + degree], x, record.span);
+                        let c = fold.sum(a, &w.coefficients[from..=from + degree], &images);
                         let at = (q + s) * r.lines + m;
                         let u = (L::load(&r.re[at]), L::load(&r.im[at]));
                         sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
@@ -86,7 +86,7 @@ impl Kernel for Unalias<'_> {
                         let own = |(t, _): &(&TransientColumn, &Wide)| t.output == i;
                         let columns = d.transient.iter().zip(transient).filter(own);
                         let columns = columns.map(|(t, value)| (t.column, value));
-                        let own = record.ends::<L>(a, columns, x);
+                        let own = images.ends(columns);
                         sum = (sum.0 + own.0, sum.1 + own.1);
                     }
                     let at = i * r.lines + m;
