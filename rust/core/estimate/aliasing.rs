@@ -98,7 +98,7 @@ impl Fold {
         for (lane, delay) in delay.into_iter().enumerate() {
             let late = delay - delay.floor();
             // A delay of whole steps, but for rounding.
-            let late = if late < 1e-9 || late > 1.0 - 1e-9 { 0.0 } else { late };
+            let late = if (1e-9..=1.0 - 1e-9).contains(&late) { late } else { 0.0 };
             let mut far = 2.0 * PI * PI * (1.0 / 6.0 - late + late * late);
             let mut jump = -TAU * (0.5 - late);
             for (phase, j) in fold.phases.iter_mut().zip(1..) {
@@ -267,8 +267,9 @@ impl Measured {
     /// Puts back the lanes in which what was taken out has too much of the output's power.
     pub fn judge(&self, re: &mut [Wide], im: &mut [Wide], [taken, all]: &[Wide; 2]) {
         for lane in 0..LANES {
-            // NaN is too much, too.
-            if !(taken.0[lane] <= LARGE * all.0[lane]) {
+            // NaN is not little, either.
+            let little = taken.0[lane] <= LARGE * all.0[lane];
+            if !little {
                 self.put_back(re, im, lane);
             }
         }
