@@ -263,7 +263,7 @@ class Estimates:
     @property
     def usable(self) -> bool:
         """Whether there are numbers, settled or not."""
-        return self.status in ("ok", "maxiter") and bool(np.all(np.isfinite(self.params)))
+        return self.status in ("ok", "maxiter") and bool(np.isfinite(self.params).all())
 
     @property
     def cond(self) -> float:
@@ -287,9 +287,10 @@ class Estimates:
         if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
             return self.df_resid * self.noise_scale
         levels = self.high_band_levels
-        if self.options.noise != "output" or not np.all(levels > 0):
+        if self.options.noise != "output" or not (levels > 0).all():
             return float("nan")
-        return float(self.df_resid * np.mean(np.diag(self.noise_cov) / levels**2))
+        ratios = self.noise_cov.diagonal() / levels**2
+        return float(self.df_resid * (np.add.reduce(ratios) / ratios.size))
 
     @property
     def bic(self) -> float:
