@@ -8,7 +8,7 @@ from .cures import best_cure
 from .diagnosis import Diagnosis, diagnose, level_p
 from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
-from .further import Explained, event, stationary
+from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 
 __all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small", "which_errors"]
@@ -42,8 +42,7 @@ def _suspicious(fit: Estimates) -> bool:
             return True
     if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
         return True
-    short = event(fit)
-    return short is not None and short.p_value < LOOK
+    return event_p(fit) < LOOK
 
 
 def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
