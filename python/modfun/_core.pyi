@@ -21,13 +21,17 @@ __all__ = [
     "figures",
     "gauss_legendre",
     "integrate",
+    "line_colour",
+    "line_correlation",
     "local_responses",
     "merge_moments",
     "noise_level",
     "normal_rows",
     "normals",
+    "pooled_power",
     "quadrature_weights",
     "quantiles",
+    "sharpest",
     "simulate",
     "simulate_uneven",
     "sinusoids",
@@ -53,6 +57,13 @@ def coefficients(
 ) -> _C128: ...
 def quadrature_weights(rule: str, intervals: int, t: _F64 | None) -> _F64: ...
 def noise_level(samples: _F64, order: int) -> _F64: ...
+
+# Residual lines --------------------------------------------------------------------------------
+
+def line_correlation(residuals: list[_C128], lags: int | None = None) -> tuple[float, _F64] | None: ...
+def line_colour(residuals: list[_C128]) -> tuple[float, float] | None: ...
+def pooled_power(residuals: list[_C128]) -> _F64: ...
+def sharpest(samples: _F64) -> float: ...
 
 # Frequency responses ---------------------------------------------------------------------------
 

@@ -33,6 +33,7 @@ mod error;
 pub mod estimate;
 pub mod integrate;
 pub mod linalg;
+pub mod line_tests;
 pub mod math;
 pub mod model;
 pub mod modulation;

@@ -6,6 +6,7 @@ mod errors;
 mod fit;
 mod integrate;
 mod joint;
+mod line_tests;
 mod random;
 mod response;
 mod signals;
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tally::count_errors, module)?)?;
     module.add_function(wrap_pyfunction!(tally::quantiles, module)?)?;
     signals::register(module)?;
+    line_tests::register(module)?;
     module.add_function(wrap_pyfunction!(integrate::integrate, module)?)?;
     module.add_function(wrap_pyfunction!(response::local_responses, module)?)?;
     module.add_function(wrap_pyfunction!(random::normal_rows, module)?)?;

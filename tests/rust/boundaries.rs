@@ -15,6 +15,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("tape", &["error"]),
     ("rng", &["math", "simd"]),
     ("linalg", &["simd"]),
+    ("line_tests", &[]),
     ("quadrature", &["error", "math"]),
     ("spectrum", &["error", "math", "quadrature", "simd"]),
     ("noise_level", &["error", "math", "quadrature", "simd", "spectrum"]),

@@ -16,5 +16,8 @@ I64 = NDArray[np.int64]
 
 def geometric_mean(values: F64, weights: Sequence[float]) -> F64:
     """Of each column, over rows of these weights."""
+    if len(values) == 1:
+        return np.array(values[0])
     with np.errstate(divide="ignore"):
-        return np.asarray(np.exp(np.average(np.log(values), axis=0, weights=weights)))
+        share = np.array(weights, dtype=np.float64)
+        return np.asarray(np.exp(np.add.reduce(share[:, None] * np.log(values)) / np.add.reduce(share)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import comb, inf, nan, sqrt
+from functools import lru_cache
+from math import comb, inf, isfinite, nan, sqrt
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def level_p(fit: Estimates) -> float:
     from scipy.special import chdtrc, fdtrc
 
     chi2, df = fit.chi2, float(fit.df_resid)
-    if not (np.isfinite(chi2) and df > 0):
+    if not (isfinite(chi2) and df > 0):
         return 0.0 if chi2 == inf else nan
     if isinstance(fit.options.noise, Noise):
         return float(chdtrc(df, chi2))
@@ -127,6 +128,7 @@ def high_band_df(fit: Estimates) -> float:
     return len(each) ** 2 / sum(1 / df for df in each)
 
 
+@lru_cache(maxsize=64)
 def _level_df(intervals: int, q: int) -> float:
     # Long records are cut into pieces, as in rust/core/noise_level.rs.
     piece = intervals if intervals < 2 * PIECE else min(max(8 * q, PIECE), intervals)

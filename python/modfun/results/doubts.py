@@ -16,7 +16,6 @@ from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 
 __all__ = [
-    "BLOCK",
     "FINEST",
     "SURE",
     "Doubt",

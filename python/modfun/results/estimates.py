@@ -209,19 +209,27 @@ class Estimates:
     @cached_property
     def high_band_levels(self) -> F64:
         """Noise level of each output, (output,), from harmonics the fit does not use; nan without such."""
-        nothing = np.full(len(self.outputs), np.nan)
-        if self.known_level is not None or self.records is None:
-            return nothing if self.known_level is None else self.known_level
+        if self.known_level is not None:
+            return self.known_level
+        seen = self._seen_variance()
+        if seen is None:
+            return np.full(len(self.outputs), np.nan)
+        return np.sqrt(geometric_mean(seen, self.rows))
+
+    def _seen_variance(self) -> F64 | None:
+        """Noise variances in the unused high band, (record, output); None without such a band."""
+        if self.records is None:
+            return None
         variance = []
         order = max(self.layout.orders)
         for rec, intervals, (_, hi) in zip(self.records, self.intervals, self.lines, strict=True):
             if rec.dt is None or hi > intervals // 4 or intervals < 8 * (order + 4):
-                return nothing
+                return None
             if rec.mask is not None or rec.sigma is not None:
-                return nothing
+                return None
             window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
             variance.append(noise_level(window, order) ** 2)
-        return np.sqrt(geometric_mean(np.array(variance), self.rows))
+        return np.array(variance)
 
     @property
     def high_band_sigma(self) -> Any:
@@ -263,7 +271,7 @@ class Estimates:
     @property
     def usable(self) -> bool:
         """Whether there are numbers, settled or not."""
-        return self.status in ("ok", "maxiter") and bool(np.all(np.isfinite(self.params)))
+        return self.status in ("ok", "maxiter") and bool(np.isfinite(self.params).all())
 
     @property
     def cond(self) -> float:
@@ -287,9 +295,10 @@ class Estimates:
         if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
             return self.df_resid * self.noise_scale
         levels = self.high_band_levels
-        if self.options.noise != "output" or not np.all(levels > 0):
+        if self.options.noise != "output" or not (levels > 0).all():
             return float("nan")
-        return float(self.df_resid * np.mean(np.diag(self.noise_cov) / levels**2))
+        ratios = self.noise_cov.diagonal() / levels**2
+        return float(self.df_resid * (np.add.reduce(ratios) / ratios.size))
 
     @property
     def bic(self) -> float:

@@ -17,7 +17,7 @@ from ..errors import DataError
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "further", "stationary"]
+__all__ = ["Explained", "event", "event_p", "further", "stationary"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -121,29 +121,45 @@ def event(fit: Estimates) -> Explained | None:
     Lines of stationary noise have phases of their own, whatever its colour; an event at a time t turns them
     by exp(-i omega t) together.
     """
-    best: Explained | None = None
+    found = _likeliest(fit)
+    if found is None:
+        return None
+    p, i, k, at, share = found
+    lines, start = fit.pieces[k].shape[1], 0.0
+    if fit.records is not None:
+        rec = fit.records[k]
+        start = float(rec.t[rec.intervals - fit.intervals[k]])
+    time = start + at / (4 * lines) * 2 * np.pi / fit.omega0[k]
+    gain = -2 * lines * log(max(1 - share, 1e-300)) - 3 * log(2 * lines)
+    return Explained("event", fit.row_names[i], i, p, gain, time)
+
+
+def event_p(fit: Estimates) -> float:
+    """The p-value of `event`, without what nobody reads at every fit; nan where there is none."""
+    found = _likeliest(fit)
+    return nan if found is None else found[0]
+
+
+def _likeliest(fit: Estimates) -> tuple[float, int, int, int, float] | None:
+    """Of the event: p-value, output, record, place on a grid of four times the lines, share of the power."""
+    best: tuple[float, int, int, int, float] | None = None
     if not stationary(fit):
         return best
-    for i in range(len(fit.row_names)):
+    rows = len(fit.row_names)
+    for i in range(rows):
         for k, piece in enumerate(fit.pieces):
             e = piece[i]
-            power = float(np.sum(np.abs(e) ** 2))
+            power = float(np.vdot(e, e).real)
             if e.size < 6 or not 0 < power < inf:
                 continue
-            grid = 4 * e.size
-            size = np.abs(np.fft.ifft(e, grid) * grid) ** 2
-            at = int(np.argmax(size))
+            turned = np.fft.ifft(e, 4 * e.size, norm="forward")
+            size = turned.real**2 + turned.imag**2
+            at = int(size.argmax())
             share = min(float(size[at]) / (e.size * power), 1.0)
             # Fisher's g over as many times as lines; a grid four times finer finds as much as thrice as many.
-            p = min(1.0, 3 * e.size * len(fit.pieces) * len(fit.row_names) * (1 - share) ** (e.size - 1))
-            if best is None or p < best.p_value:
-                start = 0.0
-                if fit.records is not None:
-                    rec = fit.records[k]
-                    start = float(rec.t[rec.intervals - fit.intervals[k]])
-                time = start + at / grid * 2 * np.pi / fit.omega0[k]
-                gain = -2 * e.size * log(max(1 - share, 1e-300)) - 3 * log(2 * e.size)
-                best = Explained("event", fit.row_names[i], i, p, gain, time)
+            p = min(1.0, 3 * e.size * len(fit.pieces) * rows * (1 - share) ** (e.size - 1))
+            if best is None or p < best[0]:
+                best = p, i, k, at, share
     return best
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..base.arrays import F64
+from .._core import sharpest
 from ..models.noise import Noise
 from .cures import best_cure
 from .diagnosis import Diagnosis, diagnose, level_p
-from .doubts import BLOCK, SURE, Doubt, noise_free, numbers
+from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
-from .further import Explained, event, stationary
+from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 
 __all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small", "which_errors"]
@@ -42,19 +40,9 @@ def _suspicious(fit: Estimates) -> bool:
         pieces = [piece[i] for piece in fit.pieces]
         if colour_of_lines(pieces)[0].p_value < LOOK or correlation_of_lines(pieces)[0].p_value < LOOK:
             return True
-    if any(_stands_out(row) for rec in fit.records or () for row in rec.y):
+    if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
         return True
-    short = event(fit)
-    return short is not None and short.p_value < LOOK
-
-
-def _stands_out(values: F64) -> bool:
-    """Whether a sample differs from its neighbours by far more than they do from theirs."""
-    largest, total = 0.0, 0.0
-    for first in range(0, values.size - 4, BLOCK):  # the differences of all would be as large as the record
-        bend = np.abs(np.diff(values[first : first + BLOCK + 4], 4))
-        largest, total = max(largest, float(bend.max())), total + float(bend.sum())
-    return largest > SPIKE * total / max(values.size - 4, 1)
+    return event_p(fit) < LOOK
 
 
 def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
