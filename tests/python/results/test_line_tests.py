@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from modfun import _core
 from modfun.results import line_tests
-from scipy.special import chdtrc, kolmogorov
-
 from oracle import line_tests as oracle
+from scipy.special import chdtrc, kolmogorov
 
 
 def records(sizes):
