@@ -161,8 +161,7 @@ def repeated(fit: Estimates) -> Doubt | None:
 def few_samples(fit: Estimates) -> Doubt | None:
     """That the highest lines are sampled too slowly for the quadrature; held inputs need none."""
     samples = fewest_samples(fit)
-    exact = fit.layout.rational and fit.inputs and "smooth" not in fit.intersample
-    if samples >= FEW_SAMPLES or exact:
+    if samples >= FEW_SAMPLES or fit.exact_lines:
         return None
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "

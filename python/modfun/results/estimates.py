@@ -344,6 +344,12 @@ class Estimates:
         return [2 * (hi - lo + 1) - (lo == 0) for lo, hi in self.lines]
 
     @property
+    def exact_lines(self) -> bool:
+        """Whether no line has a quadrature error: a transfer function, even samples, all inputs held."""
+        held = bool(self.inputs) and "smooth" not in self.intersample
+        return self.layout.rational and held and None not in self.steps
+
+    @property
     def row_names(self) -> tuple[str, ...]:
         """What the rows of the residuals belong to: the outputs."""
         return self.outputs

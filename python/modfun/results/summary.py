@@ -107,16 +107,12 @@ def _band(fit: Estimates) -> str:
     text = f"{low:.4g} to {high:.4g} rad/s (lines {lines})"
     rule = fit.band_rule
     if rule is not None:
-        held = fit.layout.rational and fit.inputs and "smooth" not in fit.intersample
-        more = max(hi for _, hi in fit.lines) >= rule["k_max"] - 1
+        more = ""
+        if fit.exact_lines and max(hi for _, hi in fit.lines) >= rule["k_max"] - 1:
+            more = "; errors still fall there, and with held inputs a wider band= is exact"
         return (
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
-            f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
-            + (
-                "; errors still fall there, and with held inputs a wider band= is exact"
-                if held and more
-                else ""
-            )
+            f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}{more}"
         )
     if fit.options.band is not None:
         return f"{text}: given as band"

@@ -10,8 +10,9 @@
 //!
 //! The sums over j beyond a few end in closed form. G is that of the estimate, which then follows anew: the error of
 //! G in so small a term is next to nothing after two rounds. What the folding adds is no small matter: for one pole
-//! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Ends of the record are left to the
-//! end weights of the quadrature.
+//! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Where all inputs are
+//! held, what the ends of the record fold is known from the transient, and the output's sums are plain ones; else the
+//! ends are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their weights, too.
 
 use std::f64::consts::{PI, TAU};
 
@@ -30,8 +31,8 @@ pub(crate) const ROUNDS: usize = 2;
 const LARGE: f64 = 0.1;
 
 /// The rule of the output's sums: where all is known that plain sums fold into it, they need no end weights.
-pub(crate) fn output_rule(given: Rule, inputs: &[Option<Hold>]) -> Rule {
-    let all = inputs.iter().all(Option::is_some);
+pub(crate) fn output_rule(given: Rule, inputs: &[Option<Hold>], even: bool) -> Rule {
+    let all = inputs.iter().all(Option::is_some) && even;
     match given {
         Rule::Gregory if all && !inputs.is_empty() => Rule::Trapezoid,
         _ => given,

@@ -95,12 +95,12 @@ impl FitOptions {
         self.delays.iter().fold(0.0, |m: f64, d| m.max(*d))
     }
 
-    /// Kind and delay of each channel, output first.
-    pub(crate) fn channels(&self) -> Vec<(Kind, f64)> {
+    /// Kind and delay of each channel of a record, output first.
+    pub(crate) fn channels(&self, even: bool) -> Vec<(Kind, f64)> {
         let inputs = self.intersample.iter().zip(&self.delays);
         let input =
             |(h, d): (&Option<Hold>, &f64)| (h.map_or(Kind::Rule(self.rule), Kind::Hold), *d);
-        let output = Kind::Rule(output_rule(self.rule, &self.intersample));
+        let output = Kind::Rule(output_rule(self.rule, &self.intersample, even));
         std::iter::once((output, 0.0)).chain(inputs.map(input)).collect()
     }
 

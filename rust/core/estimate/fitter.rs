@@ -122,8 +122,10 @@ impl Fitter {
                 o.structure.transient
             )));
         }
-        let channels = o.channels();
-        let other = other.filter(|f| f.o.channels() == channels).map_or(&[][..], |f| &f.records);
+        // Plans of even records alone are taken over.
+        let other = other
+            .filter(|f| f.o.channels(true) == o.channels(true))
+            .map_or(&[][..], |f| &f.records);
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, o.longest_delay())?;
             let (wide, narrow) = o.default_lines(window.intervals);
@@ -134,7 +136,7 @@ impl Fitter {
             };
             let plans = match other.get(k).filter(same) {
                 Some(same) => same.plans.clone(),
-                None => coefficient_plans(&channels, *time, window, range.1)?,
+                None => coefficient_plans(&o.channels(dt.is_some()), *time, window, range.1)?,
             };
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
         };
@@ -334,7 +336,9 @@ impl Fitter {
         }
         let plans = match range == own.range {
             true => own.plans.clone(),
-            false => coefficient_plans(&self.o.channels(), Time::Even(dt), own.window, range.1)?,
+            false => {
+                coefficient_plans(&self.o.channels(true), Time::Even(dt), own.window, range.1)?
+            }
         };
         let made = Arc::new(Shared::new(self.design(&[range], &[1.0])?, plans, range));
         kept.truncate(BANDS - 1);

@@ -194,7 +194,8 @@ impl JointFitter {
             Delay::Free { start, .. } => start,
         };
         let outputs = s.orders.len();
-        let rule = output_rule(o.rule, &o.intersample);
+        let even = sampling.iter().all(|(_, time)| matches!(time, Time::Even(_)));
+        let rule = output_rule(o.rule, &o.intersample, even);
         let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(rule), 0.0), outputs)
             .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
             .collect();
