@@ -189,7 +189,7 @@ def crlb(
         if nsr is None and sigma is None:
             sigma = noise_of(sys)
             if experiment is sys.records:
-                levels = sys.noise_levels / np.sqrt(np.diag(sigma))
+                levels = sys.level_ratios
         trend = sys.trend if trend is None else trend
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")

@@ -48,7 +48,7 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
         freedom = sum(e.shape[1] for e in errors) - fit.params.size - nuisance * len(records)
         root = np.diag(np.sqrt(sum(np.sum(e**2, axis=1) for e in errors) / freedom))
 
-    over = (fit.noise_levels / np.sqrt(np.diag(fit.noise_cov)))[:, :, None]
+    over = fit.level_ratios[:, :, None]
 
     def draw(block: range) -> list[F64]:
         drawn = []
@@ -148,8 +148,7 @@ def _unshrink(
         # Re and Im of the equation's rows, as in HC3; a real line has all of its variance in Re.
         before, after = (np.ones(a.shape), a / np.abs(a)) if flat else (a, np.ones(a.shape))
         after = after * np.where(np.arange(high + 1) == 0, np.sqrt(0.5), 1.0)
-        over = fit.noise_levels[k] / np.sqrt(np.diag(fit.noise_cov))
-        weight = after[:, None] * (whiten / over)[:, :, None] * before  # (row, output, line)
+        weight = after[:, None] * (whiten / fit.level_ratios[k])[:, :, None] * before  # (row, output, line)
         block = np.einsum("rom,omc->rmc", weight, block)
         sizes.append(np.sum(np.abs(block) ** 2, axis=(0, 1)))  # of all lines, left out or not
         blocks.append(block[:, low:].reshape(-1, block.shape[2]))

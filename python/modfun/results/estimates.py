@@ -131,9 +131,15 @@ class Estimates:
     @property
     def noise_levels(self) -> F64:
         """Noise standard deviation on a sample of each output in each record, (record, output)."""
-        levels = np.sqrt(np.diag(self.noise_cov))
+        return np.asarray(self.level_ratios * np.sqrt(np.diag(self.noise_cov)))
+
+    @property
+    def level_ratios(self) -> F64:
+        """The same over `sigma`, (record, output)."""
         over = np.ones(len(self.lines)) if self.record_levels is None else self.record_levels
-        return np.asarray((over[:, None] if over.ndim == 1 else over) * levels)
+        return np.broadcast_to(
+            over[:, None] if over.ndim == 1 else over, (len(self.lines), len(self.outputs))
+        )
 
     # Estimates and their uncertainty ------------------------------------------------------------
 
