@@ -1,4 +1,4 @@
-"""Output error of state spaces, equations, several outputs and records: exact without noise, right in noise."""
+"""Output error of state spaces, equations, several outputs and records: exact, and right in noise."""
 
 import modfun as mf
 import numpy as np
@@ -6,9 +6,7 @@ import pytest
 from modfun.rivals import output_error
 from oracle import state_output_error
 
-PLANT = mf.StateSpace(
-    [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"]
-)
+PLANT = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
 TRUTH = {"Za": -1.2, "Ma": -4.0, "Mq": -1.5, "Zd": -0.2, "Md": -6.0}
 SIGMA = np.array([[0.04, 0.018], [0.018, 0.09]])  # of white noise, correlation 0.3
 

@@ -16,6 +16,7 @@ from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import FitError, SpecError
 from ..experiments.sensitivities import Sensitivities, trend_rows
+from ..models.free import Free
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..responses.coefficients import regressors
@@ -133,8 +134,10 @@ class OutputError:
 
     def __call__(self, rec: Record | Sequence[Record], rng: Any = None) -> dict[str, float]:
         """Estimate the parameters from a record or several; raises FitError where that fails."""
-        if isinstance(self.model, TransferFunction) and isinstance(rec, Record) and len(rec.outputs) == 1:
-            return self._plain(rec, self.model)
+        model = self.model
+        if isinstance(model, TransferFunction) and isinstance(rec, Record) and len(rec.outputs) == 1:
+            if not (model.params or isinstance(model.delay, Free)):
+                return self._plain(rec, model)
         return self.solve(rec).params
 
     def solve(self, rec: Record | Sequence[Record]) -> OutputErrorFit:

@@ -1,9 +1,9 @@
 """Output error of several outputs and records by maximum likelihood, whatever the structure.
 
 With Σ the covariance of the residuals r of a record, −log likelihood is samples/2 · log det Σ(θ), summed over
-records, once Σ is put at its best value for θ, the mean of r rᵀ. The derivative of this criterion is that of the weighted
-sum of squares with Σ held at its value: Gauss–Newton steps for that sum, judged by the criterion, estimate
-parameters and covariance together (Maine and Iliff).
+records, once Σ is put at its best value for θ, the mean of r rᵀ. The derivative of this criterion is that of
+the weighted sum of squares with Σ held at its value: Gauss–Newton steps for that sum, judged by the
+criterion, estimate parameters and covariance together (Maine and Iliff).
 """
 
 from __future__ import annotations
@@ -124,6 +124,8 @@ class _Problem:
             own = {"outputs": list(model.outputs), "inputs": list(model.inputs)}
             self.records = [rec.select(**own) for rec in records]
         bounds = {name: given for name, given in model.params if isinstance(given, Free)}
+        if isinstance(model, TransferFunction) and isinstance(model.delay, Free):
+            bounds |= dict.fromkeys(self.names[len(self.names) - len(self.layout.free_delays) :], model.delay)
         self.low = np.array([bounds[n].min if n in bounds else -np.inf for n in self.names])
         self.high = np.array([bounds[n].max if n in bounds else np.inf for n in self.names])
         self.floors = [(FLOOR * np.sqrt(np.mean(rec.y**2, axis=1))) ** 2 for rec in self.records]
@@ -289,6 +291,9 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
     damping, nit, p = 1e-3, 0, len(problem.names)
     while True:
         jacobian, target = problem.whitened(here)
+        uphill = jacobian.T[:p] @ target
+        # What stands on a bound and would go beyond it stays for this step.
+        jacobian[:, :p][:, np.where(uphill < 0, here.x[:p] <= problem.low, here.x[:p] >= problem.high)] = 0.0
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0] = 1.0
         left, values, right = np.linalg.svd(jacobian / size, full_matrices=False)
@@ -308,16 +313,11 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
             x[:p] = np.clip(x[:p], problem.low, problem.high)
             there = problem.at(x)
             if there is not None and there.cost < here.cost:
-                # On a bound the undamped step promises for ever what it cannot have.
-                ended = damping <= 1e-3 and here.cost - there.cost <= SETTLED
                 here, damping = there, max(damping / 10, 1e-12)
-                if ended:
-                    return here, nit
                 break
             damping = max(damping, 1e-8) * 10
             if damping > MOST_DAMPED:
-                bound = np.any((here.x[:p] <= problem.low) | (here.x[:p] >= problem.high))
-                if promised <= STUCK or bound or _exact(problem, here):
+                if promised <= STUCK or _exact(problem, here):
                     return here, nit
                 raise FitError(f"{WHAT}: no step lowers the criterion; give a start")
 
