@@ -152,7 +152,7 @@ def test_a_negative_discrete_pole_is_a_failure_with_its_reason():
         (lambda rec: pem(TF2, trend="cubic"), "'linear'"),
         (lambda rec: output_error(TF2, maxiter=0), "whole number from 1"),
         (lambda rec: output_error(TF2, start={"a1": 1.0})(rec), "lacks a2, b0"),
-        (lambda rec: output_error(TF2)([rec]), "one Record"),
+        (lambda rec: pem(TF2)([rec]), "one Record"),
         (lambda rec: arx(mf.TransferFunction(poles=2, zeros=[0, 0]))(rec), "made for 2 input"),
         (lambda rec: pem(TF2)(mf.Record(y=np.ones((2, 50)), u=np.ones(50), dt=0.1)), "2 outputs"),
         (lambda rec: pem(TF2)(mf.Record(y=np.ones(50), dt=0.1)), "no input"),

@@ -1,0 +1,339 @@
+"""Output error of several outputs and records by maximum likelihood, whatever the structure.
+
+With Σ the covariance of the residuals r of a record, −log likelihood is samples/2 · log det Σ(θ), summed over
+records, once Σ is put at its best value for θ, the mean of r rᵀ. The derivative of this criterion is that of
+the weighted sum of squares with Σ held at its value: Gauss–Newton steps for that sum, judged by the
+criterion, estimate parameters and covariance together (Maine and Iliff).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arguments import public, reals
+from ..base.arrays import F64
+from ..base.least_squares import scaled_lstsq
+from ..equations.equation import Equation
+from ..equations.state_space import StateSpace
+from ..errors import DataError, FitError, ModfunError, ModfunWarning, SpecError
+from ..experiments.sensitivities import trend_rows
+from ..experiments.slopes import Equations, Known, Slopes, States, Transfers
+from ..fitting.fit import fit
+from ..models.free import Free
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..records.samples import refuse_own_noise
+from ..results.initial_state import find_state
+from .common import joined
+
+__all__ = ["OutputErrorFit", "most_likely"]
+
+FLOOR = 1e-8  # of an output's rms: what integration and rounding leave of a record without noise
+SETTLED = 1e-8  # a step that promises no more of −log likelihood has arrived: 1e-4 standard errors
+STUCK = 1e-3  # the same where no step, however short, is better: 3 % of a standard error
+MOST_DAMPED = 1e8
+
+WHAT = "output error"
+
+
+@public
+@dataclass(frozen=True, eq=False)
+class OutputErrorFit:
+    """What an output error found, nuisance included; from ``output_error(model).solve(records)``.
+
+    Attributes
+    ----------
+    params, bse : dict of str to float
+        Estimates, and standard errors for white residuals of these covariances.
+    noise_cov : tuple of ndarray, shape (output, output)
+        Covariance of the residuals of each record.
+    initial_states : tuple of ndarray, shape (state,)
+        Of each record: y, y', … of each output of a transfer function, the states of a `StateSpace`, the
+        states of ``Equation.model(params).states``.
+    trends : tuple of ndarray, shape (output, term)
+        Of each record: offset, and slope with time counted from −1 to 1, of each output.
+    simulated : tuple of ndarray, shape (output, time)
+        Outputs of each record.
+    nit : int
+        Steps tried.
+
+    See Also
+    --------
+    modfun.rivals.output_error : Where it comes from.
+
+    References
+    ----------
+    R. E. Maine, K. W. Iliff, Application of Parameter Estimation to Aircraft Stability and Control,
+    NASA RP-1168, 1986.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> model = mf.StateSpace([["a", 1], [-4, "b"]], [[0], ["c"]])
+    >>> system = model.model({"a": -1.0, "b": -2.0, "c": 3.0})
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.05, seed=1)
+    >>> found = mf.rivals.output_error(model).solve(rec)
+    >>> found.noise_cov[0].shape
+    (2, 2)
+    """
+
+    params: dict[str, float]
+    bse: dict[str, float]
+    noise_cov: tuple[F64, ...]
+    initial_states: tuple[F64, ...]
+    trends: tuple[F64, ...]
+    simulated: tuple[F64, ...]
+    nit: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point of the search: unknowns, the criterion, and what a step from it needs."""
+
+    x: F64
+    cost: float
+    residuals: list[F64]  # of each record, (output, time)
+    slopes: list[Slopes]
+    covariances: list[F64]
+
+
+class _Problem:
+    """Structure and records, and the unknowns: parameters, then initial state and trend of each record."""
+
+    def __init__(self, model: Any, records: Sequence[Record], free: bool, trend: str | None) -> None:
+        self.model, self.free, self.trend = model, free, trend
+        first = records[0]
+        if isinstance(model, TransferFunction):
+            self.layout = model.layout(first.outputs, first.inputs)
+            self.names = tuple(self.layout.param_names)
+            self.records = [rec.select(outputs=first.outputs, inputs=first.inputs) for rec in records]
+        else:
+            for rec in records:
+                model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
+            self.names = tuple(model.param_names())
+            held = {name for name, given in model.params if not isinstance(given, Free)}
+            if lost := set(model.all_parameters) - held - set(self.names):
+                raise SpecError(
+                    f"{WHAT}: {joined(lost)} cannot be found from these outputs; hold them, params="
+                )
+            own = {"outputs": list(model.outputs), "inputs": list(model.inputs)}
+            self.records = [rec.select(**own) for rec in records]
+        bounds = {name: given for name, given in model.params if isinstance(given, Free)}
+        if isinstance(model, TransferFunction) and isinstance(model.delay, Free):
+            bounds |= dict.fromkeys(self.names[len(self.names) - len(self.layout.free_delays) :], model.delay)
+        self.low = np.array([bounds[n].min if n in bounds else -np.inf for n in self.names])
+        self.high = np.array([bounds[n].max if n in bounds else np.inf for n in self.names])
+        self.floors = [(FLOOR * np.sqrt(np.mean(rec.y**2, axis=1))) ** 2 for rec in self.records]
+        if not all(floor.all() for floor in self.floors):
+            raise FitError(f"{WHAT}: an output is zero throughout, its parameters cannot be found")
+        self.drifts = [trend_rows(trend, rec.t.size) for rec in self.records]
+
+    def known(self, theta: F64) -> Known:
+        """The structure with these parameters."""
+        if isinstance(self.model, TransferFunction):
+            return Transfers(self.layout, theta)
+        values = dict(zip(self.names, theta.tolist(), strict=True))
+        return States(self.model, values) if self.model.linear else Equations(self.model.model(values))
+
+    def complete(self, theta: F64) -> F64:
+        """Unknowns with the best initial states and trends for these parameters."""
+        known, x = self.known(theta), [theta]
+        for rec, drift in zip(self.records, self.drifts, strict=True):
+            if isinstance(known, Equations) and self.free:
+                state = find_state(known.model, rec, None)[1].state
+                left = (rec.y - known.slopes(rec, state).y)[:, None]
+                x += [state, np.array([scaled_lstsq(drift.T, one[0]) for one in left]).ravel()]
+                continue
+            slopes = known.slopes(rec, None)
+            columns = self._columns(slopes, drift)[theta.size :]
+            size = np.sqrt(np.mean(rec.y**2, axis=1))[:, None]  # outputs in units of their own
+            target = ((rec.y - slopes.y) / size).ravel()
+            x.append(scaled_lstsq((columns / size).reshape(len(columns), -1).T, target))
+        return np.concatenate(x)
+
+    def _columns(self, slopes: Slopes, drift: F64) -> F64:
+        """Derivatives of a record's outputs to the parameters and to its own unknowns."""
+        q = len(slopes.y)
+        trends = np.einsum("ij,kt->ikjt", np.eye(q), drift).reshape(-1, q, drift.shape[1])
+        state = slopes.state if self.free else slopes.state[:0]
+        return np.concatenate([slopes.params, state, trends])
+
+    def parts(self, point: _Point) -> list[tuple[F64, F64]]:
+        """Initial state and trend of each record."""
+        at, found = len(self.names), []
+        for rec, slopes, drift in zip(self.records, point.slopes, self.drifts, strict=True):
+            n, q = len(slopes.state) if self.free else 0, len(rec.y)
+            own = point.x[at : at + n + q * len(drift)]
+            found.append((own[:n], own[n:].reshape(q, -1)))
+            at += own.size
+        return found
+
+    def at(self, x: F64) -> _Point | None:
+        """The point of these unknowns; None where no finite response is."""
+        residuals, slopes, covariances, cost, place = [], [], [], 0.0, len(self.names)
+        try:
+            with np.errstate(all="ignore"):
+                known = self.known(x[: len(self.names)])
+                for rec, drift, floor in zip(self.records, self.drifts, self.floors, strict=True):
+                    q = len(rec.y)
+                    n = self._states(known) if self.free else 0
+                    own = x[place : place + n + q * len(drift)]
+                    place += own.size
+                    found = known.slopes(rec, own[:n] if self.free else None)
+                    left = rec.y - found.y - own[n:].reshape(q, -1) @ drift
+                    cov = left @ left.T / left.shape[1] + np.diag(floor)
+                    sign, level = np.linalg.slogdet(cov)
+                    if not (sign > 0 and np.isfinite(level) and np.isfinite(found.params).all()):
+                        return None
+                    cost += left.shape[1] / 2 * float(level)
+                    residuals.append(left)
+                    slopes.append(found)
+                    covariances.append(cov)
+        except (DataError, FitError, np.linalg.LinAlgError, OverflowError):
+            return None
+        return _Point(x, cost, residuals, slopes, covariances)
+
+    def _states(self, known: Known) -> int:
+        if isinstance(known, Transfers):
+            return sum(known.layout.orders)
+        return len(known.matrices[0]) if isinstance(known, States) else len(known.model.states)
+
+    def whitened(self, point: _Point) -> tuple[F64, F64]:
+        """Jacobian and residuals of all records, white with unit variance: (row, unknown), (row,)."""
+        rows, target, at = [], [], len(self.names)
+        parts = zip(point.residuals, point.slopes, point.covariances, self.drifts, strict=True)
+        for left, slopes, cov, drift in parts:
+            columns = self._columns(slopes, drift)
+            scale = np.linalg.inv(np.linalg.cholesky(cov))
+            own = (scale @ columns).reshape(len(columns), -1).T
+            wide = np.zeros((len(own), point.x.size))
+            extra = own.shape[1] - len(self.names)
+            wide[:, : len(self.names)] = own[:, : len(self.names)]
+            wide[:, at : at + extra] = own[:, len(self.names) :]
+            at += extra
+            rows.append(wide)
+            target.append((scale @ left).ravel())
+        return np.concatenate(rows), np.concatenate(target)
+
+
+def most_likely(
+    model: TransferFunction | StateSpace | Equation,
+    records: Sequence[Record],
+    free: bool,
+    trend: str | None,
+    start: Mapping[str, float] | None,
+    maxiter: int,
+) -> OutputErrorFit:
+    """Estimate parameters, covariances of the residuals, and initial states and trends of the records."""
+    _check_records(records)
+    problem = _Problem(model, records, free, trend)
+    unknowns = len(problem.names)
+    if (have := sum(rec.y.size for rec in problem.records)) < 2 * unknowns:
+        raise DataError(f"{WHAT}: {have} samples for {unknowns} parameters; give longer records")
+    here = _started(problem, start)
+    here, nit = _search(problem, here, maxiter)
+    jacobian, _ = problem.whitened(here)
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    root = np.linalg.pinv(jacobian / size, rcond=1e-13) / size[:, None]
+    bse = np.sqrt(np.sum(root**2, axis=1))[:unknowns]
+    parts = problem.parts(here)
+    return OutputErrorFit(
+        dict(zip(problem.names, here.x[:unknowns].tolist(), strict=True)),
+        dict(zip(problem.names, bse.tolist(), strict=True)),
+        tuple(here.covariances),
+        tuple(state for state, _ in parts),
+        tuple(offsets for _, offsets in parts),
+        tuple(rec.y - left for rec, left in zip(problem.records, here.residuals, strict=True)),
+        nit,
+    )
+
+
+def _started(problem: _Problem, start: Mapping[str, float] | None) -> _Point:
+    """The given point, or the better of the one-shot estimates, with its initial states and trends."""
+    points = []
+    if start is not None:
+        missing, more = set(problem.names) - set(start), set(start) - set(problem.names)
+        if missing or more:
+            said = f"lacks {joined(missing)}" if missing else f"names {joined(more)}"
+            raise SpecError(
+                f"output_error: start= {said}; give {', '.join(problem.names)}, all and only these"
+            )
+        points.append(reals("output_error", "start", [start[name] for name in problem.names]))
+    else:
+        joint = isinstance(problem.model, TransferFunction)  # several outputs have no one-shot estimate
+        for method in ("awls",) if joint else ("wls", "ls"):
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ModfunWarning)  # of a start nothing need be said
+                    points.append(fit(problem.records, problem.model, method=method).params)
+            except (FitError, DataError):
+                continue
+    found = []
+    for theta in points:
+        try:
+            with np.errstate(all="ignore"):
+                found.append(problem.at(problem.complete(np.clip(theta, problem.low, problem.high))))
+        except (ModfunError, np.linalg.LinAlgError):
+            continue
+    finite = [point for point in found if point is not None]
+    if not finite:
+        raise FitError(f"{WHAT}: no start with a finite response; give one, start={{name: value}}")
+    return min(finite, key=lambda point: point.cost)
+
+
+def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]:
+    damping, nit, p = 1e-3, 0, len(problem.names)
+    while True:
+        jacobian, target = problem.whitened(here)
+        uphill = jacobian.T[:p] @ target
+        # What stands on a bound and would go beyond it stays for this step.
+        jacobian[:, :p][:, np.where(uphill < 0, here.x[:p] <= problem.low, here.x[:p] >= problem.high)] = 0.0
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0] = 1.0
+        left, values, right = np.linalg.svd(jacobian / size, full_matrices=False)
+        seen = left.T @ target
+        kept = values > 1e-12 * values[0]
+        promised = float(np.sum(seen[kept] ** 2)) / 2  # by the undamped step
+        if promised <= SETTLED:
+            return here, nit
+        while True:
+            if nit >= maxiter:
+                raise FitError(
+                    f"{WHAT}: not converged after {nit} evaluations; raise maxiter= or give a start"
+                )
+            nit += 1
+            move = right.T @ (np.where(kept, values, 0) / (values**2 + damping) * seen) / size
+            x = here.x + move
+            x[:p] = np.clip(x[:p], problem.low, problem.high)
+            there = problem.at(x)
+            if there is not None and there.cost < here.cost:
+                here, damping = there, max(damping / 10, 1e-12)
+                break
+            damping = max(damping, 1e-8) * 10
+            if damping > MOST_DAMPED:
+                if promised <= STUCK or _exact(problem, here):
+                    return here, nit
+                raise FitError(f"{WHAT}: no step lowers the criterion; give a start")
+
+
+def _exact(problem: _Problem, here: _Point) -> bool:
+    """Whether the residuals are those of a record without noise: integration's errors."""
+    pairs = zip(here.residuals, problem.floors, strict=True)
+    return all(bool(np.all(np.mean(left**2, axis=1) <= 1e4 * floor)) for left, floor in pairs)
+
+
+def _check_records(records: Sequence[Record]) -> None:
+    if not records:
+        raise SpecError(f"{WHAT}: there is no record; give one, or a list of them")
+    for rec in records:
+        if not isinstance(rec, Record):
+            raise SpecError(f"{WHAT}: got a {type(rec).__name__}; it takes a Record or a list of these")
+        if rec.dt is None:
+            raise DataError(f"{WHAT}: the record is sampled unevenly; resample it")
+        refuse_own_noise(rec, WHAT, "take a piece without them, rec.window(start, stop), or use mf.fit")
