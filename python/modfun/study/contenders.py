@@ -137,6 +137,8 @@ def contenders(
     structures = tuple(_structure(g, model) for g in found)
     made = []
     for name, value in given.items():
+        if options.get("stable") or (isinstance(value, Estimator) and value.options.stable):
+            raise SpecError(f"MonteCarlo: stable=True of {name!r} is for mf.fit, one fit at a time")
         if isinstance(value, str):
             if value not in words:
                 raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")
@@ -147,8 +149,6 @@ def contenders(
                     "from; give model=mf.TransferFunction(poles=, zeros=) or mf.Equation(...)"
                 )
             own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
-        elif isinstance(value, Estimator) and value.options.stable:
-            raise SpecError(f"MonteCarlo: stable=True of {name!r} is for mf.fit, one fit at a time")
         elif isinstance(value, Estimator):
             own = (value,) * len(found)
         elif callable(value) and not isinstance(value, type):
