@@ -22,6 +22,8 @@ import tu144
 import twin_otter
 import twin_otter_lateral
 
+DRIFTING = ("Twin Otter 018", "Twin Otter 019", "Twin Otter, lateral", "Tu-144", "F-16")
+
 
 def cases(folder: common.Place = None) -> dict[str, tuple[mf.Record, Any]]:
     """Records with the structures of their pages."""
@@ -52,18 +54,18 @@ def levels(rec: mf.Record, simulated: common.Array) -> common.Array:
     return 20 * np.log10(rec.y.std(axis=1) / error.std(axis=1))
 
 
-def beside(rec: mf.Record, structure: Any) -> dict[str, Any]:
+def beside(rec: mf.Record, structure: Any, trend: str = "auto") -> dict[str, Any]:
     """Default fit and output error: levels, parameters with standard errors, seconds."""
     began = time.perf_counter()
     with warnings.catch_warnings():  # what the fits of these records are warned of, their own pages say
         warnings.simplefilter("ignore", mf.ModfunWarning)
-        fit = mf.fit(rec, structure)
+        fit = mf.fit(rec, structure, trend=trend)
     took = time.perf_counter() - began
     own: dict[str, Any] = {"fit": fit, "fit, dB": fit.score()["signal_to_error"], "fit, s": took}
     estimates = dict(zip(fit.param_names, fit.params.tolist(), strict=True))
     found, failed = [], []
     for start in (estimates, None):
-        rival = mf.rivals.output_error(structure, trend="constant", start=start, maxiter=300)
+        rival = mf.rivals.output_error(structure, trend=fit.trend, start=start, maxiter=300)
         began = time.perf_counter()
         try:
             one = rival.solve(rec)
@@ -79,30 +81,42 @@ def beside(rec: mf.Record, structure: Any) -> dict[str, Any]:
     return own
 
 
+def table(title: str, records: dict[str, tuple[mf.Record, Any]], found: dict[str, dict[str, Any]]) -> None:
+    """Print levels, and then the times that fits took."""
+    rows = []
+    for name, (rec, _) in records.items():
+        one = found[name]
+        for k, output in enumerate(rec.outputs):
+            rival = f"{one['rival, dB'][k]:.1f}" if "rival" in one else "not settled"
+            rows.append([name if k == 0 else "", output, round(one["fit, dB"][k], 1), rival])
+    columns = ["record", "output", "fit, dB", "output error, dB"]
+    print(f"\n{title}\n{mf.Table(dict(zip(columns, zip(*rows, strict=True), strict=True)))}")
+    for name in records:
+        one = found[name]
+        print(f"{name}: fit {one['fit, s']:.2f} s, output error {one.get('rival, s', np.nan):.2f} s")
+
+
 def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """The tables of the page."""
-    out, rows = {}, []
-    for name, (rec, structure) in cases(folder).items():
-        one = out[name] = beside(rec, structure)
-        for k, output in enumerate(rec.outputs):
-            rival = one["rival, dB"][k] if "rival" in one else np.nan
-            times = [f"{one['fit, s']:.2f}", f"{one.get('rival, s', np.nan):.2f}"] if k == 0 else ["", ""]
-            rows.append([name if k == 0 else "", output, round(one["fit, dB"][k], 1), round(rival, 1), *times])
-    columns = ["record", "output", "fit, dB", "output error, dB", "fit, s", "output error, s"]
-    print(f"\n{mf.Table(dict(zip(columns, zip(*rows, strict=True), strict=True)))}")
+    records = cases(folder)
+    out = {name: beside(*case) for name, case in records.items()}
+    table("Default options", records, out)
+    some = {name: case for name, case in records.items() if name in DRIFTING}
+    drift = {name: beside(*case, trend="linear") for name, case in some.items()}
+    table("A drift unknown, too", some, drift)
     for name, one in out.items():
         print(f"\n{name}: {one['fit'].message}; {'; '.join(one['failed'])}")
         if "rival" not in one:
             continue
         params, errors = one["rival"].params, one["rival"].bse
         fit = one["fit"]
-        table = {
+        columns = {
             "parameter": list(params),
             "fit": [f"{v:.4g} ± {e:.2g}" for v, e in zip(fit.params, fit.bse, strict=True)],
             "output error": [f"{v:.4g} ± {errors[n]:.2g}" for n, v in params.items()],
         }
-        print(mf.Table(table))
-    return out
+        print(mf.Table(columns))
+    return {"default": out, "linear": drift}
 
 
 if __name__ == "__main__":
