@@ -51,7 +51,8 @@ def cases(folder: common.Place = None) -> dict[str, tuple[mf.Record, Any]]:
 def levels(rec: mf.Record, simulated: common.Array) -> common.Array:
     """S/E of each output about the mean, dB."""
     error = rec.y - simulated
-    return 20 * np.log10(rec.y.std(axis=1) / error.std(axis=1))
+    found: common.Array = 20 * np.log10(rec.y.std(axis=1) / error.std(axis=1))
+    return found
 
 
 def beside(rec: mf.Record, structure: Any, trend: str = "auto") -> dict[str, Any]:

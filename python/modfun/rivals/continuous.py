@@ -135,10 +135,10 @@ class OutputError:
     def __call__(self, rec: Record | Sequence[Record], rng: Any = None) -> dict[str, float]:
         """Estimate the parameters from a record or several; raises FitError where that fails."""
         model = self.model
-        one = isinstance(rec, Record) and len(rec.outputs) == 1
         if (
             isinstance(model, TransferFunction)
-            and one
+            and isinstance(rec, Record)
+            and len(rec.outputs) == 1
             and not (model.params or isinstance(model.delay, Free))
         ):
             return self._plain(rec, model)
