@@ -135,10 +135,13 @@ class OutputError:
     def __call__(self, rec: Record | Sequence[Record], rng: Any = None) -> dict[str, float]:
         """Estimate the parameters from a record or several; raises FitError where that fails."""
         model = self.model
-        if isinstance(model, TransferFunction):
-            plain = not (model.params or isinstance(model.delay, Free))
-            if plain and isinstance(rec, Record) and len(rec.outputs) == 1:
-                return self._plain(rec, model)
+        if (
+            isinstance(model, TransferFunction)
+            and isinstance(rec, Record)
+            and len(rec.outputs) == 1
+            and not (model.params or isinstance(model.delay, Free))
+        ):
+            return self._plain(rec, model)
         return self.solve(rec).params
 
     def solve(self, rec: Record | Sequence[Record]) -> OutputErrorFit:

@@ -47,3 +47,18 @@ def test_tanks(monkeypatch):
     assert found["k4"][0] == pytest.approx(0.0302, abs=0.004)
     assert np.isfinite(rms)
     assert rms < 1.5
+
+
+def test_windows_of_the_tanks(monkeypatch):
+    """The page's table: output error is right in all windows, and the fit where it met no bound."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    monkeypatch.delitem(sys.modules, "tanks", raising=False)
+    tanks = __import__("tanks")
+    table = tanks.windows(*tanks.read(measured("cascaded_tanks_est").parent))
+    rival = [float(word.split()[0]) for word in table["k, output error"]]
+    assert 0.034 < min(rival) < max(rival) < 0.046
+    rows = zip(table["k, fit"], table["k4, fit"], rival, strict=True)
+    free = [(k.split(), true) for k, gain, true in rows if "bound" not in k + gain]
+    assert len(free) == 3
+    for (value, _, error), true in free:
+        assert abs(float(value) - true) < float(error)

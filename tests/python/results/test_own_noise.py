@@ -144,7 +144,7 @@ REFUSED = {
         lambda: mf.crlb(SYSTEM, two_outputs().weigh(mask=gap()), sigma=1.0),
         r"rec.select\(outputs=\['al'\]\)",
     ),
-    "output error, held": (lambda: mf.rivals.output_error(HELD)(record()), "leave params= out"),
+    "arx, held": (lambda: mf.rivals.arx(HELD)(record()), "leave params= out"),
     "pem, late": (lambda: mf.rivals.pem(LATE)(record()), "known delays"),
     "arx of outputs": (lambda: mf.rivals.arx(TF2)(two_outputs()), "rec.select"),
 }

@@ -73,6 +73,14 @@ def test_transfer_functions_of_several_outputs(denominator):
         np.testing.assert_allclose([found[a1], found[a2]], np.poly(poles)[1:], rtol=1e-5)
 
 
+def test_held_coefficient_and_free_delay():
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8], delay=0.13), input="sin(t**2/5)", duration=10.0, intervals=256
+    )  # fmt: skip
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(max=0.5), params={"a1": 3.0})
+    close(output_error(late)(rec), {"a2": 8.0, "b0": 5.0, "delay": 0.13}, 1e-5)
+
+
 def test_nonlinear_equation_and_bounds():
     duffing = mf.Equation(
         "y'' + d*y' + a*y + b*y**3 = u", params={"d": mf.Free(min=0.0, max=2.0), "b": mf.Free(min=0.0)}
