@@ -21,6 +21,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
     "noise": ("output", "equation", "coloured", "errors-in-variables", "log-normal"),
     "cov_type": ("HC3", "nonrobust"),
+    "initial_state": ("unknown", "zero", "rest"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
 _REPORTED = ("cov_type", "output_weights", "correct", "stable")
@@ -44,6 +45,7 @@ class Choices(TypedDict, total=False):
     tol: float
     maxiter: int
     stable: bool
+    initial_state: str
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Options:
     tol: float = 1e-9
     maxiter: int = 50
     stable: bool = field(default=False, repr=False)  # no study has it
+    initial_state: str = field(default="unknown", repr=False)  # in hashes of studies where it is not this
 
     @classmethod
     def checked(cls, what: str, **given: Any) -> Options:

@@ -88,7 +88,8 @@ class Contender:
         own = self.estimators[group.index]
         own_model = own.model
         told = repr(own_model) if isinstance(own_model, TransferFunction) else own_model.to_dict()
-        return [told, repr(own.options.settled())]
+        words = [told, repr(own.options.settled())]
+        return words if own.options.initial_state == "unknown" else [*words, own.options.initial_state]
 
 
 def contenders(

@@ -13,6 +13,7 @@ use super::options::{Options, Start, Wanted};
 use super::outcome::End;
 use super::record_levels::{misfits, settle};
 use super::replicates::estimate;
+use super::rest::{Course, Drive, Initial, KnownStart};
 use super::shared::Shared;
 use super::spare::Spare;
 use super::uncertainty::Residuals;
@@ -63,6 +64,8 @@ pub(crate) struct Desk {
     units: Vec<f64>,
     /// Noise variance of each record over a common one.
     levels: Vec<f64>,
+    /// Of each record, what its inputs do to states from a known start.
+    drives: Vec<Arc<Vec<Drive>>>,
     problems: Vec<Problem>,
 }
 
@@ -200,6 +203,13 @@ impl Fitter {
     fn take(&self, desk: &mut Desk, spectra: &Spectra) -> Result<Vec<Range>, Error> {
         if self.o.band_is_sought() {
             return Err(Error::Spec("fitting coefficients: no band was given".into()));
+        }
+        if self.o.initial != Initial::Unknown {
+            return Err(Error::Spec(
+                "fitting coefficients: a known initial state needs the record from its start; \
+                 take initial_state=\"unknown\""
+                    .into(),
+            ));
         }
         for ((re, im), to) in spectra.iter().flatten().zip(desk.spectra.iter_mut().flatten()) {
             to.re.copy_from_slice(re);
@@ -365,7 +375,35 @@ impl Fitter {
             o.intersample.iter().copied().zip(o.delays.iter().copied()).collect();
         let steps = self.records.iter().map(|r| r.dt);
         design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        if o.initial != Initial::Unknown {
+            design.known_start = Some(self.known_start(design.band_edge)?);
+            design.straight = None;
+        }
         Ok(design)
+    }
+
+    /// How the records run from their known start, with time in units of a band edge.
+    fn known_start(&self, band_edge: f64) -> Result<KnownStart, Error> {
+        let o = &self.o;
+        let dt = self.records.first().and_then(|r| r.dt).unwrap_or(f64::NAN);
+        if self.records.iter().any(|r| r.dt.is_none_or(|own| (own - dt).abs() > 1e-9 * dt)) {
+            return Err(Error::Data(
+                "fitting with a known initial state: the samples need one even step in all records; \
+                 resample them evenly, or take initial_state=\"unknown\""
+                    .into(),
+            ));
+        }
+        let course = |r: &RecordPlan| Course {
+            step: dt * band_edge,
+            lead: r.window.lead,
+            intervals: r.window.intervals,
+        };
+        let late = |(hold, delay): (&Option<Hold>, &f64)| (*hold, delay / dt);
+        Ok(KnownStart {
+            courses: self.records.iter().map(course).collect(),
+            inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),
+            initial: o.initial,
+        })
     }
 
     fn desk(&self) -> Desk {
@@ -378,6 +416,7 @@ impl Fitter {
             spectra: self.records.iter().map(spectra).collect(),
             units: Vec::new(),
             levels: vec![1.0; self.records.len()],
+            drives: Vec::new(),
             problems: Vec::new(),
         }
     }
@@ -405,6 +444,14 @@ impl Fitter {
             }
         }
         desk.begin();
+        desk.drives.clear();
+        if self.o.initial != Initial::Unknown {
+            let known = self.known_start(1.0)?;
+            let drives = |(k, record): (usize, &RecordView<'_>)| {
+                Arc::new(known.drives(k, &desk.units, |_, input| record.u[input]))
+            };
+            desk.drives = records.iter().enumerate().map(drives).collect();
+        }
         Ok(())
     }
 
@@ -466,6 +513,10 @@ impl Fitter {
                 band_rule,
             },
             sigma: plain_sigma * d.cost_unit(),
+            free_cost: d
+                .known_start
+                .as_ref()
+                .map(|_| w.free_cost.0[lane] * d.cost_unit() * d.cost_unit()),
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
             residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
         };
@@ -510,6 +561,9 @@ impl Problem {
             }
             // The band rule may have asked for fewer.
             self.space.records[k].limit = self.space.records[k].lines;
+            if let Some(drives) = desk.drives.get(k) {
+                self.space.records[k].tie.drives = drives.clone();
+            }
         }
     }
 

@@ -7,13 +7,14 @@ use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::Outcome;
 use super::pass::prepare;
+use super::rest::{self, KnownStart};
 use super::rule::Rule;
 use super::second_start::go_again;
 use super::unalias::unalias;
 use super::workspace::Workspace;
 use super::{ls, straight, uncertainty};
 use crate::error::Status;
-use crate::simd::{Isa, LANES, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
 /// Estimates θ from the coefficients in the workspace; `live` lanes only, the others hold anything.
@@ -26,6 +27,7 @@ pub fn estimate(
     o: &Options,
 ) -> Outcome {
     w.begin(live);
+    w.records.iter_mut().for_each(|r| r.tie.active = false);
     if d.method == Method::Ls {
         if !straight::ls(isa, d, w) {
             isa.run(ls::LsStep { design: d, space: w });
@@ -59,15 +61,10 @@ pub fn estimate(
         None => w.progress.active = Wide::ZERO,
     }
     let asked = o.wanted == Wanted::Covariance;
-    if d.aliasing.is_some() && o.wanted != Wanted::Cost {
-        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-        for _ in 0..ROUNDS {
-            if d.method == Method::Ls {
-                prepare(isa, d, w);
-                isa.run(uncertainty::Transients { design: d, space: w });
-            }
-            unalias(isa, d, w);
-            again(isa, d, w, live, rule, o);
+    if o.wanted != Wanted::Cost {
+        match &d.known_start {
+            Some(known) => start_known(isa, d, w, known, live, rule, o),
+            None => unfold(isa, d, w, live, rule, o),
         }
     }
     if o.wanted != Wanted::Theta {
@@ -79,6 +76,95 @@ pub fn estimate(
         (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
+}
+
+/// Rounds of what sampling folds at the estimate, and of the estimate that follows.
+fn unfold(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    rule: Option<Rule>,
+    o: &Options,
+) {
+    if d.aliasing.is_none() {
+        return;
+    }
+    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+    for _ in 0..ROUNDS {
+        if d.method == Method::Ls {
+            prepare(isa, d, w);
+            isa.run(uncertainty::Transients { design: d, space: w });
+        }
+        unalias(isa, d, w);
+        again(isa, d, w, live, rule, o);
+    }
+}
+
+/// Rounds of the transient that the estimate makes of a known start, and of the estimate that follows, in each lane
+/// until it stands: what is linear in a round is not in the whole.
+fn start_known(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    known: &KnownStart,
+    live: [bool; LANES],
+    rule: Option<Rule>,
+    o: &Options,
+) {
+    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+    if o.wanted == Wanted::Covariance {
+        complete(isa, d, w, live, false);
+        w.free_cost = w.progress.cost;
+    }
+    let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
+    for _ in 0..rest::ROUNDS {
+        isa.run(Ties { design: d, known, space: w });
+        unalias(isa, d, w);
+        let before = w.iterates.theta.now.clone();
+        again(isa, d, w, left, rule, o);
+        for lane in (0..LANES).filter(|k| live[*k]) {
+            if !left[lane] {
+                continue;
+            }
+            unsettled[lane] = w.progress.active.0[lane] > 0.0;
+            dependent[lane] = w.dependent[lane];
+            left[lane] = rest::moved(&before, &w.iterates.theta.now, lane);
+        }
+        if left == [false; LANES] {
+            break;
+        }
+    }
+    // As the estimate says, however many rounds other lanes took.
+    isa.run(Ties { design: d, known, space: w });
+    unalias(isa, d, w);
+    w.forget_products();
+    for lane in 0..LANES {
+        w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
+    }
+    w.dependent = dependent;
+}
+
+/// The transients as functions of θ, where it stands.
+struct Ties<'a> {
+    design: &'a Design,
+    known: &'a KnownStart,
+    space: &'a mut Workspace,
+}
+
+impl Kernel for Ties<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Ties { design: d, known, space: w } = self;
+        let theta = &w.iterates.theta.now;
+        for ((r, course), t) in
+            w.records.iter_mut().zip(&known.courses).zip(&mut w.iterates.transients)
+        {
+            r.tie.set::<L>(&d.structure, &d.columns, course, theta);
+            r.tie.at::<L>(theta, &mut t.now);
+        }
+    }
 }
 
 /// The estimate once more, from where it stands, of an output that has changed a little.

@@ -1,10 +1,13 @@
 //! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
+use std::sync::Arc;
+
 use super::aliasing::Measured;
 use super::design::Design;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
+use super::rest::{Drive, Tie};
 use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
 
@@ -33,6 +36,8 @@ pub struct Workspace {
     /// Where lanes stood before they went from a second start.
     pub(crate) before: Iterates,
     pub(crate) progress: Progress,
+    /// Cost without what is known of the states.
+    pub(crate) free_cost: Wide,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
     /// Scratch for one record's unknowns.
@@ -79,6 +84,7 @@ impl Workspace {
                 },
                 im: wide((2 + inputs) * r.x.len()),
                 measured: Measured::new(d.aliasing.as_ref(), r.x.len()),
+                tie: Tie::new(d.tied(), p),
                 products: wide(d.products.count * r.x.len().min(tile)),
                 rows: r.x.len().min(tile),
                 inputs_ready: false,
@@ -112,6 +118,7 @@ impl Workspace {
             iterates: Iterates::new(p, d.transient, d.records.len()),
             before: Iterates::new(p, d.transient, d.records.len()),
             progress: Progress::default(),
+            free_cost: Wide::ZERO,
             dependent: [false; LANES],
             unknowns: wide(size.max(extra)),
             target_size: Wide::ZERO,
@@ -166,6 +173,11 @@ impl Workspace {
     /// θ of one lane in the user's units.
     pub fn theta<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
         self.iterates.theta.now.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
+    }
+
+    /// What the inputs of the one record do to states from a known start.
+    pub(crate) fn set_drives(&mut self, drives: Vec<Drive>) {
+        self.records[0].tie.drives = Arc::new(drives);
     }
 
     /// Parameter `k` of every lane in the user's units.
