@@ -2,8 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, Options, RecordView,
-    Time, Wanted,
+    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, Options,
+    RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};

@@ -66,6 +66,11 @@ class Contender:
         return found
 
     @property
+    def initial_state(self) -> str:
+        """What its estimators know of the initial states."""
+        return self.estimators[0].options.initial_state if self.estimators else "unknown"
+
+    @property
     def trend(self) -> str | None:
         """Trend fitted beside the model (None for a user's estimator)."""
         return self.estimators[0].options.settled().trend if self.estimators else None

@@ -499,7 +499,7 @@ impl Fitter {
         let mut residuals = Vec::new();
         self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
         let over = |v: &[Wide; 2]| (v[0].0[lane] / plain_sigma, v[1].0[lane] / plain_sigma);
-        let fit = Fit {
+        let mut fit = Fit {
             answer: Answer {
                 theta: w.theta(d, lane).collect(),
                 cov_nonrobust: w.cov_nonrobust(d, lane),
@@ -513,15 +513,27 @@ impl Fitter {
                 band_rule,
             },
             sigma: plain_sigma * d.cost_unit(),
-            free_cost: d
-                .known_start
-                .as_ref()
-                .map(|_| w.free_cost.0[lane] * d.cost_unit() * d.cost_unit()),
+            free_cost: None,
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
             residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
         };
+        fit.free_cost = self.free_cost(&mut problem, &fit.answer.theta, &options);
         desk.keep(problem);
         Ok(fit)
+    }
+
+    /// The cost on the same lines without what is known of the initial states, where something is.
+    fn free_cost(&self, problem: &mut Problem, theta: &[f64], o: &Options) -> Option<f64> {
+        let known = problem.design.known_start.take()?;
+        let (d, w) = (&problem.design, &mut problem.space);
+        if d.aliasing.is_some() {
+            w.records.iter_mut().for_each(|r| r.measured.give_back(&mut r.re, &mut r.im));
+        }
+        let start = Start::Theta(theta);
+        estimate(self.isa, d, w, start.lanes(), start, o);
+        let cost = w.cost(0) * d.cost_unit() * d.cost_unit();
+        problem.design.known_start = Some(known);
+        Some(cost)
     }
 }
 

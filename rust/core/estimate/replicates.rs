@@ -1,6 +1,7 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
 use super::aliasing::ROUNDS;
+use super::band::SAME;
 use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
@@ -113,26 +114,49 @@ fn start_known(
     o: &Options,
 ) {
     w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-    if o.wanted == Wanted::Covariance {
-        complete(isa, d, w, live, false);
-        w.free_cost = w.progress.cost;
-    }
     let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
-    for _ in 0..rest::ROUNDS {
+    let (mut best, mut cost) = (w.iterates.theta.now.clone(), [f64::INFINITY; LANES]);
+    for round in 0..rest::ROUNDS {
         isa.run(Ties { design: d, known, space: w });
         unalias(isa, d, w);
-        let before = w.iterates.theta.now.clone();
-        again(isa, d, w, left, rule, o);
-        for lane in (0..LANES).filter(|k| live[*k]) {
+        w.forget_products();
+        complete(isa, d, w, live, false);
+        let mut onward = left;
+        for lane in 0..LANES {
             if !left[lane] {
                 continue;
             }
-            unsettled[lane] = w.progress.active.0[lane] > 0.0;
-            dependent[lane] = w.dependent[lane];
-            left[lane] = rest::moved(&before, &w.iterates.theta.now, lane);
+            let own = w.progress.cost.0[lane];
+            let lower = round == 0 || own <= cost[lane] * (1.0 + SAME);
+            let now = w.iterates.theta.now.iter_mut().zip(&mut best);
+            match lower {
+                true => {
+                    left[lane] = round == 0
+                        || rest::moved(now.map(|(now, best)| {
+                            let before = std::mem::replace(&mut best.0[lane], now.0[lane]);
+                            (before, now.0[lane])
+                        }));
+                    cost[lane] = own;
+                }
+                // Too far for what was linear there.
+                false => {
+                    now.for_each(|(now, best)| now.0[lane] = 0.5 * (now.0[lane] + best.0[lane]))
+                }
+            }
+            onward[lane] = lower && left[lane];
         }
         if left == [false; LANES] {
             break;
+        }
+        again(isa, d, w, onward, rule, o);
+        for lane in (0..LANES).filter(|k| onward[*k]) {
+            unsettled[lane] = w.progress.active.0[lane] > 0.0;
+            dependent[lane] = w.dependent[lane];
+        }
+    }
+    for lane in (0..LANES).filter(|k| left[*k]) {
+        for (now, best) in w.iterates.theta.now.iter_mut().zip(&best) {
+            now.0[lane] = best.0[lane];
         }
     }
     // As the estimate says, however many rounds other lanes took.

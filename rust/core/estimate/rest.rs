@@ -21,7 +21,7 @@ use crate::structure::Structure;
 /// Samples that a smooth input is interpolated through.
 const STENCIL: usize = 6;
 /// Most rounds of the transient and of the estimate that follows, and the relative change of θ that ends them.
-pub(crate) const ROUNDS: usize = 10;
+pub(crate) const ROUNDS: usize = 20;
 const SETTLED: f64 = 1e-4;
 /// Degree of the Taylor polynomial of a matrix exponential: its remainder at norm 1 is 1/19! = 8e-18.
 const DEGREE: usize = 18;
@@ -35,7 +35,7 @@ const WHOLE: f64 = 1e-9;
 pub enum Initial {
     /// Nothing.
     Unknown,
-    /// Nothing moved, and the inputs act from the first sample on.
+    /// Nothing moved, and the inputs act from the first sample on; late ones were before as they begin.
     Zero,
     /// All was steady under the inputs' first values.
     Rest,
@@ -85,11 +85,13 @@ pub(crate) struct Tie {
     pub active: bool,
 }
 
-/// Whether θ has moved in a lane.
-pub(crate) fn moved(before: &[Wide], now: &[Wide], lane: usize) -> bool {
-    let square = |sum: f64, x: f64| sum + x * x;
-    let size = now.iter().map(|x| x.0[lane]).fold(0.0, square);
-    let change = before.iter().zip(now).map(|(a, b)| b.0[lane] - a.0[lane]).fold(0.0, square);
+/// Whether parameters have moved, from what they were and what they are.
+pub(crate) fn moved(theta: impl Iterator<Item = (f64, f64)>) -> bool {
+    let (mut change, mut size) = (0.0, 0.0);
+    for (before, now) in theta {
+        change += (now - before) * (now - before);
+        size += now * now;
+    }
     change > SETTLED * SETTLED * size
 }
 
@@ -148,8 +150,11 @@ impl Drive {
                         (true, 0) => (k.checked_sub(whole + 1), 1.0 - part),
                         _ => (k.checked_sub(whole), 0.0),
                     };
-                    let Some(source) = source else { continue };
-                    let mut own = between(hold, u, base, source);
+                    let mut own = match source {
+                        Some(source) => between(hold, u, base, source),
+                        // As it began, so it was.
+                        None => std::array::from_fn(|i| if i == 0 { u[0] - base } else { 0.0 }),
+                    };
                     shift(&mut own[..width], from, *length);
                     let to = &mut values[(k * parts.len() + at) * width..][..width];
                     for (to, value) in to.iter_mut().zip(&own) {

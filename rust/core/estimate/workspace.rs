@@ -36,8 +36,6 @@ pub struct Workspace {
     /// Where lanes stood before they went from a second start.
     pub(crate) before: Iterates,
     pub(crate) progress: Progress,
-    /// Cost without what is known of the states.
-    pub(crate) free_cost: Wide,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
     /// Scratch for one record's unknowns.
@@ -118,7 +116,6 @@ impl Workspace {
             iterates: Iterates::new(p, d.transient, d.records.len()),
             before: Iterates::new(p, d.transient, d.records.len()),
             progress: Progress::default(),
-            free_cost: Wide::ZERO,
             dependent: [false; LANES],
             unknowns: wide(size.max(extra)),
             target_size: Wide::ZERO,
