@@ -141,8 +141,12 @@ impl<'py> FromPyObject<'_, 'py> for Given {
 impl Given {
     /// In the core's words.
     pub fn options(&self, wanted: Wanted) -> Result<FitOptions, Error> {
-        let states =
-            [("unknown", Initial::Unknown), ("zero", Initial::Zero), ("rest", Initial::Rest)];
+        let states = [
+            ("unknown", Initial::Unknown),
+            ("zero", Initial::Zero),
+            ("rest", Initial::Rest),
+            ("periodic", Initial::Periodic),
+        ];
         let noises = [("output", Noise::Output), ("equation", Noise::Equation)];
         Ok(FitOptions {
             structure: {

@@ -1,4 +1,4 @@
-"""One thread of BLAS in all processes; a kind for every test, of `markers` in pyproject.toml; tests that fork."""
+"""One thread of BLAS; a kind for every test, of `markers` in pyproject.toml; tests that fork run apart."""
 
 import os
 import subprocess
@@ -53,8 +53,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(kinds[item.getparent(pytest.Module).obj])
 
 
-# A fork of a process that has threads may wait for ever for a lock that one of these held, and the process of all
-# tests has threads: of pytest-xdist, of dask, of pools.
+# A fork of a process that has threads may wait for ever for a lock that one of these held, and the process of
+# all tests has threads: of pytest-xdist, of dask, of pools.
 ALONE = "MODFUN_TESTS_ALONE"
 LONGEST = 300  # s
 

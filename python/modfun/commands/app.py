@@ -193,7 +193,7 @@ def fit(
     cov_type: Annotated[str, typer.Option(help="HC3 or nonrobust.")] = "HC3",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
     initial_state: Annotated[
-        str, typer.Option(help="unknown; rest: steady before the first sample; zero.")
+        str, typer.Option(help="unknown, zero, rest (steady before the first sample) or periodic.")
     ] = "unknown",
     json_to: Json = None,
     plot: Annotated[

@@ -22,9 +22,12 @@ from ..results.fit import Fit
 from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .sensitivities import trend_rows
-from .slopes import Known
+from .slopes import Known, Slopes
 
 __all__ = ["Bound", "crlb"]
+
+REPEATS = (4, 16, 64, 256)  # periods of the inputs before the one that counts
+SETTLED = 1e-6  # change of derivatives from one period to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +122,10 @@ def crlb(
         Values of the parameters of a structure, delays included.
     trend : {None, "constant", "linear"}
         Unknown offset, or offset and slope, of each output and record.
-    initial_state : {"unknown", "zero", "rest"}, optional
-        Whether the initial state is unknown, known (to be `start`, or zero), or steady under the inputs' first
-        values, which needs a `trend` unless these are zero. Default: as the Fit was told, else "unknown".
+    initial_state : {"unknown", "zero", "rest", "periodic"}, optional
+        Whether the initial state is unknown, known (to be `start`, or zero), steady under the inputs' first
+        values, which needs a `trend` unless these are zero, or that of whole periods of a steady response.
+        Default: as the Fit was told, else "unknown".
     model : TransferFunction, optional
         Structure whose parameters are unknown, for an LTI; default: the system's own.
     start : array_like, shape (states,), optional
@@ -178,7 +182,10 @@ def crlb(
     if initial_state is None:
         initial_state = sys.options.initial_state if isinstance(sys, Fit) else "unknown"
     if initial_state not in WORDS["initial_state"]:
-        raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown', 'zero' or 'rest'")
+        raise SpecError(
+            f"crlb: initial_state={initial_state!r} is unknown; "
+            f"{nearest(initial_state, WORDS['initial_state'])}"
+        )
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
     levels: F64 | float = 1.0
@@ -210,7 +217,11 @@ def crlb(
     records = [record_for(known, one) for one in given]
     if initial_state == "rest":
         records = [_from_rest(rec, trend) for rec in records]
-    found = [known.slopes(*one) for one in zip(records, states * (len(records) // len(states)), strict=True)]
+    each_state = states * (len(records) // len(states))
+    if initial_state == "periodic":
+        found = [_steady_slopes(known, rec) for rec in records]
+    else:
+        found = [known.slopes(*one) for one in zip(records, each_state, strict=True)]
     y = np.concatenate([one.y for one in found], axis=1)
     if not np.all(np.abs(y) < 1e100):
         raise DataError("crlb: the response grows without bound; shorten the experiment")
@@ -265,10 +276,27 @@ def _from_rest(rec: Record, trend: str | None) -> Record:
     first = rec.u[:, :1]
     if trend is None and np.any(first != 0):
         raise SpecError(
-            'crlb: initial_state="rest" under inputs that begin elsewhere than at zero leaves the output\'s offset '
-            'open; give trend="constant"'
+            'crlb: initial_state="rest" under inputs that begin elsewhere than at zero leaves the output\'s '
+            'offset open; give trend="constant"'
         )
     return rec._like(u=rec.u - first)
+
+
+def _steady_slopes(known: Known, rec: Record) -> Slopes:
+    """Response and derivatives over the record when its inputs have repeated for ever."""
+    count = rec.t.size - 1
+    for repeats in REPEATS:
+        u = np.hstack([np.tile(rec.u[:, :-1], repeats), rec.u[:, -1:]])
+        y = np.zeros((len(rec.outputs), u.shape[1]))
+        t = rec.t[0] + np.arange(u.shape[1]) * (rec.t[1] - rec.t[0])
+        found = known.slopes(rec._like(y=y, u=u, t=t, mask=None, sigma=None), None)
+        last, before = found.params[..., -count - 1 :], found.params[..., -2 * count - 1 : -count]
+        if np.max(np.abs(last - before)) <= SETTLED * np.max(np.abs(last)):
+            return Slopes(found.y[..., -count - 1 :], last, found.state[..., -count - 1 :])
+    raise DataError(
+        f'crlb: initial_state="periodic", but the response has not settled after {REPEATS[-1]} periods; the '
+        "system must be stable, or give longer periods"
+    )
 
 
 def _whitened(columns: F64, cov: F64, rec: Record) -> F64:

@@ -22,8 +22,8 @@ from .gaps import bridged, variances
 from .weights import weighting
 
 __all__ = [
-    "Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_known_start", "refuse_standing",
-    "spans",
+    "Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_known_start",
+    "refuse_standing", "spans",
 ]  # fmt: skip
 
 KEPT = 32  # kinds of fits
@@ -94,7 +94,8 @@ def prepare_stream(
     """
     if options.initial_state != "unknown":
         raise SpecError(
-            f'Stream: initial_state={options.initial_state!r} is for whole records; a stream forgets its start'
+            f"Stream: initial_state={options.initial_state!r} is for whole records, and a stream forgets "
+            "its start"
         )
     outputs, inputs, intersample = channels
     layout = structure.layout(outputs, inputs)
@@ -118,8 +119,8 @@ def refuse_known_start(options: Options) -> None:
     """
     if options.initial_state != "unknown":
         raise SpecError(
-            f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white noise, "
-            'without free delays, masks and sigma; take initial_state="unknown"'
+            f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white "
+            'noise, without free delays, masks and sigma; take initial_state="unknown"'
         )
 
 

@@ -24,7 +24,7 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
-from .known_start import gain_of_rest
+from .known_start import gain_of_start
 from .misfit import misfit, of_residuals, which_errors
 
 __all__ = ["check", "warnings_of"]
@@ -64,4 +64,5 @@ def check(fit: Estimates, line: str) -> Findings:
             note = which_errors(diagnosis)
         found += [biased(fit), minima(fit), few_samples(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    return Findings(title, [doubt.text for doubt in doubts], note=of_stability(fit) or gain_of_rest(fit) or note)
+    note = of_stability(fit) or gain_of_start(fit) or note
+    return Findings(title, [doubt.text for doubt in doubts], note=note)

@@ -253,9 +253,12 @@ def contradicted(fit: Estimates) -> Doubt | None:
     p = contradicted_p(fit)
     if p > 0.01 or not math.sqrt(fit.noise_cov[0, 0]) > FINEST * spread:
         return None
-    words = {"rest": "at rest", "zero": "with zero initial state"}
+    words = {
+        "rest": "begin at rest", "zero": "begin with zero initial state",
+        "periodic": "hold whole periods of a steady response",
+    }  # fmt: skip
     return Doubt(
-        f"The record does not begin {words[told]} (p = {p:.2g}), and the estimates are biased where it does not. "
+        f"The record does not {words[told]} (p = {p:.2g}), and the estimates are biased where it does not. "
         'First try initial_state="unknown".',
         sure=p < SURE,
     )

@@ -72,6 +72,7 @@ class Estimates:
     record_levels: F64 | None = None
     stability_cost: float = nan
     free_cost: float = nan
+    tail: float = inf
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     @classmethod
@@ -433,7 +434,8 @@ class Estimates:
         Records of the fit begin as it was told, where it was (`initial_state`).
         """
         told = self.options.initial_state
-        if initial_state is None and told != "unknown" and any(rec is own for own in self.records or ()):
+        own = any(rec is one for one in self.records or ())
+        if initial_state is None and own and told in ("zero", "rest"):
             initial_state = told
         return prediction.simulate_paths(self.layout, self.params, self.trend, rec, initial_state)
 

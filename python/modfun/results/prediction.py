@@ -169,8 +169,8 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
     if isinstance(initial_state, str):
         if initial_state != "zero":
             raise SpecError(
-                f'predict: initial_state={initial_state!r} must be "zero", "rest" (of transfer functions), an array, '
-                "or left out"
+                f'predict: initial_state={initial_state!r} must be "zero", "rest" (of transfer functions), '
+                "an array, or left out"
             )
         return np.zeros(n)
     try:
@@ -193,7 +193,7 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
 
 
 def _steady(layout: Layout, params: F64, rec: Record, output: int) -> F64:
-    """Free response at the first sample, y, y', …, of an output that was steady under the inputs' first values."""
+    """Free response at the first sample, y, y', …, of an output steady under the inputs' first values."""
     if not rec.inputs:
         return np.zeros(layout.orders[output])
     den, nums = layout.polynomials(params, output)

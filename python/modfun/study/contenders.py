@@ -17,7 +17,7 @@ from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
 from ..models.layout import Layout
-from ..models.options import WORDS, Options
+from ..models.options import SWITCHES, WORDS, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -143,8 +143,9 @@ def contenders(
     structures = tuple(_structure(g, model) for g in found)
     made = []
     for name, value in given.items():
-        if options.get("stable") or (isinstance(value, Estimator) and value.options.stable):
-            raise SpecError(f"MonteCarlo: stable=True of {name!r} is for mf.fit, one fit at a time")
+        for switch in SWITCHES:
+            if options.get(switch) or (isinstance(value, Estimator) and getattr(value.options, switch)):
+                raise SpecError(f"MonteCarlo: {switch}=True of {name!r} is for mf.fit, one fit at a time")
         if isinstance(value, str):
             if value not in words:
                 raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")

@@ -136,7 +136,9 @@ impl Fitter {
                     plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, scratch)?;
                     load(&mut w.space, k, lines, &w.re, &w.im);
                 }
-                if let Some(known) = d.known_start.as_ref().filter(|_| !once || !*loaded) {
+                if let Some(known) =
+                    d.known_start.as_ref().filter(|k| !k.periodic() && !(once && *loaded))
+                {
                     w.space.set_drives(known.drives(0, &[], |lane, input| match once {
                         true => batch.u[input],
                         false => batch.u[(first + lane.min(count - 1)) * inputs + input],

@@ -386,7 +386,8 @@ impl Fitter {
     fn known_start(&self, band_edge: f64) -> Result<KnownStart, Error> {
         let o = &self.o;
         let dt = self.records.first().and_then(|r| r.dt).unwrap_or(f64::NAN);
-        if self.records.iter().any(|r| r.dt.is_none_or(|own| (own - dt).abs() > 1e-9 * dt)) {
+        let odd = |r: &RecordPlan| r.dt.is_none_or(|own| (own - dt).abs() > 1e-9 * dt);
+        if o.initial != Initial::Periodic && self.records.iter().any(odd) {
             return Err(Error::Data(
                 "fitting with a known initial state: the samples need one even step in all records; \
                  resample them evenly, or take initial_state=\"unknown\""
@@ -445,7 +446,7 @@ impl Fitter {
         }
         desk.begin();
         desk.drives.clear();
-        if self.o.initial != Initial::Unknown {
+        if matches!(self.o.initial, Initial::Zero | Initial::Rest) {
             let known = self.known_start(1.0)?;
             let drives = |(k, record): (usize, &RecordView<'_>)| {
                 Arc::new(known.drives(k, &desk.units, |_, input| record.u[input]))

@@ -28,7 +28,8 @@ pub fn estimate(
     o: &Options,
 ) -> Outcome {
     w.begin(live);
-    w.records.iter_mut().for_each(|r| r.tie.active = false);
+    let periodic = d.known_start.as_ref().is_some_and(KnownStart::periodic);
+    w.records.iter_mut().for_each(|r| r.tie.begin(periodic));
     if d.method == Method::Ls {
         if !straight::ls(isa, d, w) {
             isa.run(ls::LsStep { design: d, space: w });
@@ -64,8 +65,8 @@ pub fn estimate(
     let asked = o.wanted == Wanted::Covariance;
     if o.wanted != Wanted::Cost {
         match &d.known_start {
-            Some(known) => start_known(isa, d, w, known, live, rule, o),
-            None => unfold(isa, d, w, live, rule, o),
+            Some(known) if !periodic => start_known(isa, d, w, known, live, rule, o),
+            _ => unfold(isa, d, w, live, rule, o),
         }
     }
     if o.wanted != Wanted::Theta {

@@ -39,6 +39,8 @@ pub enum Initial {
     Zero,
     /// All was steady under the inputs' first values.
     Rest,
+    /// That at the record's end: whole periods of a steady response.
+    Periodic,
 }
 
 /// One record as its states run through it.
@@ -96,6 +98,11 @@ pub(crate) fn moved(theta: impl Iterator<Item = (f64, f64)>) -> bool {
 }
 
 impl KnownStart {
+    /// Whether the transient is nothing, whatever θ.
+    pub fn periodic(&self) -> bool {
+        self.initial == Initial::Periodic
+    }
+
     /// What the inputs of record `k` do to the states: eight lanes, a function of (lane) each.
     pub fn drives<'a>(
         &self,
@@ -321,6 +328,13 @@ impl Tie {
             slopes: wide(tied * parameters),
             active: false,
         }
+    }
+
+    /// In force or not; where it is, T is nothing until it is set.
+    pub fn begin(&mut self, active: bool) {
+        self.active = active;
+        self.base.fill(Wide::ZERO);
+        self.slopes.fill(Wide::ZERO);
     }
 
     /// T at θ.

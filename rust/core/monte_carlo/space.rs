@@ -24,7 +24,7 @@ impl Space {
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
                 }
-                if let Some(known) = &d.known_start {
+                if let Some(known) = d.known_start.as_ref().filter(|known| !known.periodic()) {
                     space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
                 Space::Plain(Box::new(space))

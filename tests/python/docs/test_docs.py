@@ -27,7 +27,7 @@ PAGES = [
 CONTINUED = [
     str(page.relative_to(ROOT))
     for page in PAGES
-    if re.match(r"docs/(flight\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT)))
+    if re.match(r"docs/(flight\.md|known\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT)))
 ]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
