@@ -57,7 +57,7 @@ def test_tail_and_scale_are_those_of_maximum_likelihood() -> None:
 
 @pytest.mark.statistics
 def test_heavy_tails_and_spikes_cost_little() -> None:
-    """60 records each: the scatter is .6 of the plain fit's under t with 2.2 degrees of freedom, a third of it
+    """60 records each: the scatter is .6 of the plain fit's under t with 2.2 degrees of freedom, a third
     under spikes; ratios of standard deviations of 60 such errors scatter by less than 10 %.
     """
     for draw, limit in (
