@@ -13,16 +13,18 @@ from .._core import coefficients, local_responses
 from ..base.arguments import public, reals, whole
 from ..base.arrays import C128, F64
 from ..base.progress import Progress
+from ..base.samples import band_edges
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
+from .periodic import from_periods
 
 __all__ = ["frf"]
 
 
-METHODS = ("lrm", "lpm", "modulating")
+METHODS = ("lrm", "lpm", "modulating", "periodic")
 WEIGHTINGS = ("ls", "awls", "ml")
 WIDTHS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6)  # half-widths tried, over the least
 SPARE = 1.5  # lines in the narrowest neighbourhood, over its unknowns
@@ -64,10 +66,12 @@ def frf(
     omega : array_like, optional
         Angular frequencies, rad/s, on lines of the record or between them. Default: all lines of the longest
         record (or window), within `band`.
-    method : {"lrm", "lpm", "modulating"}
+    method : {"lrm", "lpm", "modulating", "periodic"}
         "lrm": A of the same degree as B, one an output: it follows resonances that are a few lines wide.
         "lpm": A = 1. "modulating", the report's: A = 1, and differences over m instead of T, not weighted by
-        their covariance (which would be "lpm").
+        their covariance (which would be "lpm"). "periodic": quotients of spectra on the lines that the inputs
+        excite, for whole periods of a steady response, the last sample of a record in the phase of its first;
+        noise is told from nonlinear distortion (see Notes). Of the options only `band` means something then.
     degree : int
         Of B, T and A, default 2.
     halfwidth : int, optional
@@ -117,6 +121,12 @@ def frf(
 
     Notes
     -----
+    "periodic" takes lists of records as realisations of the inputs with one period; with several inputs as
+    many records in turn make one realisation. Scatter from period to period is noise. Scatter between
+    realisations beyond that is nonlinear distortion, and their mean is the best linear approximation: with
+    two or more the covariance is that of the mean. With one it counts the noise alone, and distortion is seen
+    on lines that a single input leaves out (odd ones, where it has odd ones alone).
+
     Gains closer than the sum of their half-widths share lines, and errors. The covariance holds for the
     noise; where a neighbourhood is too wide for the system, what the polynomials cannot follow counts as
     noise, on average.
@@ -144,6 +154,13 @@ def frf(
     if method != "lrm" and weighting == "ml":
         raise SpecError(f'frf: weighting="ml" is for method="lrm", not {method!r}; leave it out')
     records = _records(data)
+    if method == "periodic":
+        if omega is not None or windows is not None or varying:
+            raise SpecError(
+                'frf: method="periodic" has lines of its own; leave omega, windows and varying out'
+            )
+        low, high = (0.0, np.inf) if band is None else band_edges("frf", band)
+        return from_periods(records, low, high)
     parts = _windows(records, windows)
     parts.sort(key=lambda rec: -rec.duration)
     pieces = [_piece(rec, rule, varying, trend) for rec in parts]

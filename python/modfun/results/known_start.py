@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ModfunError
+from ..records.periods import periods
 from .cures import on_band
 
 if TYPE_CHECKING:
     from ..records.record import Record
     from .estimates import Estimates
 
-__all__ = ["contradicted_p", "gain_of_start", "periods"]
+__all__ = ["contradicted_p", "gain_of_start"]
 
 QUIET = 4  # samples with steady inputs before which a record is not taken to begin at rest
 LEAST_GAIN = 1.2  # of a standard error
-SHORTEST = 8  # samples of a period
-SAME = 1e-9  # of an input's size: periods are compared so closely
 AGREES = 0.05  # p-value
 
 
@@ -75,14 +74,3 @@ def _begins_quiet(rec: Record) -> bool:
     """Whether a record's inputs stand for its first samples."""
     moving = np.any(rec.u != rec.u[:, :1], axis=0)
     return int(np.argmax(moving)) >= QUIET
-
-
-def periods(rec: Record) -> int:
-    """How many whole periods of its inputs a record holds, its ends in one phase; 1 if they do not repeat."""
-    count = rec.u.shape[1] - 1
-    size = np.max(np.abs(rec.u), axis=1, keepdims=True)
-    for parts in range(count // SHORTEST, 1, -1):
-        length = count // parts
-        if count % parts == 0 and np.all(np.abs(rec.u[:, length:] - rec.u[:, :-length]) <= SAME * size):
-            return parts
-    return 1

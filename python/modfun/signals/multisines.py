@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.arguments import public
+from ..base.arguments import public, whole
 from ..base.arrays import F64, I64
 from ..errors import SpecError
 from .checks import amplitudes_of, band_of, intervals_of, names_of
@@ -34,6 +34,9 @@ def multisine(
     power: ArrayLike | Callable[[F64], ArrayLike] | None = None,
     before: float = 0.0,
     after: float = 0.0,
+    periods: int = 1,
+    odd: bool = False,
+    seed: int | None = None,
 ) -> Signals:
     """Orthogonal multisines with low relative peak factor, one an input.
 
@@ -49,7 +52,7 @@ def multisine(
     band : float or (float, float)
         Upper edge, or lower and upper, rad/s. A lower edge of two or more periods in T, 4π/T, is usual.
     duration : float
-        Length of the record, s, rests included.
+        Length of one period, s, rests included.
     dt : float
         Sampling interval, s; eight samples a period of the upper edge are good.
     amplitude : float or sequence of float, default 1
@@ -59,6 +62,13 @@ def multisine(
         that returns it. Default: the same for all.
     before, after : float, default 0
         Rests at zero, s.
+    periods : int, default 1
+        How often the sum repeats, without rests: the last sample is in the phase of the first.
+    odd : bool
+        Odd lines alone, and of each four in turn one left out, drawn by `seed`: what a response has on lines
+        left out is distortion (`frf`).
+    seed : int, optional
+        Draws independent phases instead of those of a low peak: one realisation a seed.
 
     Returns
     -------
@@ -95,6 +105,12 @@ def multisine(
     length = count * step
     base = 2 * np.pi / length
     lines = np.arange(max(int(np.ceil(low / base * (1 - 1e-12))), 1), int(high / base * (1 + 1e-12)) + 1)
+    drawn = None if seed is None else np.random.default_rng(whole(what, "seed", seed, 0, 2**63))
+    periods = whole(what, "periods", periods, 1, 10**6)
+    if periods > 1 and (before or after):
+        raise SpecError(f"multisine: periods={periods} repeats without rests; leave before and after out")
+    if odd:
+        lines = _odd(lines, drawn or np.random.default_rng(0))
     if lines.size < len(names):
         raise SpecError(
             f"multisine: the band {low:g} to {high:g} rad/s holds {lines.size} multiples of {base:.4g} rad/s "
@@ -107,18 +123,36 @@ def multisine(
         own, size = lines[k :: len(names)], sizes[k :: len(names)]
         if not np.any(size):
             raise SpecError(f"multisine: power= gives the lines of {name!r} none")
-        phases, top = low_peak(own[size > 0], size[size > 0])
+        if drawn is None:
+            phases, top = low_peak(own[size > 0], size[size > 0])
+        else:
+            phases, top = _random(own[size > 0], size[size > 0], drawn)
         functions.append(
             _Sines(
                 tuple((own[size > 0] * base).tolist()),
                 tuple((peak / top * size[size > 0]).tolist()),
                 tuple(phases.tolist()),
                 lead * step,
-                length,
+                length * periods,
+                drawn is not None,
             )
         )
-    t: F64 = np.arange(round(duration / step) + 1.0) * step
+    t: F64 = np.arange(round(periods * duration / step) + 1.0) * step
     return Signals([f(t) for f in functions], step, names, "smooth", functions)
+
+
+def _odd(lines: I64, drawn: np.random.Generator) -> I64:
+    """Odd lines, of each four in turn one left out."""
+    odd = lines[lines % 2 == 1]
+    groups = [odd[k : k + 4] for k in range(0, odd.size, 4)]
+    return np.concatenate([np.delete(g, drawn.integers(4)) if g.size == 4 else g for g in groups])
+
+
+def _random(lines: I64, sizes: F64, drawn: np.random.Generator) -> tuple[F64, float]:
+    """Independent phases, and the peak of their sum."""
+    phases = drawn.uniform(0.0, 2 * np.pi, lines.size)
+    count = 1 << int(np.ceil(np.log2(FINE * lines[-1] + 1)))
+    return phases, float(np.abs(_wave(lines, sizes, phases, FINER * count)).max())
 
 
 def low_peak(lines: I64, sizes: F64) -> tuple[F64, float]:
@@ -197,17 +231,19 @@ def _power(given: Any, omega: F64) -> F64:
 
 @dataclass(frozen=True)
 class _Sines:
-    """The sum at any time; zero outside its period."""
+    """The sum at any time; zero outside its periods, and at their ends unless these are `open`."""
 
     omega: tuple[float, ...]
     sizes: tuple[float, ...]
     phases: tuple[float, ...]
     start: float
     length: float
+    open: bool = False
 
     def __call__(self, t: F64) -> F64:
         s = t - self.start
-        inside = (s > 1e-12 * self.length) & (s < self.length * (1 - 1e-12))
+        edge = (-1e-12 if self.open else 1e-12) * self.length
+        inside = (s > edge) & (s < self.length - edge)
         angles = np.multiply.outer(s[inside], self.omega) + self.phases
         u = np.zeros(t.shape)
         u[inside] = np.cos(angles) @ self.sizes

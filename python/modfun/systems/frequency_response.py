@@ -53,6 +53,8 @@ class FrequencyResponse:
         err alike.
     drift, drift_bse : array_like, same shape as `response`, optional
         Change of the gains over the record, and its standard error.
+    distortion : array_like, same shape as `response`, optional
+        Standard deviation √E|·|² of what nonlinearity adds to the gains of one realisation of the inputs.
     outputs, inputs : sequence of str, optional
         Names of the channels; by default y, y1, … and u, u1, ….
     source : str, optional
@@ -97,6 +99,7 @@ class FrequencyResponse:
     reach: F64 | None
     drift: C128 | None
     drift_bse: F64 | None
+    distortion: F64 | None
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     source: str
@@ -117,6 +120,7 @@ class FrequencyResponse:
         reach: ArrayLike | None = None,
         drift: ArrayLike | None = None,
         drift_bse: ArrayLike | None = None,
+        distortion: ArrayLike | None = None,
         outputs: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
         source: str = "",
@@ -151,6 +155,7 @@ class FrequencyResponse:
             "reach": _optional("reach", reach, (where.size,), float),
             "drift": _optional("drift", drift, several, complex),
             "drift_bse": _optional("drift_bse", drift_bse, several, float),
+            "distortion": _optional("distortion", distortion, several, float),
         }
         for name, array in put.items():
             if array is not None:
@@ -264,6 +269,7 @@ class FrequencyResponse:
             reach=first(self.reach),
             drift=last(self.drift),
             drift_bse=last(self.drift_bse),
+            distortion=last(self.distortion),
             outputs=self.outputs,
             inputs=self.inputs,
             source=self.source,
