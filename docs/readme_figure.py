@@ -1,8 +1,8 @@
 """Draws the figure of README from README's own first block: python docs/readme_figure.py.
 
-The band is that of the response itself, without the noise of the samples: the model is simulated with new noise of
-the level that the fit found, and fitted again, its initial state too. A twin of the record without noise is the
-true response, which the fit does not see.
+The band is that of the response, not of the samples. For each of its refits the fitted model is simulated
+with new noise of the fitted level, and fitted again, with a new initial state. The true response comes from
+the same simulation without noise.
 """
 
 import os
