@@ -9,7 +9,8 @@ mod common;
 use common::{ALL, Block, INTERVALS};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use modfun::estimate::{
-    Band, Design, FitOptions, Fitter, Options, RecordView, Start, Time, Wanted, Workspace, estimate,
+    Band, Design, FitOptions, Fitter, Initial, Options, RecordView, Start, Time, Wanted, Workspace,
+    estimate,
 };
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, fill, normals};
@@ -117,6 +118,7 @@ fn single(c: &mut Criterion) {
             extended: true,
             band,
             own_levels: true,
+            initial: Initial::Unknown,
             options: common::OPTIONS,
         };
         let make = || {

@@ -16,7 +16,8 @@ use modfun::estimate::joint::{
 };
 use modfun::estimate::terms::{TermsFitter, TermsOptions, TermsRecord};
 use modfun::estimate::{
-    Answer, Band, Batch, FitOptions, Fitter, Many, Options, RecordView, Stream, Time, Wanted,
+    Answer, Band, Batch, FitOptions, Fitter, Initial, Many, Options, RecordView, Stream, Time,
+    Wanted,
 };
 use modfun::math::sin_cos_turns_1;
 use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
@@ -109,6 +110,7 @@ fn plain(method: Method, rule: Rule, band: Band, options: Options) -> FitOptions
         extended: true,
         band,
         own_levels: true,
+        initial: Initial::Unknown,
         options,
     }
 }

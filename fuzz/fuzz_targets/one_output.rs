@@ -33,7 +33,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
 
     let start = b.many(fit.map_or(0, |f| f.answer.theta.len()), Bytes::number);
-    if let Some(fit) = told(fitter.fit_from(&given, &start)) {
+    if let Some(fit) = told(fitter.fit_best(&given, &[start])) {
         sound(fit.answer.status, &fit.answer.theta, []);
     }
     let batch = Batch {

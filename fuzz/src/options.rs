@@ -1,7 +1,7 @@
 //! Options of fits, most of them of use.
 
 use modfun::estimate::joint::{Colour, Delay, JointOptions, JointStructure, NoiseModel, Path};
-use modfun::estimate::{Band, FitOptions, Options, Wanted};
+use modfun::estimate::{Band, FitOptions, Initial, Options, Wanted};
 use modfun::quadrature::{Hold, Rule};
 use modfun::structure::{Method, Noise, Structure, Trend};
 
@@ -89,6 +89,8 @@ impl Bytes<'_> {
             trend: self.trend(),
             extended: !self.rarely(),
             band: self.band(n as f64 * dt),
+            own_levels: !self.rarely(),
+            initial: self.of(&[Initial::Unknown, Initial::Unknown, Initial::Zero, Initial::Rest]),
             options: self.iteration(),
         })
     }
@@ -168,6 +170,7 @@ impl Bytes<'_> {
             trend: self.trend(),
             extended: !self.rarely(),
             band: self.band(n as f64 * dt),
+            own_levels: !self.rarely(),
             options: self.iteration(),
         })
     }

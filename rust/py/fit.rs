@@ -2,8 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Many, Options, RecordView,
-    Time, Wanted,
+    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, Options,
+    RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -114,6 +114,7 @@ pub struct Given {
     numerators: Vec<Option<usize>>,
     delays: Vec<f64>,
     noise: String,
+    initial_state: String,
     /// Transient coefficients, where they are more than the poles.
     transient: Option<usize>,
     words: Words,
@@ -127,6 +128,7 @@ impl<'py> FromPyObject<'_, 'py> for Given {
             numerators: given.get_item("numerators")?.extract()?,
             delays: given.get_item("delays")?.extract()?,
             noise: given.get_item("noise")?.extract()?,
+            initial_state: given.get_item("initial_state")?.extract()?,
             transient: match given.get_item("transient") {
                 Ok(transient) => transient.extract()?,
                 Err(_) => None,
@@ -139,6 +141,12 @@ impl<'py> FromPyObject<'_, 'py> for Given {
 impl Given {
     /// In the core's words.
     pub fn options(&self, wanted: Wanted) -> Result<FitOptions, Error> {
+        let states = [
+            ("unknown", Initial::Unknown),
+            ("zero", Initial::Zero),
+            ("rest", Initial::Rest),
+            ("periodic", Initial::Periodic),
+        ];
         let noises = [("output", Noise::Output), ("equation", Noise::Equation)];
         Ok(FitOptions {
             structure: {
@@ -155,6 +163,7 @@ impl Given {
             extended: self.words.extended,
             band: self.words.band()?,
             own_levels: true,
+            initial: word("initial_state", &self.initial_state, &states)?,
             options: self.words.iteration(wanted),
         })
     }
@@ -329,6 +338,7 @@ fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     let out = answered(py, f.answer)?;
     out.set_item("sigma", f.sigma)?;
+    out.set_item("free_cost", f.free_cost)?;
     out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {

@@ -1,6 +1,7 @@
-"""One thread of BLAS in all processes of the tests; a kind for every test, of `markers` in pyproject.toml."""
+"""One thread of BLAS; a kind for every test, of `markers` in pyproject.toml; tests that fork run apart."""
 
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,3 +51,28 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if not any(mark.name in KINDS for mark in item.iter_markers()):
             item.add_marker(kinds[item.getparent(pytest.Module).obj])
+
+
+# A fork of a process that has threads may wait for ever for a lock that one of these held, and the process of
+# all tests has threads: of pytest-xdist, of dask, of pools.
+ALONE = "MODFUN_TESTS_ALONE"
+LONGEST = 300  # s
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Runs what is marked `forks` in a process of its own."""
+    if pyfuncitem.get_closest_marker("forks") is None or ALONE in os.environ:
+        return None
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    done = subprocess.run(
+        [*words, f"{pyfuncitem.path}::{pyfuncitem.name}"],
+        cwd=pyfuncitem.config.rootpath,
+        env={**os.environ, ALONE: "1"},
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 passed" in done.stdout, done.stdout
+    return True

@@ -7,6 +7,7 @@ from oracle.lines import Record
 DEFAULTS = {
     "method": "ml",
     "noise": "output",
+    "initial_state": "unknown",
     "trend": None,
     "rule": "gregory",
     "extended": True,

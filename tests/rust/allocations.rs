@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{ALL, DURATION, INTERVALS, METHODS, OPTIONS};
 use modfun::Status;
-use modfun::estimate::{Band, FitOptions, Start, Workspace, estimate};
+use modfun::estimate::{Band, FitOptions, Initial, Start, Workspace, estimate};
 use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
@@ -111,6 +111,7 @@ fn plan(draw: Draw) -> Plan {
             extended: true,
             band: Band::Harmonics(6),
             own_levels: true,
+            initial: Initial::Unknown,
             options: OPTIONS,
         };
         Contender {

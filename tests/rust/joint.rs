@@ -9,7 +9,7 @@ use modfun::estimate::joint::{
     Delay, JointBatch, JointFit, JointFitter, JointOptions, JointRecord, JointStructure,
     NoiseModel, Path,
 };
-use modfun::estimate::{Band, FitOptions, Fitter, RecordView, Time};
+use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Time};
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
@@ -86,6 +86,7 @@ fn one_output_is_what_the_fast_estimator_says() {
             extended: true,
             band: Band::Default,
             own_levels: true,
+            initial: Initial::Unknown,
             options: OPTIONS,
         };
         let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use modfun::estimate::joint::{Delay, JointFitter, JointOptions, JointStructure, NoiseModel, Path};
-use modfun::estimate::{Band, FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use modfun::estimate::{Band, FitOptions, Fitter, Initial, Options, RecordView, Time, Wanted};
 use modfun::integrate::{Past, Problem, integrate};
 use modfun::model::StateSpace;
 use modfun::model::discretise::phi;
@@ -41,6 +41,7 @@ fn options(delay: f64, band: Band) -> FitOptions {
         extended: true,
         band,
         own_levels: true,
+        initial: Initial::Unknown,
         options: OPTIONS,
     }
 }

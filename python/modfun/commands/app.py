@@ -192,6 +192,9 @@ def fit(
     noise: Annotated[str, typer.Option(help="output, coloured, errors-in-variables or equation.")] = "output",
     cov_type: Annotated[str, typer.Option(help="HC3 or nonrobust.")] = "HC3",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
+    initial_state: Annotated[
+        str, typer.Option(help="unknown, zero, rest (steady before the first sample) or periodic.")
+    ] = "unknown",
     json_to: Json = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw response and Bode plot to a file (.png, .pdf, .svg).")
@@ -227,6 +230,7 @@ def fit(
         noise=noise,
         cov_type=cov_type,
         rule=rule,
+        initial_state=initial_state,
     )
     usable = result.status in ("ok", "maxiter")
     if json_to != "-":

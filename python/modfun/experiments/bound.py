@@ -14,6 +14,7 @@ from ..base.arrays import F64
 from ..base.tables import Table, nearest
 from ..base.words import TRENDS
 from ..errors import DataError, SpecError
+from ..models.options import WORDS
 from ..models.transfer_function import TransferFunction
 from ..records.mask import sample_weights
 from ..records.record import Record
@@ -21,9 +22,12 @@ from ..results.fit import Fit
 from ..signals import Signals
 from .known_models import noise_of, record_for, valued
 from .sensitivities import trend_rows
-from .slopes import Known
+from .slopes import Known, Slopes
 
 __all__ = ["Bound", "crlb"]
+
+REPEATS = (4, 16, 64, 256)  # periods of the inputs before the one that counts
+SETTLED = 1e-6  # change of derivatives from one period to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,7 @@ def crlb(
     sigma: ArrayLike | None = None,
     params: Mapping[str, float] | None = None,
     trend: str | None = None,
-    initial_state: str = "unknown",
+    initial_state: str | None = None,
     model: TransferFunction | None = None,
     start: ArrayLike | None = None,
 ) -> Bound:
@@ -118,8 +122,10 @@ def crlb(
         Values of the parameters of a structure, delays included.
     trend : {None, "constant", "linear"}
         Unknown offset, or offset and slope, of each output and record.
-    initial_state : {"unknown", "zero"}
-        Whether the initial state is unknown or known (to be `start`, or zero).
+    initial_state : {"unknown", "zero", "rest", "periodic"}, optional
+        Whether the initial state is unknown, known (to be `start`, or zero), steady under the inputs' first
+        values, which needs a `trend` unless these are zero, or that of whole periods of a steady response.
+        Default: as the Fit was told, else "unknown".
     model : TransferFunction, optional
         Structure whose parameters are unknown, for an LTI; default: the system's own.
     start : array_like, shape (states,), optional
@@ -173,8 +179,13 @@ def crlb(
     """
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
-    if initial_state not in ("unknown", "zero"):
-        raise SpecError(f"crlb: initial_state={initial_state!r} is unknown; choose 'unknown' or 'zero'")
+    if initial_state is None:
+        initial_state = sys.options.initial_state if isinstance(sys, Fit) else "unknown"
+    if initial_state not in WORDS["initial_state"]:
+        raise SpecError(
+            f"crlb: initial_state={initial_state!r} is unknown; "
+            f"{nearest(initial_state, WORDS['initial_state'])}"
+        )
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
     levels: F64 | float = 1.0
@@ -184,7 +195,7 @@ def crlb(
             if sys.records is None:
                 raise SpecError("crlb: the fit has no records with it; give the experiment")
             experiment = sys.records
-            if start is None:
+            if start is None and initial_state == "unknown":
                 states = [sys.initial_state(k).state for k in range(len(sys.records))]
         if nsr is None and sigma is None:
             sigma = noise_of(sys)
@@ -204,7 +215,13 @@ def crlb(
         )
     known = valued(sys, params, model, given[0])
     records = [record_for(known, one) for one in given]
-    found = [known.slopes(*one) for one in zip(records, states * (len(records) // len(states)), strict=True)]
+    if initial_state == "rest":
+        records = [_from_rest(rec, trend) for rec in records]
+    each_state = states * (len(records) // len(states))
+    if initial_state == "periodic":
+        found = [_steady_slopes(known, rec) for rec in records]
+    else:
+        found = [known.slopes(*one) for one in zip(records, each_state, strict=True)]
     y = np.concatenate([one.y for one in found], axis=1)
     if not np.all(np.abs(y) < 1e100):
         raise DataError("crlb: the response grows without bound; shorten the experiment")
@@ -252,6 +269,34 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
     if nsr is not None and np.any(rms == 0):
         raise DataError("crlb: the response from rest is zero, so nsr says nothing; give sigma=")
     return np.diag(np.broadcast_to(values, (q,)) ** 2 * (rms**2 if nsr is not None else 1.0))
+
+
+def _from_rest(rec: Record, trend: str | None) -> Record:
+    """The record with inputs counted from their first values."""
+    first = rec.u[:, :1]
+    if trend is None and np.any(first != 0):
+        raise SpecError(
+            'crlb: initial_state="rest" under inputs that begin elsewhere than at zero leaves the output\'s '
+            'offset open; give trend="constant"'
+        )
+    return rec._like(u=rec.u - first)
+
+
+def _steady_slopes(known: Known, rec: Record) -> Slopes:
+    """Response and derivatives over the record when its inputs have repeated for ever."""
+    count = rec.t.size - 1
+    for repeats in REPEATS:
+        u = np.hstack([np.tile(rec.u[:, :-1], repeats), rec.u[:, -1:]])
+        y = np.zeros((len(rec.outputs), u.shape[1]))
+        t = rec.t[0] + np.arange(u.shape[1]) * (rec.t[1] - rec.t[0])
+        found = known.slopes(rec._like(y=y, u=u, t=t, mask=None, sigma=None), None)
+        last, before = found.params[..., -count - 1 :], found.params[..., -2 * count - 1 : -count]
+        if np.max(np.abs(last - before)) <= SETTLED * np.max(np.abs(last)):
+            return Slopes(found.y[..., -count - 1 :], last, found.state[..., -count - 1 :])
+    raise DataError(
+        f'crlb: initial_state="periodic", but the response has not settled after {REPEATS[-1]} periods; the '
+        "system must be stable, or give longer periods"
+    )
 
 
 def _whitened(columns: F64, cov: F64, rec: Record) -> F64:

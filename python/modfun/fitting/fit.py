@@ -13,7 +13,7 @@ from ..base.arguments import public, whole
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
-from ..models.options import MOST_THREADS, Choices, Options
+from ..models.options import MOST_THREADS, SWITCHES, Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
@@ -26,6 +26,7 @@ from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .prepared import prepare, refuse_standing
+from .robust import robust_fit
 
 __all__ = [
     "Estimator",
@@ -56,6 +57,8 @@ def fit(
     tol: float = 1e-9,
     maxiter: int = 50,
     stable: bool = False,
+    initial_state: str = "unknown",
+    robust: bool = False,
     **unknown: Never,
 ) -> Fit:
     """Estimate the parameters of a structure from one record, or from several as one problem.
@@ -113,6 +116,19 @@ def fit(
     stable : bool, default False
         Whether an unstable estimate of a transfer function gives way to the nearest stable model,
         `Fit.stable`.
+    initial_state : {"unknown", "zero", "rest", "periodic"}
+        What is known of the state at the first sample of each record. "rest": all was steady under the
+        inputs' first values, as before a step test; the offset of the output is free where `trend` says
+        so. "zero": the response begins at zero, and the inputs act from the first sample on. "periodic": the
+        record holds whole periods of a steady response, the first and the last sample in one phase. The
+        transient then follows from the parameters, or there is none, which makes standard errors on steps and
+        short records up to three times smaller. For transfer functions of one output in white noise; a fit
+        warns where the record contradicts it.
+    robust : bool, default False
+        Whether samples are weighted by Student's t distribution, for spikes and heavy tails: its degrees of
+        freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the
+        relative noise of each sample (`Record.sigma`). Where the residuals are no heavier than normal ones,
+        this is the plain fit.
 
     Returns
     -------
@@ -173,6 +189,8 @@ def fit(
         tol=tol,
         maxiter=maxiter,
         stable=stable,
+        initial_state=initial_state,
+        robust=robust,
         **unknown,
     )
     return _fitted(data, structure_of(model, "fit"), options)
@@ -291,8 +309,9 @@ def fit_many(
     (3, 3)
     """
     checked = Options.checked("fit_many", **options)
-    if checked.stable:
-        raise SpecError("fit_many: stable=True is for mf.fit, one fit at a time")
+    for name in SWITCHES:
+        if getattr(checked, name):
+            raise SpecError(f"fit_many: {name}=True is for mf.fit, one fit at a time")
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
     if not isinstance(data, Batch):
@@ -313,7 +332,11 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     if isinstance(data, FrequencyResponse):
         result: Fit = fit_response(data, structure, options)
     else:
-        result = fit_quietly(records_of(data), structure, options)
+        records = records_of(data)
+        if options.robust:
+            result = robust_fit(records, structure, options, fit_quietly)
+        else:
+            result = fit_quietly(records, structure, options)
     if options.stable and result.usable:
         result = result.stable()
     for text in result.remarks():

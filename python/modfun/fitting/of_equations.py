@@ -20,7 +20,7 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
-from .prepared import KEPT, LONGEST
+from .prepared import KEPT, LONGEST, refuse_known_start
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -68,6 +68,7 @@ def prepare_equation(
     DataError, SpecError
         As in `fit`.
     """
+    refuse_known_start(options)
     first: Batch | Record
     sampling: tuple[tuple[int, Any], ...]
     if isinstance(data, Batch):

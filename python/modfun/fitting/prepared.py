@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import Fitter, JointFitter, Stream
 from ..base.arrays import F64
-from ..errors import DataError
+from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -21,7 +21,10 @@ from ..records.record import Record
 from .gaps import bridged, variances
 from .weights import weighting
 
-__all__ = ["Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_standing", "spans"]
+__all__ = [
+    "Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_known_start",
+    "refuse_standing", "spans",
+]  # fmt: skip
 
 KEPT = 32  # kinds of fits
 LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes for less than the fit takes
@@ -89,6 +92,11 @@ def prepare_stream(
     The last `intervals` of it are fitted, and as many before them for each further weight, that of their
     squared residuals. Delays are known, noise is white or given by numbers.
     """
+    if options.initial_state != "unknown":
+        raise SpecError(
+            f"Stream: initial_state={options.initial_state!r} is for whole records, and a stream forgets "
+            "its start"
+        )
     outputs, inputs, intersample = channels
     layout = structure.layout(outputs, inputs)
     late = layout.longest_delay
@@ -100,6 +108,20 @@ def prepare_stream(
     factors = [weight**0.5 for weight in weights]
     core = Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
     return Prepared(core, layout, (intervals,))
+
+
+def refuse_known_start(options: Options) -> None:
+    """Refuse a known initial state where fits cannot count it.
+
+    Raises
+    ------
+    SpecError
+    """
+    if options.initial_state != "unknown":
+        raise SpecError(
+            f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white "
+            'noise, without free delays, masks and sigma; take initial_state="unknown"'
+        )
 
 
 def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:
@@ -172,6 +194,7 @@ def _joint(
     intersample: tuple[str, ...],
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
+    refuse_known_start(options)
     intervals = _intervals(layout, sampling)
     if isinstance(data, Batch):
         # Some of its records say how much noise there is; where that is told, one stands for all.

@@ -21,9 +21,14 @@ WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
     "noise": ("output", "equation", "coloured", "errors-in-variables", "log-normal"),
     "cov_type": ("HC3", "nonrobust"),
+    "initial_state": ("unknown", "zero", "rest", "periodic"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
-_REPORTED = ("cov_type", "output_weights", "correct", "stable")
+SWITCHES = {
+    "stable": "an unstable estimate gives way to the nearest stable model",
+    "robust": "samples are weighted by Student's t, for spikes and heavy tails",
+}
+_REPORTED = ("cov_type", "output_weights", "correct", "stable", "robust")
 MOST = 10**9
 MOST_THREADS = 10_000
 
@@ -44,6 +49,8 @@ class Choices(TypedDict, total=False):
     tol: float
     maxiter: int
     stable: bool
+    initial_state: str
+    robust: bool
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,8 @@ class Options:
     tol: float = 1e-9
     maxiter: int = 50
     stable: bool = field(default=False, repr=False)  # no study has it
+    initial_state: str = field(default="unknown", repr=False)  # in hashes of studies where it is not this
+    robust: bool = field(default=False, repr=False)  # no study has it
 
     @classmethod
     def checked(cls, what: str, **given: Any) -> Options:
@@ -157,12 +166,10 @@ def _checked(what: str, **given: Any) -> Options:
             f"{what}: correct={given['correct']!r} must be True (what noise adds to nonlinear signals is "
             "taken out) or False"
         )
-    if "stable" in given and not isinstance(given["stable"], bool | np.bool_):
-        raise SpecError(
-            f"{what}: stable={given['stable']!r} must be True (an unstable estimate gives way to the "
-            "nearest stable model) or False"
-        )
-    for name in ("extended", "correct", "stable"):
+    for name, does in SWITCHES.items():
+        if name in given and not isinstance(given[name], bool | np.bool_):
+            raise SpecError(f"{what}: {name}={given[name]!r} must be True ({does}) or False")
+    for name in ("extended", "correct", *SWITCHES):
         if name in given:
             checked[name] = bool(given[name])
     return Options(**checked)

@@ -12,6 +12,7 @@ from .doubts import (
     Doubt,
     biased,
     condition,
+    contradicted,
     few_samples,
     mean,
     minima,
@@ -23,6 +24,7 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
+from .known_start import gain_of_start
 from .misfit import misfit, of_residuals, which_errors
 
 __all__ = ["check", "warnings_of"]
@@ -35,7 +37,7 @@ def unsettled(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, misfit, unsettled, unstable, condition,
+    offset, mean, repeated, on_bound, contradicted, misfit, unsettled, unstable, condition,
 )  # fmt: skip
 
 
@@ -62,4 +64,5 @@ def check(fit: Estimates, line: str) -> Findings:
             note = which_errors(diagnosis)
         found += [biased(fit), minima(fit), few_samples(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    return Findings(title, [doubt.text for doubt in doubts], note=of_stability(fit) or note)
+    note = of_stability(fit) or gain_of_start(fit) or note
+    return Findings(title, [doubt.text for doubt in doubts], note=note)

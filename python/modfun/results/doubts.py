@@ -14,6 +14,7 @@ from ..errors import ModfunError
 from .cures import on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
+from .known_start import contradicted_p
 
 __all__ = [
     "FINEST",
@@ -21,6 +22,7 @@ __all__ = [
     "Doubt",
     "biased",
     "condition",
+    "contradicted",
     "few_samples",
     "mean",
     "minima",
@@ -239,6 +241,26 @@ def minima(fit: Estimates) -> Doubt | None:
         f"{max(wide, narrow):.6g}; the lower one was taken. Often a delay is missing from the structure, or "
         "it has too many poles.",
         sure=False,
+    )
+
+
+def contradicted(fit: Estimates) -> Doubt | None:
+    """That the records do not begin as they were said to."""
+    told = fit.options.initial_state
+    if told == "unknown" or not fit.records:
+        return None
+    spread = max(_rms(rec.y[0], float(rec.y[0].mean())) for rec in fit.records)
+    p = contradicted_p(fit)
+    if p > 0.01 or not math.sqrt(fit.noise_cov[0, 0]) > FINEST * spread:
+        return None
+    words = {
+        "rest": "begin at rest", "zero": "begin with zero initial state",
+        "periodic": "hold whole periods of a steady response",
+    }  # fmt: skip
+    return Doubt(
+        f"The record does not {words[told]} (p = {p:.2g}), and the estimates are biased where it does not. "
+        'First try initial_state="unknown".',
+        sure=p < SURE,
     )
 
 

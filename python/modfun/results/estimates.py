@@ -71,6 +71,8 @@ class Estimates:
     df_hc3: F64 | None = None
     record_levels: F64 | None = None
     stability_cost: float = nan
+    free_cost: float = nan
+    tail: float = inf
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     @classmethod
@@ -92,6 +94,7 @@ class Estimates:
             "noise_cov": np.array([[found["sigma"] ** 2]]) if noise is None else noise,
             "noise_scale": found["scale"] if known else nan,
             "record_levels": found.get("record_levels"),
+            "free_cost": nan if found.get("free_cost") is None else found["free_cost"],
             "lines": tuple(found["lines"]),
             "omega0": tuple(found["omega0"]),
             "pieces": tuple([np.atleast_2d(piece) for piece in found["residuals"]]),
@@ -426,7 +429,14 @@ class Estimates:
     # Against records ----------------------------------------------------------------------------
 
     def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
-        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
+        """Simulated outputs for a record with the initial state and trend that `predict` takes.
+
+        Records of the fit begin as it was told, where it was (`initial_state`).
+        """
+        told = self.options.initial_state
+        own = any(rec is one for one in self.records or ())
+        if initial_state is None and own and told in ("zero", "rest"):
+            initial_state = told
         return prediction.simulate_paths(self.layout, self.params, self.trend, rec, initial_state)
 
     def record_of(self, rec: Record | int | None, what: str) -> Record:

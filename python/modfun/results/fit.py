@@ -57,6 +57,10 @@ class Fit(Estimates):
         Covariance of the noise on a sample of the outputs (of the equations, for equation noise).
     df_resid : int
         Real equations less unknowns (transient and trend included).
+    free_cost : float
+        The cost with free initial states, where `initial_state` says more of them; else nan.
+    tail : float
+        Degrees of freedom of Student's t where ``robust=True`` found heavy tails; else inf.
     status : str
         "ok", "maxiter", "rank" or "nonfinite".
     nit : int

@@ -59,6 +59,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["window_weights"] = tuple(values.get("window_weights", ()))
     fields.update({name: _array(values[name]) for name in ARRAYS})
     fields["stability_cost"] = float(values.get("stability_cost", "nan"))
+    fields["tail"] = float(values.get("tail", "inf"))
+    fields["free_cost"] = float(values.get("free_cost", "nan"))
     if "record_levels" in values:  # files of old have none
         fields["record_levels"] = _array(values["record_levels"])
     fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])

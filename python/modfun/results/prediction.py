@@ -92,7 +92,7 @@ def simulate_paths(
     trend : {None, "constant", "linear"}
     rec : Record
         With the channels of the layout.
-    initial_state : None, "zero" or array
+    initial_state : None, "zero", "rest" or array
         None: estimated by least squares on the free response, together with the trend.
 
     Returns
@@ -101,7 +101,10 @@ def simulate_paths(
     initial : InitialState
     """
     orders = layout.orders
-    given = None if initial_state is None else given_state(initial_state, sum(orders))
+    rest = isinstance(initial_state, str) and initial_state == "rest"
+    given = None if initial_state is None else np.zeros(sum(orders))
+    if initial_state is not None and not rest:
+        given = given_state(initial_state, sum(orders))
     drift, weights = trend_columns(rec.t, trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
@@ -110,6 +113,8 @@ def simulate_paths(
         den, _ = layout.polynomials(params, i)
         forced = _forced(layout, params, rec, i)
         free = free_response(den, rec.t)
+        if rest:
+            given[first : first + n] = _steady(layout, params, rec, i)  # type: ignore[index]
         left = rec.y[i] - forced
         if given is None:
             found = regress(left, np.vstack([free, drift]), weights[i])
@@ -163,7 +168,10 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
     """An initial state of n numbers as the user gave it to `predict`."""
     if isinstance(initial_state, str):
         if initial_state != "zero":
-            raise SpecError(f'predict: initial_state={initial_state!r} must be "zero", an array, or left out')
+            raise SpecError(
+                f'predict: initial_state={initial_state!r} must be "zero", "rest" (of transfer functions), '
+                "an array, or left out"
+            )
         return np.zeros(n)
     try:
         state = np.asarray(initial_state, dtype=float)
@@ -182,6 +190,17 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
             "other units"
         )
     return state
+
+
+def _steady(layout: Layout, params: F64, rec: Record, output: int) -> F64:
+    """Free response at the first sample, y, y', …, of an output steady under the inputs' first values."""
+    if not rec.inputs:
+        return np.zeros(layout.orders[output])
+    den, nums = layout.polynomials(params, output)
+    standing = rec._like(u=np.repeat(rec.u[:, :1], rec.u.shape[1], axis=1))
+    level = sum(num[-1] * u for num, u in zip(nums, rec.u[:, 0], strict=True)) / den[-1] if den[-1] else 0.0
+    left = level - _forced(layout, params, standing, output)
+    return np.asarray(np.linalg.lstsq(free_response(den, rec.t).T, left, rcond=None)[0])
 
 
 def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:

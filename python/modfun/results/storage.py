@@ -45,6 +45,10 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values["df_hc3"] = fit.df_hc3.tolist()
     if np.isfinite(fit.stability_cost):
         values["stability_cost"] = fit.stability_cost
+    if np.isfinite(fit.tail):
+        values["tail"] = fit.tail
+    if np.isfinite(fit.free_cost):
+        values["free_cost"] = fit.free_cost
     if fit.record_levels is not None:
         values["record_levels"] = fit.record_levels.tolist()
     values |= fit.own_values()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -18,7 +19,13 @@ from .misfit import too_large, too_small
 __all__ = ["Summary", "facts", "one_line", "parameters"]
 
 
-MANY = 8  # records whose noise levels are listed
+MANY = 8  # records whose noise levels are listed, and samples that are trusted least
+SPIKE = 3.0  # times the record's usual noise: a sample that is named
+START = {
+    "rest": "at rest, taken as known",
+    "zero": "zero initial state, taken as known",
+    "periodic": "whole periods of a steady response, taken as known",
+}
 
 
 def one_line(fit: Estimates, doubts: int = 0) -> str:
@@ -87,11 +94,30 @@ def facts(fit: Estimates) -> list[tuple[str, str]]:
             "Trend",
             f"{fit.trend or 'none'}{' (default for this structure)' if fit.options.trend == 'auto' else ''}",
         ),
+        *([("Start", START[fit.options.initial_state])] if fit.options.initial_state in START else []),
         ("Noise", _noise(fit)),
+        *([("Tails", tails(fit))] if isfinite(fit.tail) else []),
         ("Chi-square", _chi2(fit)),
         ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
         ("Errors", f"{fit.cov_type}; Student's t with {_degrees(fit)} degrees of freedom"),
     ]
+
+
+def tails(fit: Estimates) -> str:
+    """Student's t of a robust fit, and the samples that are trusted least."""
+    text = f"Student's t with {fit.tail:.3g} degrees of freedom"
+    found = [
+        (own[k] / np.median(own), f"{name} at t = {rec.t[k]:.6g}")
+        for rec in fit.records or ()
+        if rec.sigma is not None
+        for name, own in zip(rec.outputs, rec.sigma, strict=True)
+        for k in np.flatnonzero(own > SPIKE * np.median(own))
+    ]
+    if not found:
+        return text
+    named = [words for _, words in sorted(found, reverse=True)[:MANY]]
+    more = f" and {len(found) - len(named)} more" if len(found) > len(named) else ""
+    return f"{text}; trusted least: {', '.join(named)}{more}"
 
 
 def _degrees(fit: Estimates) -> str:

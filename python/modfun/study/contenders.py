@@ -17,7 +17,7 @@ from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
 from ..models.layout import Layout
-from ..models.options import WORDS, Options
+from ..models.options import SWITCHES, WORDS, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -66,6 +66,11 @@ class Contender:
         return found
 
     @property
+    def initial_state(self) -> str:
+        """What its estimators know of the initial states."""
+        return self.estimators[0].options.initial_state if self.estimators else "unknown"
+
+    @property
     def trend(self) -> str | None:
         """Trend fitted beside the model (None for a user's estimator)."""
         return self.estimators[0].options.settled().trend if self.estimators else None
@@ -88,7 +93,8 @@ class Contender:
         own = self.estimators[group.index]
         own_model = own.model
         told = repr(own_model) if isinstance(own_model, TransferFunction) else own_model.to_dict()
-        return [told, repr(own.options.settled())]
+        words = [told, repr(own.options.settled())]
+        return words if own.options.initial_state == "unknown" else [*words, own.options.initial_state]
 
 
 def contenders(
@@ -137,8 +143,9 @@ def contenders(
     structures = tuple(_structure(g, model) for g in found)
     made = []
     for name, value in given.items():
-        if options.get("stable") or (isinstance(value, Estimator) and value.options.stable):
-            raise SpecError(f"MonteCarlo: stable=True of {name!r} is for mf.fit, one fit at a time")
+        for switch in SWITCHES:
+            if options.get(switch) or (isinstance(value, Estimator) and getattr(value.options, switch)):
+                raise SpecError(f"MonteCarlo: {switch}=True of {name!r} is for mf.fit, one fit at a time")
         if isinstance(value, str):
             if value not in words:
                 raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")

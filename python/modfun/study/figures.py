@@ -113,7 +113,7 @@ class Figures:
                 continue  # there is no system, or noise whose covariance nobody knows
             rec = g.record(g.rest.y)
             for k, c in enumerate(plan.contenders):
-                key = (g.index, c.structures[g.index], c.trend)
+                key = (g.index, c.structures[g.index], c.trend, c.initial_state)
                 if key not in known:
                     try:
                         known[key] = _bound(g, c, rec)
@@ -229,7 +229,10 @@ def _bound(group: Group, contender: Contender, rec: Record) -> F64:
     if isinstance(system, LTI) and isinstance(structure, Written):
         raise SpecError("crlb: for a linear system the bound is that of a TransferFunction's coefficients")
     if isinstance(system, LTI):
-        return crlb(system, rec, sigma=group.unit, trend=contender.trend, model=structure).sd
+        told = contender.initial_state
+        return crlb(
+            system, rec, sigma=group.unit, trend=contender.trend, initial_state=told, model=structure
+        ).sd
     if structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
     return crlb(system, rec, sigma=group.unit, trend=contender.trend, start=group.rest.start).sd

@@ -258,6 +258,11 @@ impl Measured {
         self.im.copy_from_slice(&im[..count]);
     }
 
+    /// Puts all lanes back.
+    pub fn give_back(&self, re: &mut [Wide], im: &mut [Wide]) {
+        (0..LANES).for_each(|lane| self.put_back(re, im, lane));
+    }
+
     /// Puts one lane back.
     fn put_back(&self, re: &mut [Wide], im: &mut [Wide], lane: usize) {
         for (to, from) in re.iter_mut().zip(&self.re).chain(im.iter_mut().zip(&self.im)) {

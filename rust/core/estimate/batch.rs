@@ -136,6 +136,14 @@ impl Fitter {
                     plan.run_lanes(self.isa, &w.samples, &mut w.re, &mut w.im, scratch)?;
                     load(&mut w.space, k, lines, &w.re, &w.im);
                 }
+                if let Some(known) =
+                    d.known_start.as_ref().filter(|k| !k.periodic() && !(once && *loaded))
+                {
+                    w.space.set_drives(known.drives(0, &[], |lane, input| match once {
+                        true => batch.u[input],
+                        false => batch.u[(first + lane.min(count - 1)) * inputs + input],
+                    }));
+                }
                 *loaded = true;
                 let live = std::array::from_fn(|lane| lane < count);
                 let outcome = estimate(self.isa, d, &mut w.space, live, Start::Wls, &options);

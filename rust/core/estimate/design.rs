@@ -2,6 +2,7 @@
 
 use super::aliasing::Aliasing;
 use super::band::narrow_lines;
+use super::rest::KnownStart;
 use super::straight::tables::{Tables, sizes};
 use super::sums::{Products, SumPlan, plan_sums};
 use crate::error::Error;
@@ -56,6 +57,8 @@ pub struct Design {
     pub(crate) straight: Option<Tables>,
     /// What held inputs fold into the output's sums, where there are such.
     pub(crate) aliasing: Option<Aliasing>,
+    /// Where the records begin in a known state.
+    pub(crate) known_start: Option<KnownStart>,
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
     pub(crate) scale: Vec<f64>,
@@ -142,6 +145,7 @@ impl Design {
             band_edge,
             straight,
             aliasing: None,
+            known_start: None,
         })
     }
 
@@ -158,6 +162,11 @@ impl Design {
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.parameters
+    }
+
+    /// Coefficients of a record's transient that θ determines.
+    pub(crate) fn tied(&self) -> usize {
+        self.known_start.as_ref().map_or(0, |_| self.structure.transient)
     }
 
     /// Unknowns of one record's system: transient and θ.
@@ -184,7 +193,7 @@ impl Design {
     #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
         let rows: usize = self.records.iter().map(equations).sum();
-        rows - self.parameters() - self.transient * self.records.len()
+        rows - self.parameters() - (self.transient - self.tied()) * self.records.len()
     }
 
     /// Lines of a record that a second start is found on.

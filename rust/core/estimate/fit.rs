@@ -4,6 +4,7 @@ use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
 use super::options::Options;
+use super::rest::Initial;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
@@ -50,6 +51,8 @@ pub struct FitOptions {
     pub band: Band,
     /// Whether several records have noise levels of their own.
     pub own_levels: bool,
+    /// What is known of the state at each record's first sample.
+    pub initial: Initial,
     /// Iteration.
     pub options: Options,
 }
@@ -64,6 +67,8 @@ pub struct Fit {
     pub sigma: f64,
     /// Noise of each record over σ, of geometric mean 1 weighted by rows.
     pub record_levels: Vec<f64>,
+    /// Where the initial state is known: the cost with a free one.
+    pub free_cost: Option<f64>,
     /// Residuals on the lines of each record over its noise: unit variance in Re and Im.
     pub residuals: Vec<Vec<(f64, f64)>>,
 }
@@ -81,6 +86,20 @@ impl FitOptions {
                 self.delays.len(),
                 self.intersample.len()
             )));
+        }
+        if self.initial != Initial::Unknown {
+            if self.method == Method::Ls {
+                return Err(Error::Spec(
+                    "fitting with a known initial state: \"ls\" differences it away; take another method".into(),
+                ));
+            }
+            if !self.extended {
+                return Err(Error::Spec(
+                    "fitting with a known initial state: extended=False leaves out the lines that tell it; \
+                     take extended=True"
+                        .into(),
+                ));
+            }
         }
         if let Some(bad) = self.delays.iter().find(|d| !(**d >= 0.0 && d.is_finite())) {
             return Err(Error::Spec(format!(

@@ -13,6 +13,7 @@ use super::options::{Options, Start, Wanted};
 use super::outcome::End;
 use super::record_levels::{misfits, settle};
 use super::replicates::estimate;
+use super::rest::{Course, Drive, Initial, KnownStart};
 use super::shared::Shared;
 use super::spare::Spare;
 use super::uncertainty::Residuals;
@@ -63,6 +64,8 @@ pub(crate) struct Desk {
     units: Vec<f64>,
     /// Noise variance of each record over a common one.
     levels: Vec<f64>,
+    /// Of each record, what its inputs do to states from a known start.
+    drives: Vec<Arc<Vec<Drive>>>,
     problems: Vec<Problem>,
 }
 
@@ -200,6 +203,13 @@ impl Fitter {
     fn take(&self, desk: &mut Desk, spectra: &Spectra) -> Result<Vec<Range>, Error> {
         if self.o.band_is_sought() {
             return Err(Error::Spec("fitting coefficients: no band was given".into()));
+        }
+        if self.o.initial != Initial::Unknown {
+            return Err(Error::Spec(
+                "fitting coefficients: a known initial state needs the record from its start; \
+                 take initial_state=\"unknown\""
+                    .into(),
+            ));
         }
         for ((re, im), to) in spectra.iter().flatten().zip(desk.spectra.iter_mut().flatten()) {
             to.re.copy_from_slice(re);
@@ -365,7 +375,36 @@ impl Fitter {
             o.intersample.iter().copied().zip(o.delays.iter().copied()).collect();
         let steps = self.records.iter().map(|r| r.dt);
         design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        if o.initial != Initial::Unknown {
+            design.known_start = Some(self.known_start(design.band_edge)?);
+            design.straight = None;
+        }
         Ok(design)
+    }
+
+    /// How the records run from their known start, with time in units of a band edge.
+    fn known_start(&self, band_edge: f64) -> Result<KnownStart, Error> {
+        let o = &self.o;
+        let dt = self.records.first().and_then(|r| r.dt).unwrap_or(f64::NAN);
+        let odd = |r: &RecordPlan| r.dt.is_none_or(|own| (own - dt).abs() > 1e-9 * dt);
+        if o.initial != Initial::Periodic && self.records.iter().any(odd) {
+            return Err(Error::Data(
+                "fitting with a known initial state: the samples need one even step in all records; \
+                 resample them evenly, or take initial_state=\"unknown\""
+                    .into(),
+            ));
+        }
+        let course = |r: &RecordPlan| Course {
+            step: dt * band_edge,
+            lead: r.window.lead,
+            intervals: r.window.intervals,
+        };
+        let late = |(hold, delay): (&Option<Hold>, &f64)| (*hold, delay / dt);
+        Ok(KnownStart {
+            courses: self.records.iter().map(course).collect(),
+            inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),
+            initial: o.initial,
+        })
     }
 
     fn desk(&self) -> Desk {
@@ -378,6 +417,7 @@ impl Fitter {
             spectra: self.records.iter().map(spectra).collect(),
             units: Vec::new(),
             levels: vec![1.0; self.records.len()],
+            drives: Vec::new(),
             problems: Vec::new(),
         }
     }
@@ -405,6 +445,14 @@ impl Fitter {
             }
         }
         desk.begin();
+        desk.drives.clear();
+        if matches!(self.o.initial, Initial::Zero | Initial::Rest) {
+            let known = self.known_start(1.0)?;
+            let drives = |(k, record): (usize, &RecordView<'_>)| {
+                Arc::new(known.drives(k, &desk.units, |_, input| record.u[input]))
+            };
+            desk.drives = records.iter().enumerate().map(drives).collect();
+        }
         Ok(())
     }
 
@@ -452,7 +500,7 @@ impl Fitter {
         let mut residuals = Vec::new();
         self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
         let over = |v: &[Wide; 2]| (v[0].0[lane] / plain_sigma, v[1].0[lane] / plain_sigma);
-        let fit = Fit {
+        let mut fit = Fit {
             answer: Answer {
                 theta: w.theta(d, lane).collect(),
                 cov_nonrobust: w.cov_nonrobust(d, lane),
@@ -466,11 +514,27 @@ impl Fitter {
                 band_rule,
             },
             sigma: plain_sigma * d.cost_unit(),
+            free_cost: None,
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
             residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
         };
+        fit.free_cost = self.free_cost(&mut problem, &fit.answer.theta, &options);
         desk.keep(problem);
         Ok(fit)
+    }
+
+    /// The cost on the same lines without what is known of the initial states, where something is.
+    fn free_cost(&self, problem: &mut Problem, theta: &[f64], o: &Options) -> Option<f64> {
+        let known = problem.design.known_start.take()?;
+        let (d, w) = (&problem.design, &mut problem.space);
+        if d.aliasing.is_some() {
+            w.records.iter_mut().for_each(|r| r.measured.give_back(&mut r.re, &mut r.im));
+        }
+        let start = Start::Theta(theta);
+        estimate(self.isa, d, w, start.lanes(), start, o);
+        let cost = w.cost(0) * d.cost_unit() * d.cost_unit();
+        problem.design.known_start = Some(known);
+        Some(cost)
     }
 }
 
@@ -510,6 +574,9 @@ impl Problem {
             }
             // The band rule may have asked for fewer.
             self.space.records[k].limit = self.space.records[k].lines;
+            if let Some(drives) = desk.drives.get(k) {
+                self.space.records[k].tie.drives = drives.clone();
+            }
         }
     }
 

@@ -89,6 +89,9 @@ pub(crate) fn step<L: Lanes>(
         let Workspace { sums, diagonal, trusted, .. } = w;
         let r = &mut w.records[k];
         system(d, sums, factors).assemble::<L>(&mut r.matrix, diagonal);
+        if r.tie.active {
+            r.tie.put_in::<L>(&mut r.matrix, diagonal, nt, symmetric);
+        }
         if single {
             eliminate::<L>(&mut r.matrix, size, 0..size, diagonal, symmetric, trusted);
             substitute::<L>(&r.matrix, size, 0..size, &mut w.unknowns);
@@ -115,6 +118,9 @@ pub(crate) fn step<L: Lanes>(
             substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
         }
         copy::<L>(&w.unknowns[..nt], &mut t.next);
+        if r.tie.active {
+            r.tie.at::<L>(&w.iterates.theta.next, &mut t.next);
+        }
     }
     move_of::<L>(w);
 }
@@ -177,7 +183,12 @@ pub(crate) fn record_system<L: Lanes>(
     residual: bool,
 ) -> L {
     let cost = record_sums::<L>(d, w, k, weights, factors, residual);
-    system(d, &w.sums, factors).assemble::<L>(&mut w.records[k].matrix, &mut w.diagonal);
+    let r = &mut w.records[k];
+    system(d, &w.sums, factors).assemble::<L>(&mut r.matrix, &mut w.diagonal);
+    if r.tie.active {
+        let symmetric = factors != LeftColumns::Instrument;
+        r.tie.put_in::<L>(&mut r.matrix, &mut w.diagonal, d.transient, symmetric);
+    }
     cost
 }
 

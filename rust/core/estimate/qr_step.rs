@@ -4,6 +4,7 @@ use super::design::{Design, TILE};
 use super::iterates::Iterates;
 use super::normal_equations::{LeftColumns, RowWeights};
 use super::record_space::RecordSpace;
+use super::rest::Tie;
 use crate::covariance::FLOOR;
 use crate::linalg::qr::{Absorber, solve_square};
 use crate::modulation::{Column, Signal};
@@ -71,6 +72,11 @@ impl QrStep {
             for m in 0..r.limit {
                 self.rows(d, k, r, m, at);
             }
+            for i in (0..r.tie.tied).filter(|_| r.tie.active) {
+                // T = 0 is left of a coefficient that follows θ.
+                let one = |j: usize| if j == i { 1.0 } else { 0.0 };
+                self.record.push((0..size).map(one), (0..=size).map(one));
+            }
             self.record.absorb();
             for i in 0..nt {
                 let norm =
@@ -127,6 +133,12 @@ impl QrStep {
                     sum = (-own).mul_add(t.0[lane], sum);
                 }
                 transient.next[i].0[lane] = sum / row[i];
+            }
+            let tie = &records[k].tie;
+            for i in (0..tie.tied).filter(|_| tie.active) {
+                let row = tie.slopes[i * p..][..p].iter().zip(&self.solution);
+                transient.next[i].0[lane] =
+                    row.fold(tie.base[i].0[lane], |sum, (d, x)| d.0[lane].mul_add(*x, sum));
             }
         }
         full_rank
@@ -241,8 +253,28 @@ impl QrStep {
                 self.right[size + 1 + j] = right.1;
             }
         }
+        if r.tie.active {
+            self.tie(&r.tie, nt, size, lane);
+        }
         let (left, right, record) = (&self.left, &self.right, &mut self.record);
         record.push(left[..size].iter().copied(), right[..=size].iter().copied());
         record.push(left[size..].iter().copied(), right[size + 1..].iter().copied());
+    }
+
+    /// Puts T = t + Dθ into both rows of a line.
+    fn tie(&mut self, tie: &Tie, nt: usize, size: usize, lane: usize) {
+        let p = size - nt;
+        for i in 0..tie.tied {
+            for half in 0..2 {
+                let (left, right) =
+                    (&mut self.left[half * size..], &mut self.right[half * (size + 1)..]);
+                let own = (std::mem::take(&mut left[i]), std::mem::take(&mut right[i]));
+                for (j, slope) in tie.slopes[i * p..][..p].iter().enumerate() {
+                    left[nt + j] += own.0 * slope.0[lane];
+                    right[nt + j] += own.1 * slope.0[lane];
+                }
+                right[size] -= own.1 * tie.base[i].0[lane];
+            }
+        }
     }
 }

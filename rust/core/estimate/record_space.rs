@@ -1,6 +1,7 @@
 //! Scratch of one record: its coefficients, what a pass makes of them, and its system.
 
 use super::aliasing::Measured;
+use super::rest::Tie;
 use crate::simd::Wide;
 
 /// One record of eight replicates.
@@ -12,6 +13,8 @@ pub(crate) struct RecordSpace {
     pub im: Vec<Wide>,
     /// The output as its sums were, where held inputs fold into it.
     pub measured: Measured,
+    /// The transient as a function of θ, where the record begins in a known state.
+    pub tie: Tie,
     /// Products on the lines of a tile, and how many lines that is.
     pub products: Vec<Wide>,
     pub rows: usize,

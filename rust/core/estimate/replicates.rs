@@ -1,19 +1,21 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
 use super::aliasing::ROUNDS;
+use super::band::SAME;
 use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::Outcome;
 use super::pass::prepare;
+use super::rest::{self, KnownStart};
 use super::rule::Rule;
 use super::second_start::go_again;
 use super::unalias::unalias;
 use super::workspace::Workspace;
 use super::{ls, straight, uncertainty};
 use crate::error::Status;
-use crate::simd::{Isa, LANES, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 
 /// Estimates θ from the coefficients in the workspace; `live` lanes only, the others hold anything.
@@ -26,6 +28,8 @@ pub fn estimate(
     o: &Options,
 ) -> Outcome {
     w.begin(live);
+    let periodic = d.known_start.as_ref().is_some_and(KnownStart::periodic);
+    w.records.iter_mut().for_each(|r| r.tie.begin(periodic));
     if d.method == Method::Ls {
         if !straight::ls(isa, d, w) {
             isa.run(ls::LsStep { design: d, space: w });
@@ -59,15 +63,10 @@ pub fn estimate(
         None => w.progress.active = Wide::ZERO,
     }
     let asked = o.wanted == Wanted::Covariance;
-    if d.aliasing.is_some() && o.wanted != Wanted::Cost {
-        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-        for _ in 0..ROUNDS {
-            if d.method == Method::Ls {
-                prepare(isa, d, w);
-                isa.run(uncertainty::Transients { design: d, space: w });
-            }
-            unalias(isa, d, w);
-            again(isa, d, w, live, rule, o);
+    if o.wanted != Wanted::Cost {
+        match &d.known_start {
+            Some(known) if !periodic => start_known(isa, d, w, known, live, rule, o),
+            _ => unfold(isa, d, w, live, rule, o),
         }
     }
     if o.wanted != Wanted::Theta {
@@ -79,6 +78,118 @@ pub fn estimate(
         (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
+}
+
+/// Rounds of what sampling folds at the estimate, and of the estimate that follows.
+fn unfold(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    live: [bool; LANES],
+    rule: Option<Rule>,
+    o: &Options,
+) {
+    if d.aliasing.is_none() {
+        return;
+    }
+    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+    for _ in 0..ROUNDS {
+        if d.method == Method::Ls {
+            prepare(isa, d, w);
+            isa.run(uncertainty::Transients { design: d, space: w });
+        }
+        unalias(isa, d, w);
+        again(isa, d, w, live, rule, o);
+    }
+}
+
+/// Rounds of the transient that the estimate makes of a known start, and of the estimate that follows, in each lane
+/// until it stands: what is linear in a round is not in the whole.
+fn start_known(
+    isa: Isa,
+    d: &Design,
+    w: &mut Workspace,
+    known: &KnownStart,
+    live: [bool; LANES],
+    rule: Option<Rule>,
+    o: &Options,
+) {
+    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+    let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
+    let (mut best, mut cost) = (w.iterates.theta.now.clone(), [f64::INFINITY; LANES]);
+    for round in 0..rest::ROUNDS {
+        isa.run(Ties { design: d, known, space: w });
+        unalias(isa, d, w);
+        w.forget_products();
+        complete(isa, d, w, live, false);
+        let mut onward = left;
+        for lane in 0..LANES {
+            if !left[lane] {
+                continue;
+            }
+            let own = w.progress.cost.0[lane];
+            let lower = round == 0 || own <= cost[lane] * (1.0 + SAME);
+            let now = w.iterates.theta.now.iter_mut().zip(&mut best);
+            match lower {
+                true => {
+                    left[lane] = round == 0
+                        || rest::moved(now.map(|(now, best)| {
+                            let before = std::mem::replace(&mut best.0[lane], now.0[lane]);
+                            (before, now.0[lane])
+                        }));
+                    cost[lane] = own;
+                }
+                // Too far for what was linear there.
+                false => {
+                    now.for_each(|(now, best)| now.0[lane] = 0.5 * (now.0[lane] + best.0[lane]))
+                }
+            }
+            onward[lane] = lower && left[lane];
+        }
+        if left == [false; LANES] {
+            break;
+        }
+        again(isa, d, w, onward, rule, o);
+        for lane in (0..LANES).filter(|k| onward[*k]) {
+            unsettled[lane] = w.progress.active.0[lane] > 0.0;
+            dependent[lane] = w.dependent[lane];
+        }
+    }
+    for lane in (0..LANES).filter(|k| left[*k]) {
+        for (now, best) in w.iterates.theta.now.iter_mut().zip(&best) {
+            now.0[lane] = best.0[lane];
+        }
+    }
+    // As the estimate says, however many rounds other lanes took.
+    isa.run(Ties { design: d, known, space: w });
+    unalias(isa, d, w);
+    w.forget_products();
+    for lane in 0..LANES {
+        w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
+    }
+    w.dependent = dependent;
+}
+
+/// The transients as functions of θ, where it stands.
+struct Ties<'a> {
+    design: &'a Design,
+    known: &'a KnownStart,
+    space: &'a mut Workspace,
+}
+
+impl Kernel for Ties<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Ties { design: d, known, space: w } = self;
+        let theta = &w.iterates.theta.now;
+        for ((r, course), t) in
+            w.records.iter_mut().zip(&known.courses).zip(&mut w.iterates.transients)
+        {
+            r.tie.set::<L>(&d.structure, &d.columns, course, theta);
+            r.tie.at::<L>(theta, &mut t.now);
+        }
+    }
 }
 
 /// The estimate once more, from where it stands, of an output that has changed a little.

@@ -127,7 +127,11 @@ fn transients<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         w.unknowns[nt..size].copy_from_slice(&w.iterates.theta.now);
         substitute::<L>(&r.matrix, size, 0..nt, &mut w.unknowns);
-        w.iterates.transients[k].now.copy_from_slice(&w.unknowns[..nt]);
+        let now = &mut w.iterates.transients[k].now;
+        now.copy_from_slice(&w.unknowns[..nt]);
+        if r.tie.active {
+            r.tie.at::<L>(&w.iterates.theta.now, now);
+        }
     }
 }
 
@@ -153,8 +157,16 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) -> 
         if nt > 0 {
             invert::<L>(&w.square, nt, &mut r.transient_inverse, &mut w.work, &mut trusted);
         }
+        if r.tie.active {
+            for i in 0..r.tie.tied {
+                L::splat(0.0).store(&mut r.transient_inverse[i * nt + i]);
+            }
+        }
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         project::<L>(&r.matrix, nt, size, &mut r.projection);
+        if r.tie.active {
+            r.tie.into_projection(&mut r.projection);
+        }
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
     cost.store(&mut w.progress.cost);
@@ -193,6 +205,9 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
         let r = &mut w.records[k];
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
+        if r.tie.active {
+            r.tie.into_projection(&mut r.flat_projection);
+        }
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
     for i in 0..p {

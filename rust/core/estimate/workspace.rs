@@ -1,10 +1,13 @@
 //! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
+use std::sync::Arc;
+
 use super::aliasing::Measured;
 use super::design::Design;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
+use super::rest::{Drive, Tie};
 use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
 
@@ -79,6 +82,7 @@ impl Workspace {
                 },
                 im: wide((2 + inputs) * r.x.len()),
                 measured: Measured::new(d.aliasing.as_ref(), r.x.len()),
+                tie: Tie::new(d.tied(), p),
                 products: wide(d.products.count * r.x.len().min(tile)),
                 rows: r.x.len().min(tile),
                 inputs_ready: false,
@@ -166,6 +170,11 @@ impl Workspace {
     /// θ of one lane in the user's units.
     pub fn theta<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
         self.iterates.theta.now.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
+    }
+
+    /// What the inputs of the one record do to states from a known start.
+    pub(crate) fn set_drives(&mut self, drives: Vec<Drive>) {
+        self.records[0].tie.drives = Arc::new(drives);
     }
 
     /// Parameter `k` of every lane in the user's units.

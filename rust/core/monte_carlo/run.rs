@@ -227,7 +227,7 @@ struct Worker {
 impl Worker {
     fn new(g: &GroupPlan, group: usize) -> Worker {
         let wide = |n: usize| vec![Wide::ZERO; n];
-        let spaces = g.tasks.iter().map(Space::new).collect();
+        let spaces = g.tasks.iter().map(|task| Space::new(g, task)).collect();
         Worker {
             group,
             spaces,

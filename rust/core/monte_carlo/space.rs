@@ -15,7 +15,7 @@ pub(crate) enum Space {
 
 impl Space {
     /// With the inputs of a task loaded.
-    pub fn new(task: &Task) -> Space {
+    pub fn new(g: &GroupPlan, task: &Task) -> Space {
         let splat = |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
         match &task.problem {
             Problem::Plain(shared) => {
@@ -23,6 +23,9 @@ impl Space {
                 let mut space = Workspace::new(d);
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
+                }
+                if let Some(known) = d.known_start.as_ref().filter(|known| !known.periodic()) {
+                    space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
                 Space::Plain(Box::new(space))
             }

@@ -28,7 +28,9 @@ PAGES = [
 CONTINUED = [
     str(page.relative_to(ROOT))
     for page in PAGES
-    if re.match(r"README\.md|docs/(flight\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT)))
+    if re.match(
+        r"README\.md|docs/(flight\.md|known\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT))
+    )
 ]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 

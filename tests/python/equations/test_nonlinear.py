@@ -346,6 +346,7 @@ STUDY = {
 
 
 @pytest.mark.process
+@pytest.mark.forks
 @pytest.mark.parametrize("state", [[0.5, 0.0], "random"], ids=["fixed", "random"])
 def test_a_study_of_equations_has_the_same_bits_on_any_engine(state):
     study = mf.MonteCarlo(**{**STUDY, "intervals": 32}, initial_state=state, replicates=66)

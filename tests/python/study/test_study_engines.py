@@ -48,6 +48,7 @@ def test_threads(reference: mf.Results, threads: int) -> None:
     assert same(study().run(threads=threads, keep="samples", progress=False), reference)
 
 
+@pytest.mark.forks
 @pytest.mark.parametrize("context", [SPAWN, FORK], ids=["spawn", "fork"])
 def test_processes(reference: mf.Results, context: Any) -> None:
     with ProcessPoolExecutor(2, mp_context=context) as pool:
@@ -86,6 +87,7 @@ def test_functions_as_map(reference: mf.Results, executor: Any) -> None:
     assert same(study().run(executor=executor, keep="samples", progress=False), reference)
 
 
+@pytest.mark.forks
 def test_a_map_of_a_pool(reference: mf.Results) -> None:
     with FORK.Pool(2) as pool:
         assert same(study().run(executor=pool.imap_unordered, keep="samples", progress=False), reference)
@@ -160,6 +162,7 @@ def _figures(isa: str) -> subprocess.CompletedProcess[bytes]:
     )
 
 
+@pytest.mark.forks
 def test_fork_after_use(reference: mf.Results) -> None:
     assert study().run(threads=2, progress=False).replicates == reference.replicates
     with FORK.Pool(1) as pool:
@@ -174,6 +177,7 @@ def _bias() -> Any:
 # The stopping rule -------------------------------------------------------------------------------
 
 
+@pytest.mark.forks
 def test_until_stops_at_the_same_part_for_all(tmp_path: Path) -> None:
     made = study(nsr=0.4, system=mf.tf([5], [1, 3, 8]), replicates=50)
     one = made.run(until={"bias": 0.02, "coverage": 0.02}, progress=False)
@@ -205,6 +209,7 @@ def test_until_that_is_never_met_says_so() -> None:
 # What goes wrong ---------------------------------------------------------------------------------
 
 
+@pytest.mark.forks
 @pytest.mark.parametrize("context", [SPAWN, FORK], ids=["spawn", "fork"])
 def test_a_worker_that_dies(context: Any) -> None:
     made = study(estimators={"dies": dies}, replicates=200)
@@ -237,6 +242,7 @@ def test_what_a_broken_pool_ends_itself_is_not_cancelled() -> None:
     assert [future.cancelled() for future in pool.begun] == 4 * [False]
 
 
+@pytest.mark.forks
 def test_a_run_goes_on_after_a_worker_died(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     made = study(system=mf.tf([1], [1, 1]), estimators={"x": dies_once}, replicates=300, nsr=0.1)

@@ -6,7 +6,7 @@ use super::linear::{Columns, Problem, Rows};
 use super::record::{Between, Record};
 use super::signals::{System, noisy, samples, smooth};
 use modfun::Status;
-use modfun::estimate::{Band, Fit, FitOptions, Fitter, Options, RecordView, Time, Wanted};
+use modfun::estimate::{Band, Fit, FitOptions, Fitter, Initial, Options, RecordView, Time, Wanted};
 use modfun::quadrature::Rule;
 use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -27,6 +27,7 @@ fn options(order: usize, numerators: Vec<Option<usize>>, method: Method, band: B
         extended: true,
         band,
         own_levels: false,
+        initial: Initial::Unknown,
         options: OPTIONS,
     }
 }

@@ -10,7 +10,7 @@ use modfun::Status;
 use modfun::estimate::joint::{
     Delay, JointFit, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
-use modfun::estimate::{Band, FitOptions, Fitter, RecordView, Time};
+use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Time};
 use modfun::quadrature::{Hold, Rule};
 use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -325,6 +325,7 @@ fn both(
         extended: true,
         band: Band::Harmonics(18),
         own_levels: false,
+        initial: Initial::Unknown,
         options: fast::OPTIONS,
     };
     let one = JointStructure {

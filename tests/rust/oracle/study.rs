@@ -6,7 +6,7 @@ use super::signals::{System, noise, samples, smooth};
 use modfun::estimate::joint::{
     Delay, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
-use modfun::estimate::{Band, FitOptions, Fitter, RecordView, Stream, Time};
+use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Stream, Time};
 use modfun::monte_carlo::histogram::quantile;
 use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run, Told};
 use modfun::quadrature::Rule;
@@ -33,6 +33,7 @@ fn options(method: Method) -> FitOptions {
         extended: true,
         band: Band::Harmonics(16),
         own_levels: false,
+        initial: Initial::Unknown,
         options: OPTIONS,
     }
 }

@@ -1,0 +1,124 @@
+"""Fits in noise with heavy tails: Student's t for the samples, scale and tail estimated with the rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..errors import FitError, ModfunError
+from ..models.options import Options
+from ..records.mask import sample_weights
+from ..records.record import Record
+
+__all__ = ["robust_fit"]
+
+ROUNDS = 20
+SETTLED = 0.02  # of a standard error: change of a parameter that ends the rounds
+TAILS = (1.0, 60.0)  # degrees of freedom that are tried; beyond, noise is normal
+GAIN = 3.0  # of log likelihood over normal noise, without which noise is taken as normal
+
+
+def robust_fit(
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    fit_once: Callable[[tuple[Record, ...], Any, Options], Any],
+) -> Any:
+    """The fit with each sample weighted by what Student's t makes of its residual.
+
+    Rounds of expectation and maximisation: a sample whose residual is e in units of the scale has the
+    variance (ν + e²)/(ν + 1); the fit that follows counts it (`Record.sigma`). Where the residuals are no
+    heavier than normal ones, the plain fit is returned.
+
+    Raises
+    ------
+    FitError
+        A fit whose response cannot be simulated beside its records.
+    """
+    options = options.replace(robust=False)
+    fit = first = fit_once(records, structure, options)
+    if not first.usable:
+        return first
+    asked = options.replace(robust=True)
+    for _ in range(ROUNDS):
+        errors = [_errors(fit, own, rec) for own, rec in zip(fit.records, records, strict=True)]
+        tail, gain, weights = student(errors)
+        if gain < GAIN:
+            return replace(first, options=asked, again=first.again)
+        weighed = tuple(_weighed(rec, own) for rec, own in zip(records, weights, strict=True))
+        after = fit_once(weighed, structure, options)
+        if not after.usable:
+            raise FitError(f"fit: robust=True: the fit with weighted samples failed ({after.message})")
+        moved = np.max(np.abs(after.params - fit.params) / after.bse, initial=0.0)
+        fit = after
+        if moved < SETTLED:
+            break
+    # Weights count as known in the covariances; that they follow the residuals costs information.
+    lost = (tail + 3.0) / (tail + 1.0)
+    return replace(
+        fit, options=asked, tail=tail, cov_nonrobust=fit.cov_nonrobust * lost, cov_hc3=fit.cov_hc3 * lost**2
+    )
+
+
+def _errors(fit: Any, weighed: Record, rec: Record) -> F64:
+    """Simulation errors at the samples (output, time) over the record's own sigma; nan where masked."""
+    try:
+        simulated, _ = fit.simulate(weighed)
+    except ModfunError as error:
+        raise FitError(f"fit: robust=True weighs samples by the simulation's errors, but {error}") from None
+    own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    return np.where(own > 0, (rec.y - simulated) * own, np.nan)
+
+
+def _weighed(rec: Record, weights: F64) -> Record:
+    own = np.ones_like(weights) if rec.sigma is None else rec.sigma
+    return rec.weigh(sigma=own / np.sqrt(np.where(np.isfinite(weights), weights, 1.0)))
+
+
+def student(errors: Sequence[F64]) -> tuple[float, float, list[F64]]:
+    """Student's t for rows of errors, one tail for all and a scale for each row of each record.
+
+    Returns
+    -------
+    tail : float
+        Degrees of freedom ν.
+    gain : float
+        Log likelihood above that of normal noise.
+    weights : list of ndarray
+        (ν + 1)/(ν + e²) of each error e in units of its scale, mean about 1.
+    """
+    from scipy.optimize import minimize_scalar
+
+    rows = [row[np.isfinite(row)] for each in errors for row in each]
+
+    def loss(log_tail: float) -> float:
+        return -sum(_likelihood(row, math.exp(log_tail))[0] for row in rows)
+
+    found = minimize_scalar(loss, bounds=[math.log(edge) for edge in TAILS], method="bounded")
+    tail = math.exp(float(found.x))
+    normal = sum(-0.5 * row.size * (math.log(2 * math.pi * np.mean(row**2)) + 1) for row in rows)
+    weights = []
+    for each in errors:
+        scales = np.array([_likelihood(row[np.isfinite(row)], tail)[1] for row in each])
+        weights.append((tail + 1) / (tail + (each / scales[:, None]) ** 2))
+    return tail, -float(found.fun) - normal, weights
+
+
+def _likelihood(row: F64, tail: float) -> tuple[float, float]:
+    """Largest log likelihood of errors under Student's t, and its scale."""
+    scale = 1.4826 * float(np.median(np.abs(row))) or float(np.sqrt(np.mean(row**2)))
+    for _ in range(200):
+        square = (row / scale) ** 2
+        better = scale * math.sqrt(float(np.mean((tail + 1) / (tail + square) * square)))
+        done = abs(better / scale - 1) < 1e-8
+        scale = better
+        if done:
+            break
+    constant = math.lgamma((tail + 1) / 2) - math.lgamma(tail / 2) - 0.5 * math.log(tail * math.pi)
+    log = np.log1p((row / scale) ** 2 / tail)
+    return row.size * (constant - math.log(scale)) - (tail + 1) / 2 * float(np.sum(log)), scale

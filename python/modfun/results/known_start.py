@@ -1,0 +1,88 @@
+"""Records that begin in a known state: whether the data agree, and what saying so would gain."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ModfunError
+from .cures import on_band
+
+if TYPE_CHECKING:
+    from ..records.record import Record
+    from .estimates import Estimates
+
+__all__ = ["contradicted_p", "gain_of_start", "periods"]
+
+QUIET = 4  # samples with steady inputs before which a record is not taken to begin at rest
+LEAST_GAIN = 1.2  # of a standard error
+SHORTEST = 8  # samples of a period
+SAME = 1e-9  # of an input's size: periods are compared so closely
+AGREES = 0.05  # p-value
+
+
+def contradicted_p(fit: Estimates) -> float:
+    """Probability that a record which begins as the fit was told misfits so much more than from anywhere.
+
+    An F test of the initial states: the cost with what is known against the cost with free states.
+    """
+    if not math.isfinite(fit.free_cost):
+        return 1.0
+    from scipy.special import fdtrc
+
+    states = sum(fit.layout.orders) * len(fit.lines)
+    left = fit.df_resid - states
+    if left < 1 or fit.free_cost <= 0:
+        return 1.0
+    ratio = (fit.cost - fit.free_cost) / states / (fit.free_cost / left)
+    return float(fdtrc(states, left, max(ratio, 0.0)))
+
+
+def gain_of_start(fit: Estimates) -> str | None:
+    """That the records plainly begin at rest, or hold whole periods, where saying so would pay."""
+    options = fit.options
+    asks = options.initial_state == "unknown" and options.plain_noise and options.method in ("ml", "awls")
+    if not (asks and fit.again and fit.records and fit.layout.rational and fit.layout.plain):
+        return None
+    odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
+    if odd or not options.extended:
+        return None
+    if all(map(_begins_quiet, fit.records)):
+        told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"
+    elif all(periods(rec) > 1 for rec in fit.records):
+        told, seen = "periodic", "The inputs repeat, and the output agrees with a steady response"
+    else:
+        return None
+    try:
+        other = fit.again(fit.records, fit.structure, on_band(fit, fit.band).replace(initial_state=told))
+    except ModfunError:
+        return None
+    p = contradicted_p(other)
+    if not (other.success and p > AGREES):
+        return None
+    gains = np.sqrt(np.diag(fit.cov_nonrobust) / np.diag(other.cov_nonrobust))
+    if not np.max(gains) >= LEAST_GAIN:
+        return None
+    return (
+        f'{seen} (p = {p:.2g}): initial_state="{told}" makes the standard errors {np.min(gains):.2g} to '
+        f"{np.max(gains):.2g} times smaller."
+    )
+
+
+def _begins_quiet(rec: Record) -> bool:
+    """Whether a record's inputs stand for its first samples."""
+    moving = np.any(rec.u != rec.u[:, :1], axis=0)
+    return int(np.argmax(moving)) >= QUIET
+
+
+def periods(rec: Record) -> int:
+    """How many whole periods of its inputs a record holds, its ends in one phase; 1 if they do not repeat."""
+    count = rec.u.shape[1] - 1
+    size = np.max(np.abs(rec.u), axis=1, keepdims=True)
+    for parts in range(count // SHORTEST, 1, -1):
+        length = count // parts
+        if count % parts == 0 and np.all(np.abs(rec.u[:, length:] - rec.u[:, :-length]) <= SAME * size):
+            return parts
+    return 1
