@@ -161,9 +161,9 @@ clean:
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	touch $@
 
-# What a user gets from `pip install "modfun[cli,plot]"`.
+# The package with the extras that README's own lines need.
 .venv/demo: .venv/created pyproject.toml Cargo.toml Cargo.lock $(RUST) $(shell find python -name '*.py')
-	$(BIN)/python -m pip install --quiet ".[cli,plot]"
+	$(BIN)/python -m pip install --quiet ".[cli,report,symbolic]"
 	touch $@
 
 # The tools of the documentation site.

@@ -22,8 +22,8 @@ F64 = NDArray[np.float64]
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 CHIRP = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
 SYSTEMS = {
-    "well damped, ζ = .53": mf.tf([5], [1, 3, 8]),
-    "light, ζ = .1": mf.tf([1, 4], [1, 0.4, 4]),
+    "well damped, ζ = 0.53": mf.tf([5], [1, 3, 8]),
+    "light, ζ = 0.1": mf.tf([1, 4], [1, 0.4, 4]),
     "third order": mf.tf([4, 9], np.poly([-1.0, -0.6 + 2.94j, -0.6 - 2.94j]).real),
 }
 LEVELS = (0.02, 0.05, 0.1, 0.2, 0.4)
@@ -32,7 +32,7 @@ FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 def over_noise(replicates: int = 100) -> dict[str, dict[float, float]]:
     """Error of the initial state, rms over y and y' in % of their rms, after a fit; and S/E in dB."""
-    system, model = SYSTEMS["well damped, ζ = .53"], mf.TransferFunction(poles=2, zeros=0)
+    system, model = SYSTEMS["well damped, ζ = 0.53"], mf.TransferFunction(poles=2, zeros=0)
     est = mf.Estimator(model, band=8.0, trend=None)
     size = np.sqrt(np.mean(system_states(system) ** 2, axis=1))
     found: dict[str, dict[float, float]] = {}

@@ -69,4 +69,4 @@ html_theme_options = {
     "footer_end": [],
     "header_links_before_dropdown": 9,
 }
-html_sidebars = {"index": [], "tour": []}
+html_sidebars = {"index": [], "install": [], "tour": []}

@@ -9,6 +9,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 import warnings
 from functools import cache
 
@@ -27,7 +28,9 @@ PAGES = [
 CONTINUED = [
     str(page.relative_to(ROOT))
     for page in PAGES
-    if re.match(r"docs/(flight\.md|known\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT)))
+    if re.match(
+        r"README\.md|docs/(flight\.md|known\.md|tour\.md|howto/|explanation/)", str(page.relative_to(ROOT))
+    )
 ]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -117,10 +120,6 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
     if "from distributed import" in code:  # needed by no extra
         pytest.importorskip("distributed")
     monkeypatch.chdir(folder)
-    if page.name == "README.md" and "flight.csv" in code:
-        from modfun.commands.main import main
-
-        assert main(["sample", "flight.csv"]) == 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         if page.parent.name == "records" and "`mf.fit` warns" in page.read_text(encoding="utf-8"):
@@ -128,6 +127,28 @@ def test_python_blocks_run_without_a_warning(page, code, line, tmp_path, monkeyp
 
             warnings.simplefilter("default", modfun.ModfunWarning)
         exec(compile("\n" * (line - 1) + code, str(page), "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.process
+def test_make_demo_installs_what_readme_needs(tmp_path):
+    """README's blocks, where every optional package outside the extras of `make demo` cannot be imported."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    demo = re.search(r'"\.\[([a-z,]+)\]"', (ROOT / "Makefile").read_text("utf-8"))[1].split(",")
+    installed = {need for extra in demo for need in extras[extra]}
+    absent = {re.match(r"\w+", need)[0] for need in set(extras["all"]) - installed}
+    assert absent, "there is something to leave out"
+    code = "\n".join(block.values[1] for block in blocks("python") if block.values[0] == ROOT / "README.md")
+    refuse = f"import sys\nfor name in {sorted(absent)}:\n    sys.modules[name] = None\n"
+    done = subprocess.run(
+        [sys.executable, "-c", refuse + code + "\nimport modfun.commands.app"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "fit.html").exists()
 
 
 def test_the_sample_of_the_tour_is_that_of_the_command(tmp_path, monkeypatch, capsys):

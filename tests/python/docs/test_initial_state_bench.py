@@ -21,13 +21,13 @@ def test_the_table_of_eigenvalues(bench):
     found = bench.over_eigenvalues(2000)
     page = (ROOT / "docs" / "initial_state.md").read_text(encoding="utf-8")
     rows = {line.split("|")[1].strip(): line for line in page.splitlines() if line.startswith("| ")}
-    for (name, own), word in zip(found.items(), ("ζ = .53", "ζ = .1", "third order"), strict=True):
+    for (name, own), word in zip(found.items(), ("ζ = 0.53", "ζ = 0.1", "third order"), strict=True):
         shown = [float(cell) for cell in rows[word].split("|")[2:-1]]
         np.testing.assert_allclose(own["its own answer"], shown, atol=0.0051, err_msg=name)
         # Mirrored eigenvalues: least squares itself.
         assert own["its own answer"][bench.FACTORS.index(1.0)] == pytest.approx(1.0, abs=1e-3)
-    zero = [float(cell) for cell in rows["ζ = .1, started from zero"].split("|")[2:-1]]
-    np.testing.assert_allclose(found["light, ζ = .1"]["zero"], zero, atol=0.0051)
+    zero = [float(cell) for cell in rows["ζ = 0.1, started from zero"].split("|")[2:-1]]
+    np.testing.assert_allclose(found["light, ζ = 0.1"]["zero"], zero, atol=0.0051)
 
 
 def test_its_observer_is_that_of_the_fit(bench):

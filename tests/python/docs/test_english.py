@@ -1,0 +1,51 @@
+"""Prose of README, pages and changes: numbers begin with a digit, and some phrases do not come back.
+
+Left out are blocks of code, code type and pages that programs write.
+"""
+
+import re
+
+import pytest
+from places import ROOT
+
+WRITTEN = {f"docs/{name}.md" for name in ("benchmarks", "performance", "rivals", "trial", "validation")}
+PAGES = sorted(
+    page
+    for page in [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")]
+    if str(page.relative_to(ROOT)) not in WRITTEN
+)
+NOT_PROSE = re.compile(r"^```.*?^```$|`[^`\n]+`|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
+BARE = re.compile(r"(?<![\w.])\.\d")
+# Each with what to write instead.
+TELEGRAPHIC = {
+    r"\band says so\b": "warns, reports or raises an error",
+    r"\bto be had\b": "available, or: modfun has it",
+    r"\bone an (?:in|out)put\b": "one per input",
+    r"\ba (?:row|column) an? \w": "each row is a noise level",
+    r"\bnobody knows\b": "unknown",
+    r"\bso that it is coarse\b": "so approximate",
+    r"\b(?:is|are) taken as\b": "is treated as, is assumed",
+    r"\bholds? the truth\b": "contains the true value",
+    r"\bsamples a (?:period|second)\b": "samples per period",
+    r"(?:µs|ms|time) a (?:fit|record|call)\b": "ms per fit",
+}
+
+
+def faults(text):
+    """Every bare decimal and telegraphic phrase with its line and the cure."""
+    prose = NOT_PROSE.sub(lambda found: re.sub(r"[^\n]", "x", found[0]), text)
+    found = [(hit, "a digit before the point") for hit in BARE.finditer(prose)]
+    for phrase, cure in TELEGRAPHIC.items():
+        found += [(hit, cure) for hit in re.finditer(phrase, prose, re.IGNORECASE)]
+    return [(prose.count("\n", 0, hit.start()) + 1, hit[0], cure) for hit, cure in found]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_prose_has_no_bare_decimal_and_no_telegraphic_phrase(page):
+    assert faults(page.read_text(encoding="utf-8")) == []
+
+
+def test_faults_are_found_in_prose_and_nowhere_else():
+    text = "Off by .085 or 0.1, one an input\n`.5`, [x](a.5)\n```text\n.3, and says so\n```\nIs taken as 1."
+    found = [(line, word) for line, word, _ in faults(text)]
+    assert found == [(1, ".0"), (1, "one an input"), (6, "Is taken as")]
