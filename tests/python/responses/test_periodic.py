@@ -111,8 +111,8 @@ def test_the_level_of_distortion_is_that_of_many_realisations() -> None:
 
 @pytest.mark.statistics
 def test_lines_left_out_tell_distortion_of_one_realisation() -> None:
-    """The mean square over 30 realisations of odd lines is within 2 dB of that between them; the mode is damped,
-    so that levels change little from a line to those left out near it.
+    """The mean square over 30 realisations of odd lines is within 2 dB of that between them. The mode is
+    damped, so that levels change little from a line to those left out near it.
     """
     told = {"odd": True, "band": (0.3, 6.0), "system": mf.tf([1], [1, 1.4, 1])}
     found = [mf.frf(drawn(seed, **told), method="periodic") for seed in range(30)]
