@@ -137,7 +137,7 @@ impl Fitter {
                     load(&mut w.space, k, lines, &w.re, &w.im);
                 }
                 if let Some(known) =
-                    d.known_start.as_ref().filter(|k| !k.periodic() && !(once && *loaded))
+                    d.known_start.as_ref().filter(|k| !(k.periodic() || once && *loaded))
                 {
                     w.space.set_drives(known.drives(0, &[], |lane, input| match once {
                         true => batch.u[input],

@@ -404,7 +404,7 @@ impl Tie {
 
     /// What takes T out of a row of θ: its projection on the free columns stays, tied ones follow θ.
     #[inline(always)]
-    pub fn into_projection(&self, projection: &mut [Wide]) {
+    pub fn project(&self, projection: &mut [Wide]) {
         for (to, slope) in projection.iter_mut().zip(&self.slopes) {
             *to = Wide(slope.0.map(|v| -v));
         }
@@ -448,9 +448,9 @@ impl Tie {
                 }
                 (sum * per_duration).store(z);
             }
-            for d in 0..self.tied.min(n) {
+            for (d, column) in columns[..self.tied.min(n)].iter().enumerate() {
                 // Columns hold −x^d where s^d is i^d x^d.
-                let sign = if d / 2 % 2 == 0 { 1.0 } else { -1.0 } * -columns[d].sign;
+                let sign = if d / 2 % 2 == 0 { 1.0 } else { -1.0 } * -column.sign;
                 let sign = L::splat(sign);
                 let row = &mut self.slopes[d * p..][..p];
                 let mut value = L::splat(0.0);

@@ -165,7 +165,7 @@ fn information<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) -> 
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, &mut trusted);
         project::<L>(&r.matrix, nt, size, &mut r.projection);
         if r.tie.active {
-            r.tie.into_projection(&mut r.projection);
+            r.tie.project(&mut r.projection);
         }
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
@@ -206,7 +206,7 @@ fn flat_information<L: Lanes>(d: &Design, w: &mut Workspace, trusted: &mut Wide)
         eliminate::<L>(&mut r.matrix, size, 0..nt, &w.diagonal, true, trusted);
         project::<L>(&r.matrix, nt, size, &mut r.flat_projection);
         if r.tie.active {
-            r.tie.into_projection(&mut r.flat_projection);
+            r.tie.project(&mut r.flat_projection);
         }
         add_parameter_block::<L>(&r.matrix, nt, size, &mut w.global, true);
     }
