@@ -178,7 +178,18 @@ class Fit(Estimates):
         """What stands above the parameters in the summary: names and texts."""
         return facts(self)
 
-    def table(self, level: float = 0.95, *, units: Mapping[str, str] | None = None) -> Table:
+    @property
+    def state_names(self) -> list[str]:
+        """What `initial_state` holds: y, y', … of each output."""
+        return [
+            name + "'" * k
+            for name, order in zip(self.outputs, self.layout.orders, strict=True)
+            for k in range(order)
+        ]
+
+    def table(
+        self, level: float = 0.95, *, units: Mapping[str, str] | None = None, initial: bool = False
+    ) -> Table:
         """The parameters as a table for a report: `.to_pandas()`, `.to_dict()`.
 
         Parameters
@@ -187,6 +198,9 @@ class Fit(Estimates):
             Of the confidence intervals.
         units : mapping of str to str, optional
             Units by parameter name, for a column of their own.
+        initial : bool
+            Rows for the initial state and the trend of each record as well, those that `initial_state` has.
+            Their errors count those of the parameters.
 
         Returns
         -------
@@ -200,7 +214,7 @@ class Fit(Estimates):
         SpecError
             If `units` names no parameter.
         """
-        return parameters(self, level, units)
+        return parameters(self, level, units, initial)
 
     def summary(self) -> Summary:
         """All of the fit on one page; prints, and shows as HTML in a notebook."""

@@ -6,7 +6,7 @@ Of linear equations all responses are exact and their sum is linear; of others t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -71,7 +71,7 @@ def simulate_equations(
     place = [model.states.index(name) for name in structure.states]  # the user's order
     back = np.argsort(place)
     simulated, found = find_state(model, rec, fit.trend, None if state is None else state[back])
-    return simulated, InitialState(found.state[place], found.cov[np.ix_(place, place)], found.trend)
+    return simulated, replace(found, state=found.state[place], cov=found.cov[np.ix_(place, place)])
 
 
 def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
@@ -136,7 +136,7 @@ def _linear_state(
     columns += [-pushed(equation, u) for equation in range(n) for u in shapes]
     columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
     if not columns:
-        return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0))
+        return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0), np.zeros((0, 0)))
     own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
     left, regressors = rec.y - forced, np.array(columns)
     if not (np.all(np.isfinite(left)) and np.all(np.isfinite(regressors))):
@@ -159,8 +159,8 @@ def _linear_state(
     scale = float(np.sum((used * (left - simulated)) ** 2)) / freedom
     cov = scale * np.linalg.pinv((rows / size).T @ (rows / size)) / np.outer(size, size)
     if state is not None:
-        return forced + simulated, InitialState(state, np.zeros((n, n)), z)
-    return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:])
+        return forced + simulated, InitialState(state, np.zeros((n, n)), z, cov)
+    return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:], cov[n:, n:])
 
 
 def find_state(
@@ -210,7 +210,8 @@ def find_state(
     cov = np.zeros((n + z.size - search.found, n + z.size - search.found))
     cov[n - search.found :, n - search.found :] = np.linalg.pinv(here.jacobian.T @ here.jacobian)
     x, drift = search.split(z)
-    return here.y, InitialState(x, cov[:n, :n] * (here.cost / freedom), drift)
+    cov *= here.cost / freedom
+    return here.y, InitialState(x, cov[:n, :n], drift, cov[n:, n:])
 
 
 def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:

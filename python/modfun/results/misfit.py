@@ -158,7 +158,7 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
     if one.what == "spike":
         return (
             f"The sample of {y} at t = {one.time:.6g} s is far from all that the model and its noise explain "
-            f"({chance}). First leave it out, rec.weigh(mask=rec.t != t)."
+            f"({chance}). First leave it out, rec.weigh(mask=rec.t != t), or weight all samples, robust=True."
         )
     return (
         f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance}). First "

@@ -12,6 +12,7 @@ from ..base.arguments import reals
 from ..base.arrays import F64, geometric_mean
 from ..base.student import root
 from ..equations.layout import EquationLayout
+from ..equations.nonlinear import model_of
 from ..equations.symbolic.known import basis
 from ..errors import SpecError
 from ..models.noise import Noise
@@ -167,6 +168,14 @@ class EquationFit(Fit):
     def path_model(self, output: int | str = 0) -> Never:
         """Not for equations; see `model`."""
         raise SpecError("path_model: equations have no path from one input to one output; use fit.model")
+
+    @property
+    def state_names(self) -> list[str]:
+        """What `initial_state` holds: the states, of equations outputs and their derivatives."""
+        structure: Any = self.structure
+        if structure.linear:
+            return list(structure.states)
+        return list(model_of(structure.compiled(self.outputs, self.inputs), self.params, structure).states)
 
     def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""

@@ -44,16 +44,28 @@ class InitialState:
         Covariance, from the residuals taken as white; zeros if the state was given.
     trend : array
         Offset, or offset and slope over the whole record, of each output (empty without a trend).
+    trend_cov : array or None
+        Covariance of the trend, as that of the state; None where it is not known.
     """
 
     state: F64
     cov: F64
     trend: F64
+    trend_cov: F64 | None = None
 
     @property
     def bse(self) -> F64:
         """Standard errors of the state."""
         return np.sqrt(np.diag(self.cov))
+
+    def of_record(self) -> F64:
+        """State and trend in one array."""
+        return np.concatenate([self.state, self.trend])
+
+    def variances(self) -> F64:
+        """Variances of `of_record` under known parameters."""
+        of_trend = np.full(self.trend.size, np.nan) if self.trend_cov is None else np.diag(self.trend_cov)
+        return np.concatenate([np.diag(self.cov), of_trend])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> F64:
         return np.array(self.state, dtype=dtype)
@@ -109,7 +121,9 @@ def simulate_paths(
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
     states, offsets, first = [], [], 0
+    trend_cov = np.zeros((len(orders) * len(drift),) * 2)
     for i, n in enumerate(orders):
+        behind = slice(i * len(drift), (i + 1) * len(drift))
         den, _ = layout.polynomials(params, i)
         forced = _forced(layout, params, rec, i)
         free = free_response(den, rec.t)
@@ -121,12 +135,14 @@ def simulate_paths(
             states.append(found.coefficients[:n])
             cov[first : first + n, first : first + n] = found.covariance[:n, :n]
             offsets.append(found.coefficients[n:])
+            trend_cov[behind, behind] = found.covariance[n:, n:]
             fitted = found.fitted
         else:
             states.append(given[first : first + n])
             start = states[-1] @ free
             found = regress(left - start, drift, weights[i])
             offsets.append(found.coefficients)
+            trend_cov[behind, behind] = found.covariance
             fitted = start + found.fitted
         simulated[i] = forced + fitted
         first += n
@@ -135,7 +151,7 @@ def simulate_paths(
             f"simulating the fit: the output overflows within {rec.duration:g} s, the model is unstable; "
             "predict a shorter piece with rec.window(start, stop)"
         )
-    return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets))
+    return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets), trend_cov)
 
 
 def observe_paths(

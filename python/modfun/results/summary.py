@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
 from ..base import html
+from ..base.student import root
 from ..base.tables import Findings, Table, nearest
 from ..errors import SpecError
 from ..models.noise import Noise
@@ -15,6 +17,7 @@ from .diagnosis import level_p, level_ratio
 from .doubts import numbers
 from .estimates import Estimates
 from .misfit import too_large, too_small
+from .starts import starts
 
 __all__ = ["Summary", "facts", "one_line", "parameters"]
 
@@ -211,7 +214,9 @@ def _chi2(fit: Estimates) -> str:
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {p:.2g}): {verdict}"
 
 
-def parameters(fit: Estimates, level: float = 0.95, units: Mapping[str, str] | None = None) -> Table:
+def parameters(
+    fit: Estimates, level: float = 0.95, units: Mapping[str, str] | None = None, initial: bool = False
+) -> Table:
     """Table of the parameters; see `Fit.table`."""
     interval = fit.conf_int(level)
     bound = [name in fit.at_bound for name in fit.param_names]
@@ -226,18 +231,36 @@ def parameters(fit: Estimates, level: float = 0.95, units: Mapping[str, str] | N
     note = (
         f"{', '.join(fit.at_bound)} on a bound: no error of its own; the others' hold if the bound is right"
     )
-    return Table(
-        {
-            "parameter": list(fit.param_names),
-            "value": fit.params,
-            **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
-            **{name: np.where(bound, np.nan, errors) for name, errors in fit.standard_errors().items()},
-            "t": ratio,
-            low: interval[:, 0],
-            high: interval[:, 1],
-        },
-        title=note if fit.at_bound else None,
-    )
+    columns: dict[str, Any] = {
+        "parameter": list(fit.param_names),
+        "value": fit.params,
+        **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
+        **{name: np.where(bound, np.nan, errors) for name, errors in fit.standard_errors().items()},
+        "t": ratio,
+        low: interval[:, 0],
+        high: interval[:, 1],
+    }
+    if initial:
+        columns = _with_starts(fit, level, columns)
+    return Table(columns, title=note if fit.at_bound else None)
+
+
+def _with_starts(fit: Estimates, level: float, columns: dict[str, Any]) -> dict[str, Any]:
+    """The columns with a row for each initial state and trend of a record."""
+    if not fit.records:
+        raise SpecError("table: initial=True needs the records of the fit, and this one was loaded without")
+    names, values, variances = starts(fit)
+    errors = {name: root(own) for name, own in variances.items()}
+    used = errors["se HC3" if fit.cov_type == "HC3" else "se classical"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(used > 0, values / used, np.nan)
+    low, high = fit.interval(values, used, level, fit.df_resid)
+    *_, low_name, high_name = columns
+    more: dict[str, Any] = {
+        "parameter": names, "value": values, "unit": [""] * len(names), **errors, "t": ratio, low_name: low,
+        high_name: high,
+    }  # fmt: skip
+    return {name: np.concatenate([np.asarray(own), np.asarray(more[name])]) for name, own in columns.items()}
 
 
 def _percentages(level: float) -> tuple[str, str]:

@@ -533,3 +533,128 @@ impl Drive {
         x
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods)]
+mod tests {
+    use super::*;
+    use crate::model::discretise;
+    use crate::modulation::transient_columns;
+    use crate::simd::{Isa, Kernel};
+    use crate::structure::Trend;
+
+    const THETA: [f64; 4] = [0.7, 0.4, 0.3, 0.2]; // s² + .7 s + .4, .3 s + .2
+    const STEPS: usize = 40;
+
+    struct Exponential(usize, Vec<Wide>);
+
+    impl Kernel for Exponential {
+        type Output = Vec<Wide>;
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> Vec<Wide> {
+            exponential::<L>(self.0, self.1)
+        }
+    }
+
+    #[test]
+    fn exponentials_of_lanes_are_those_of_one_matrix() {
+        let own = |lane: usize| -> Vec<f64> {
+            (0..9).map(|k| (k as f64 * 1.3 + lane as f64).sin() * (lane + 1) as f64).collect()
+        };
+        let all = (0..9).map(|k| Wide(std::array::from_fn(|lane| own(lane)[k]))).collect();
+        let found = Isa::Plain.run(Exponential(3, all));
+        for lane in 0..LANES {
+            let wanted = discretise::exponential(3, &own(lane));
+            for (found, wanted) in found.iter().zip(&wanted) {
+                assert!((found.0[lane] - wanted).abs() <= 1e-12 * wanted.abs().max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn inputs_go_through_their_samples() {
+        let u: Vec<f64> = (0..12).map(|k| (0.4 * k as f64).sin()).collect();
+        for k in 0..11 {
+            let sum = |c: [f64; STENCIL], at: f64| {
+                let mut by = 1.0;
+                let part = |(i, c): (usize, &f64)| {
+                    by *= if i > 0 { at / i as f64 } else { 1.0 };
+                    c * by
+                };
+                c.iter().enumerate().map(part).sum::<f64>()
+            };
+            let smooth = between(None, &u, 0.1, k);
+            assert!((sum(smooth, 0.5) + 0.1 - (0.4 * (k as f64 + 0.5)).sin()).abs() < 2e-4);
+            for hold in [None, Some(Hold::Foh)] {
+                let c = between(hold, &u, 0.1, k);
+                assert!((sum(c, 0.0) + 0.1 - u[k]).abs() < 1e-12);
+                assert!((sum(c, 1.0) + 0.1 - u[k + 1]).abs() < 1e-12);
+                let mut late = c;
+                shift(&mut late, 0.25, 0.5);
+                assert!((sum(late, 0.6) - sum(c, 0.55)).abs() < 1e-12);
+            }
+            assert_eq!(between(Some(Hold::Zoh), &u, 0.0, k)[..2], [u[k], 0.0]);
+        }
+    }
+
+    struct Set<'a>(&'a mut Tie, &'a Structure, &'a [Wide]);
+
+    impl Kernel for Set<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<L: Lanes>(self) {
+            let course = Course { step: 0.3, lead: 0, intervals: STEPS };
+            let columns = transient_columns(self.1.order, true, Trend::None);
+            self.0.set::<L>(self.1, &columns, &course, self.2);
+        }
+    }
+
+    /// T at θ and its slopes.
+    fn tied(structure: &Structure, theta: &[f64], hold: Option<Hold>) -> (Vec<f64>, Vec<f64>) {
+        let u: Vec<f64> = (0..=STEPS).map(|k| (0.2 * k as f64).cos()).collect();
+        let mut tie = Tie::new(structure.order, theta.len());
+        let drive = Drive::new(hold, 0.0, Initial::Zero, STEPS, 1.0, [&u; LANES]);
+        tie.drives = Arc::new(vec![drive]);
+        let wide: Vec<Wide> = theta.iter().map(|x| Wide::splat(*x)).collect();
+        Isa::Plain.run(Set(&mut tie, structure, &wide));
+        let row = |d: usize| {
+            let slopes = tie.slopes[d * theta.len()..][..theta.len()].iter().zip(theta);
+            slopes.fold(tie.base[d].0[0], |sum, (slope, x)| sum + slope.0[0] * x)
+        };
+        let values = (0..structure.order).map(row).collect();
+        (values, tie.slopes.iter().map(|x| x.0[0]).collect())
+    }
+
+    #[test]
+    fn one_pole_has_its_end_for_a_transient() {
+        let structure = Structure::new(1, vec![Some(0)]).unwrap();
+        let (a, b, h) = (0.8f64, 0.5f64, 0.3f64);
+        let decay = (-a * h).exp();
+        let end =
+            (0..STEPS).fold(0.0, |z, k| decay * z + (1.0 - decay) / a * (0.2 * k as f64).cos());
+        let (found, _) = tied(&structure, &[a, b], Some(Hold::Zoh));
+        assert!((found[0].abs() - b * end.abs() / (STEPS as f64 * h)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slopes_are_those_of_differences() {
+        let structure = Structure::new(2, vec![Some(1)]).unwrap();
+        for hold in [Some(Hold::Zoh), Some(Hold::Foh), None] {
+            let (_, slopes) = tied(&structure, &THETA, hold);
+            for k in 0..THETA.len() {
+                let moved = |by: f64| {
+                    let mut theta = THETA;
+                    theta[k] += by;
+                    tied(&structure, &theta, hold).0
+                };
+                for (d, (up, down)) in moved(1e-5).iter().zip(moved(-1e-5)).enumerate() {
+                    let wanted = (up - down) / 2e-5;
+                    assert!(
+                        (slopes[d * THETA.len() + k] - wanted).abs() < 1e-8,
+                        "{hold:?} {d} {k}"
+                    );
+                }
+            }
+        }
+    }
+}
