@@ -17,6 +17,8 @@ SAME = 1e-9  # of an input's size: periods are compared so closely
 
 def periods(rec: Record) -> int:
     """How many whole periods of its inputs a record holds, its ends in one phase; 1 if they do not repeat."""
+    if not rec.inputs:
+        return 1
     count = rec.u.shape[1] - 1
     size = np.max(np.abs(rec.u), axis=1, keepdims=True)
     for parts in range(count // SHORTEST, 1, -1):

@@ -128,7 +128,8 @@ fn start_known(
                 continue;
             }
             let own = w.progress.cost.0[lane];
-            let lower = round == 0 || own <= cost[lane] * (1.0 + SAME);
+            // `wls` under output noise does not make the cost small.
+            let lower = round == 0 || rule.is_none() || own <= cost[lane] * (1.0 + SAME);
             let now = w.iterates.theta.now.iter_mut().zip(&mut best);
             match lower {
                 true => {

@@ -73,6 +73,15 @@ def test_exact_without_noise(told: dict[str, Any], exact: float, known: str) -> 
     assert fit.status == "ok"
 
 
+@pytest.mark.parametrize("method", ["wls", "awls"])
+def test_other_methods(method: str) -> None:
+    for noise in ("output", "equation"):
+        fit = mf.fit(record(6.0, 128), MODEL, initial_state="rest", method=method, noise=noise, harmonics=10)
+        np.testing.assert_allclose(fit.params, TRUTH, rtol=1e-4)
+        assert fit.status == "ok"
+        assert mf.fit(record(6.0, 128, 0.02), MODEL, initial_state="rest", method=method, noise=noise).success
+
+
 def test_several_records_and_inputs() -> None:
     t = np.linspace(0.0, 6.0, 129)
     system = mf.tf([[[2.0], [1.0, 3.0]]], [[[1, 2, 6], [1, 2, 6]]])
@@ -268,5 +277,8 @@ def test_records_that_cannot_be_counted_are_refused() -> None:
         mf.fit(rec.weigh(mask=rec.t > 0.1), MODEL, initial_state="rest")
     with pytest.raises(mf.SpecError, match="initial_state='rest' is for transfer functions"):
         mf.fit(rec, mf.Equation("y'' + a1*y' + a2*y = b*u"), initial_state="rest")
+    free = mf.Record(y=np.exp(-rec.t) * np.cos(3 * rec.t), dt=rec.dt)
+    with pytest.raises(mf.SpecError, match="without an input nothing moves"):
+        mf.fit(free, MODEL, initial_state="zero")
     with pytest.raises(mf.SpecError, match="offset"):
         mf.crlb(SYSTEM, rec.assign(u=rec["u"] + 1), sigma=0.1, initial_state="rest")
