@@ -143,7 +143,7 @@ def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> Non
             raise DataError(
                 f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
                 "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
-                "it moves"
+                "it moves (of a step test, from before the step)"
             )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
-from ..errors import FitError, ModfunError
+from ..errors import FitError, ModfunError, SpecError
 from ..models.options import Options
 from ..records.mask import sample_weights
 from ..records.record import Record
@@ -37,9 +37,16 @@ def robust_fit(
 
     Raises
     ------
+    SpecError
+        Options that do not go with weighted samples.
     FitError
         A fit whose response cannot be simulated beside its records.
     """
+    if options.initial_state != "unknown" or options.method not in ("ml", "awls"):
+        raise SpecError(
+            'fit: robust=True weights samples, which goes with "ml" and "awls" and initial_state="unknown"; '
+            "leave the other option out"
+        )
     options = options.replace(robust=False)
     fit = first = fit_once(records, structure, options)
     if not first.usable:

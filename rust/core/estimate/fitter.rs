@@ -385,21 +385,20 @@ impl Fitter {
     /// How the records run from their known start, with time in units of a band edge.
     fn known_start(&self, band_edge: f64) -> Result<KnownStart, Error> {
         let o = &self.o;
-        let dt = self.records.first().and_then(|r| r.dt).unwrap_or(f64::NAN);
-        let odd = |r: &RecordPlan| r.dt.is_none_or(|own| (own - dt).abs() > 1e-9 * dt);
-        if o.initial != Initial::Periodic && self.records.iter().any(odd) {
+        if o.initial != Initial::Periodic && self.records.iter().any(|r| r.dt.is_none()) {
             return Err(Error::Data(
-                "fitting with a known initial state: the samples need one even step in all records; \
-                 resample them evenly, or take initial_state=\"unknown\""
+                "fitting with a known initial state: the samples need an even step; resample \
+                 them, or take initial_state=\"unknown\""
                     .into(),
             ));
         }
         let course = |r: &RecordPlan| Course {
-            step: dt * band_edge,
+            step: r.dt.unwrap_or(f64::NAN) * band_edge,
+            seconds: r.dt.unwrap_or(f64::NAN),
             lead: r.window.lead,
             intervals: r.window.intervals,
         };
-        let late = |(hold, delay): (&Option<Hold>, &f64)| (*hold, delay / dt);
+        let late = |(hold, delay): (&Option<Hold>, &f64)| (*hold, *delay);
         Ok(KnownStart {
             courses: self.records.iter().map(course).collect(),
             inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),

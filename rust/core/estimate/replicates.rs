@@ -131,19 +131,18 @@ fn start_known(
             // `wls` under output noise does not make the cost small.
             let lower = round == 0 || rule.is_none() || own <= cost[lane] * (1.0 + SAME);
             let now = w.iterates.theta.now.iter_mut().zip(&mut best);
-            match lower {
-                true => {
-                    left[lane] = round == 0
-                        || rest::moved(now.map(|(now, best)| {
-                            let before = std::mem::replace(&mut best.0[lane], now.0[lane]);
-                            (before, now.0[lane])
-                        }));
-                    cost[lane] = own;
+            let moved = rest::moved(now.map(|(now, best)| {
+                let before = best.0[lane];
+                match lower {
+                    true => best.0[lane] = now.0[lane],
+                    // Too far for what was linear there.
+                    false => now.0[lane] = 0.5 * (now.0[lane] + before),
                 }
-                // Too far for what was linear there.
-                false => {
-                    now.for_each(|(now, best)| now.0[lane] = 0.5 * (now.0[lane] + best.0[lane]))
-                }
+                (before, now.0[lane])
+            }));
+            left[lane] = round == 0 || moved;
+            if lower {
+                cost[lane] = own;
             }
             onward[lane] = lower && left[lane];
         }
@@ -156,7 +155,7 @@ fn start_known(
             dependent[lane] = w.dependent[lane];
         }
     }
-    for lane in (0..LANES).filter(|k| left[*k]) {
+    for lane in (0..LANES).filter(|k| live[*k]) {
         for (now, best) in w.iterates.theta.now.iter_mut().zip(&best) {
             now.0[lane] = best.0[lane];
         }

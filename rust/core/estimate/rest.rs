@@ -46,8 +46,9 @@ pub enum Initial {
 /// One record as its states run through it.
 #[derive(Debug, Clone)]
 pub(crate) struct Course {
-    /// In units of the band edge.
+    /// In units of the band edge, and in seconds.
     pub step: f64,
+    pub seconds: f64,
     /// Steps before the window, and in it.
     pub lead: usize,
     pub intervals: usize,
@@ -57,7 +58,7 @@ pub(crate) struct Course {
 #[derive(Debug, Clone)]
 pub(crate) struct KnownStart {
     pub courses: Vec<Course>,
-    /// How each input runs between samples, and how many steps it is late.
+    /// How each input runs between samples, and how many seconds it is late.
     pub inputs: Vec<(Option<Hold>, f64)>,
     pub initial: Initial,
 }
@@ -114,7 +115,8 @@ impl KnownStart {
         let one = |(input, (hold, late)): (usize, &(Option<Hold>, f64))| {
             let lanes: [&[f64]; LANES] = std::array::from_fn(|lane| samples(lane, input));
             let unit = units.get(1 + input).copied().unwrap_or(1.0);
-            Drive::new(*hold, *late, self.initial, course.lead + course.intervals, unit, lanes)
+            let late = late / course.seconds;
+            Drive::new(*hold, late, self.initial, course.lead + course.intervals, unit, lanes)
         };
         self.inputs.iter().enumerate().map(one).collect()
     }
@@ -603,7 +605,7 @@ mod tests {
         type Output = ();
         #[inline(always)]
         fn run<L: Lanes>(self) {
-            let course = Course { step: 0.3, lead: 0, intervals: STEPS };
+            let course = Course { step: 0.3, seconds: 1.0, lead: 0, intervals: STEPS };
             let columns = transient_columns(self.1.order, true, Trend::None);
             self.0.set::<L>(self.1, &columns, &course, self.2);
         }

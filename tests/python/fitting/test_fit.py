@@ -435,7 +435,7 @@ BAD = {
     "predict an array": (lambda: FIT.predict(REC.y), mf.SpecError, "Record or the index"),
     "predict record 1": (lambda: FIT.predict(1), mf.SpecError, "1 record"),
     "predict other channels": (lambda: FIT.predict(OTHER_NAMES), mf.DataError, "select"),
-    "initial state word": (lambda: FIT.predict(initial_state="rest"), mf.SpecError, '"zero"'),
+    "initial state word": (lambda: FIT.predict(initial_state="at rest"), mf.SpecError, '"zero"'),
     "initial state length": (lambda: FIT.predict(initial_state=[1.0]), mf.SpecError, "2 states"),
     "initial state method": (lambda: FIT.initial_state(method="observr"), mf.SpecError, "lstsq"),
     "cov_params word": (lambda: FIT.cov_params("hc3"), mf.SpecError, "'HC3'"),

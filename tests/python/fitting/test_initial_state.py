@@ -93,6 +93,13 @@ def test_several_records_and_inputs() -> None:
     assert fit.df_resid == 2 * (2 * 14 + 1) - 5
 
 
+def test_records_of_other_steps_and_lengths() -> None:
+    delayed = mf.tf([5], [1, 3, 8], delay=0.15)
+    runs = [record(6.0, 128, system=delayed), record(4.0, 200, system=delayed, u=stairs(4.0, 200, after=0.3))]
+    fit = mf.fit(runs, mf.TransferFunction(poles=2, zeros=0, delay=0.15), initial_state="rest", harmonics=12)
+    np.testing.assert_allclose(fit.params, TRUTH, rtol=1e-5)
+
+
 def test_rest_counts_inputs_from_their_first_values() -> None:
     """A system that stands under a steady input and an offset of the sensor, then is moved."""
     u = stairs(6.0, 128, first=2.0)
@@ -271,7 +278,7 @@ def test_what_cannot_be_counted_is_refused(told: dict[str, Any], says: str) -> N
 def test_records_that_cannot_be_counted_are_refused() -> None:
     rec = record(3.0, 64, 0.05)
     uneven = mf.Record(y=rec["y"], u=rec["u"], t=rec.t**1.01, intersample="zoh")
-    with pytest.raises(mf.DataError, match="one even step"):
+    with pytest.raises(mf.DataError, match="an even step"):
         mf.fit(uneven, MODEL, initial_state="rest")
     with pytest.raises(mf.SpecError, match="masks"):
         mf.fit(rec.weigh(mask=rec.t > 0.1), MODEL, initial_state="rest")

@@ -135,6 +135,8 @@ def test_several_outputs_records_and_equations() -> None:
     ("call", "says"),
     [
         (lambda: mf.fit(spiked(0), MODEL, robust="yes"), "robust='yes' must be True"),
+        (lambda: mf.fit(spiked(0), MODEL, robust=True, method="ls"), "leave the other option out"),
+        (lambda: mf.fit(spiked(0), MODEL, robust=True, initial_state="zero"), "leave the other option out"),
         (lambda: mf.fit_many([spiked(0)], MODEL, robust=True), "robust=True is for mf.fit"),
         (
             lambda: mf.MonteCarlo(
