@@ -122,8 +122,8 @@ def fit(
         so. "zero": the response begins at zero, and the inputs act from the first sample on. "periodic": the
         record holds whole periods of a steady response, the first and the last sample in one phase. The
         transient then follows from the parameters, or there is none, which makes standard errors on steps and
-        short records up to three times smaller. For transfer functions of one output in white noise; a fit
-        warns where the record contradicts it.
+        short records up to five times smaller. For transfer functions of one output in white noise, without
+        a drift; a fit warns where the record contradicts it.
     robust : bool, default False
         Whether samples are weighted by Student's t distribution, for spikes and heavy tails: its degrees of
         freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the

@@ -29,6 +29,7 @@ __all__ = [
 KEPT = 32  # kinds of fits
 LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes for less than the fit takes
 
+OPEN = 0.1  # of an input's range: ends of whole periods are no farther apart
 LOOKED_AT = 64  # records of a batch that tell the noise levels
 _NOTHING = np.zeros(0)
 
@@ -73,6 +74,8 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     layout = structure.layout(first.outputs, first.inputs)
     if not (layout.plain and options.plain_noise and even):
         return _joint(layout, options, data, first.intersample, sampling)
+    if options.initial_state == "periodic":
+        refuse_open_periods(first.inputs, [data.u] if isinstance(data, Batch) else [rec.u for rec in data])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     kept = isinstance(data, Batch) or all([rec.dt is not None for rec in data])
     make = _kept if short and kept else _made
@@ -122,6 +125,25 @@ def refuse_known_start(options: Options) -> None:
             f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white "
             'noise, without free delays, masks and sigma; take initial_state="unknown"'
         )
+
+
+def refuse_open_periods(names: tuple[str, ...], us: Sequence[F64]) -> None:
+    """Refuse inputs (…, input, time) whose last sample is not where the first one is.
+
+    Raises
+    ------
+    DataError
+    """
+    for u in us:
+        gaps = np.abs(u[..., -1] - u[..., 0]) / np.maximum(np.ptp(u, axis=-1), 1e-300)
+        far = np.argwhere(gaps > OPEN)
+        if len(far):
+            k = tuple(far[0])
+            raise DataError(
+                f"fit: initial_state='periodic', but input {names[k[-1]]!r} begins at {u[k][0]:.4g} and ends "
+                f"at {u[k][-1]:.4g}: cut whole periods with rec.window, its last sample in the phase of the "
+                "first"
+            )
 
 
 def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:

@@ -54,7 +54,7 @@ class FrequencyResponse:
     drift, drift_bse : array_like, same shape as `response`, optional
         Change of the gains over the record, and its standard error.
     distortion : array_like, same shape as `response`, optional
-        Standard deviation √E|·|² of what nonlinearity adds to the gains of one realisation of the inputs.
+        Standard deviation of what nonlinearity adds to the gains of one realisation of the inputs.
     outputs, inputs : sequence of str, optional
         Names of the channels; by default y, y1, … and u, u1, ….
     source : str, optional

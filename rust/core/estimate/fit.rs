@@ -93,6 +93,13 @@ impl FitOptions {
                     "fitting with a known initial state: \"ls\" differences it away; take another method".into(),
                 ));
             }
+            if self.trend == Trend::Linear {
+                return Err(Error::Spec(
+                    "fitting with a known initial state: a drift of the output moves its states, too; take \
+                     trend=\"constant\", or initial_state=\"unknown\""
+                        .into(),
+                ));
+            }
             if self.structure.numerators.iter().all(Option::is_none) {
                 return Err(Error::Spec(
                     "fitting with a known initial state: without an input nothing moves from it; take \

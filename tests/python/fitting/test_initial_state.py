@@ -284,6 +284,10 @@ def test_records_that_cannot_be_counted_are_refused() -> None:
         mf.fit(rec.weigh(mask=rec.t > 0.1), MODEL, initial_state="rest")
     with pytest.raises(mf.SpecError, match="initial_state='rest' is for transfer functions"):
         mf.fit(rec, mf.Equation("y'' + a1*y' + a2*y = b*u"), initial_state="rest")
+    with pytest.raises(mf.SpecError, match="drift of the output"):
+        mf.fit(rec, MODEL, initial_state="rest", trend="linear")
+    with pytest.raises(mf.DataError, match="input 'u' begins at 0 and ends at 1"):
+        mf.fit(rec, MODEL, initial_state="periodic")
     free = mf.Record(y=np.exp(-rec.t) * np.cos(3 * rec.t), dt=rec.dt)
     with pytest.raises(mf.SpecError, match="without an input nothing moves"):
         mf.fit(free, MODEL, initial_state="zero")
