@@ -429,10 +429,8 @@ class Estimates:
     # Against records ----------------------------------------------------------------------------
 
     def simulate(self, rec: Record, initial_state: Any = None) -> tuple[F64, InitialState]:
-        """Simulated outputs for a record with the initial state and trend that `predict` takes.
-
-        Records of the fit begin as it was told, where it was (`initial_state`).
-        """
+        """Simulated outputs for a record with the initial state and trend that `predict` takes."""
+        # Records of the fit begin as it was told, where it was.
         told = self.options.initial_state
         own = any(rec is one for one in self.records or ())
         if initial_state is None and own and told in ("zero", "rest"):

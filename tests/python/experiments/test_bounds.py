@@ -108,7 +108,7 @@ def test_rao_garnier():
         ({"nsr": 0.1, "sigma": 0.1}, "once"),
         ({"nsr": 0.0}, "above 0"),
         ({"nsr": 0.1, "trend": "cubic"}, "'linear'"),
-        ({"nsr": 0.1, "initial_state": "free"}, "'unknown'"),
+        ({"nsr": 0.1, "initial_state": "free"}, "unknown, zero, rest, periodic"),
         ({"nsr": 0.1, "model": mf.TransferFunction(poles=1)}, "does not hold"),
     ],
 )
