@@ -20,12 +20,12 @@ use modfun::estimate::{
     Wanted,
 };
 use modfun::math::sin_cos_turns_1;
-use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
+use modfun::monte_carlo::{Contender, Draw, Group, Plan, Run, Told};
 use modfun::quadrature::{Hold, Rule};
 use modfun::response::{Family, Piece, Settings, Weighting, responses};
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
-use modfun::structure::{Method, Noise, Structure, Trend};
+use modfun::structure::{CovType, Method, Noise, Structure, Trend};
 use modfun::threads::Control;
 use modfun::tones;
 use std::f64::consts::TAU;
@@ -123,14 +123,14 @@ fn input() -> Vec<f64> {
 fn study(isa: Isa, draw: Draw) -> Work {
     let five = Options { tol: 0.0, maxiter: 5, wanted: Wanted::Theta };
     let options = plain(Method::Awls, Rule::Trapezoid, Band::Harmonics(6), five);
-    replicates(isa, draw, &[0.2], vec![options], Intervals::None)
+    replicates(isa, draw, &[0.2], vec![options], None)
 }
 
 /// The first study that users see: three levels of noise, three estimators, intervals and their coverage.
 fn as_run(isa: Isa) -> Work {
     let options = |method| plain(method, Rule::Gregory, Band::Harmonics(6), SETTLED);
     let estimators = [Method::Ls, Method::Awls, Method::Ml].map(options).to_vec();
-    replicates(isa, Draw::Coefficients, &[0.05, 0.2, 0.6], estimators, Intervals::Hc3)
+    replicates(isa, Draw::Coefficients, &[0.05, 0.2, 0.6], estimators, Some(CovType::Hc3))
 }
 
 fn replicates(
@@ -138,7 +138,7 @@ fn replicates(
     draw: Draw,
     levels: &[f64],
     estimators: Vec<FitOptions>,
-    intervals: Intervals,
+    intervals: Option<CovType>,
 ) -> Work {
     let y = response();
     let rms = (y.iter().map(|y| y * y).sum::<f64>() / y.len() as f64).sqrt();

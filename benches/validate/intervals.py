@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import modfun as mf
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import t as student
+from scipy.signal import butter, lfilter
 
 TF2 = mf.TransferFunction(poles=2, zeros=0)
 EQ24 = {"system": mf.tf([5], [1, 3, 8]), "input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
 LONG = {"duration": 60.0, "intervals": 1024, "nsr": 0.1}
-KINDS = {"HC3": "HC3", "nonrobust": "classical"}
+KINDS = {"spectral": "spectral", "HC3": "HC3", "nonrobust": "classical"}
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Row:
     """Coverage of each parameter by one kind of interval."""
 
     name: str
-    kind: str  # "classical" or "HC3"
+    kind: str  # "spectral", "HC3" or "classical"
     covered: np.ndarray
     records: int
     failures: int = 0
@@ -92,14 +91,59 @@ def autoregressive(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.nda
     return lfilter([1.0], [1.0, -0.95], e)[200:]
 
 
+def filtered(num: object, den: object) -> Callable[[np.random.Generator, np.ndarray, float], np.ndarray]:
+    """White noise through a digital filter."""
+
+    def noise(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+        return lfilter(num, den, rng.standard_normal(y.size + 4000))[4000:]
+
+    return noise
+
+
+def hum(width: float) -> Callable[[np.random.Generator, np.ndarray, float], np.ndarray]:
+    """A resonance of noise about line 5, so many lines wide, of a third of the variance of the white rest."""
+
+    def noise(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+        lines = y.size - 1
+        r, turn = np.exp(-np.pi * width / lines), 2 * np.pi * 5 / lines
+        e = rng.standard_normal((2, y.size + 8000))
+        own = lfilter([1.0], [1.0, -2 * r * np.cos(turn), r * r], e[0])[8000:]
+        scale = np.sqrt((1 - r * r) * ((1 + r * r) ** 2 - 4 * r * r * np.cos(turn) ** 2) / (1 + r * r))
+        return np.sqrt(1 / 3) * scale * own + e[1, 8000:]
+
+    return noise
+
+
+def flicker(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    """Noise of spectrum 1/f."""
+    size = 8 * y.size
+    f = np.fft.rfftfreq(size)
+    f[0] = f[1]
+    own = np.fft.irfft(np.fft.rfft(rng.standard_normal(size)) / np.sqrt(f), size)[: y.size]
+    return own / own.std()
+
+
+COLOURS = {
+    "AR(.95)": autoregressive,
+    "AR(.5)": filtered([1.0], [1.0, -0.5]),
+    "differenced": filtered([1.0, -1.0], [1.0]),
+    "low-passed": filtered(*butter(2, 0.1)),
+    "1/f": flicker,
+    "resonant, 5 lines": hum(5.0),
+    "resonant, 1 line": hum(1.0),
+}
+
+
 def coloured(scale: float) -> list[Row]:
-    """AR(1) noise: both intervals of the white assumption, and noise="coloured"."""
+    """Noise of many colours, on few and on many lines."""
     n = int(4000 * scale)
     return [
-        *study("AR(.95) noise, M = 11", n, ("ml",), nsr=0.1, noise=autoregressive, harmonics=11, trend=None),
-        *study(
-            "AR(.95) noise, wide band", n, ("ml",), nsr=0.1, noise=autoregressive, harmonics=40, trend=None
-        ),
+        row
+        for name, noise in COLOURS.items()
+        for lines in (11, 40)
+        for row in study(
+            f"{name} noise, M = {lines}", n, ("ml",), nsr=0.1, noise=noise, harmonics=lines, trend=None
+        )
     ]
 
 
@@ -118,10 +162,9 @@ def fitted(
             failures += 1
             continue
         true = np.array([truth[p] for p in fit.param_names])
-        for kind, cov in (("HC3", fit.cov_hc3), ("nonrobust", fit.cov_nonrobust)):
-            degrees = getattr(fit, "df_hc3", None) if kind == "HC3" else None
-            half = student.ppf(0.975, fit.df_resid if degrees is None else degrees) * np.sqrt(np.diag(cov))
-            inside[kind].append(np.abs(fit.params - true) <= half)
+        for kind in KINDS:
+            own = replace(fit, options=fit.options.replace(cov_type=kind))
+            inside[kind].append(np.abs(fit.params - true) <= np.diff(own.conf_int()).ravel() / 2)
     return [
         Row(f"{name}, {KINDS[kind]}", KINDS[kind], np.mean(got, axis=0), len(got), failures)
         for kind, got in inside.items()
@@ -226,17 +269,16 @@ def derived(scale: float) -> list[Row]:
             EQ24["system"], input=EQ24["input"], duration=10.0, intervals=256, nsr=0.1, seed=47, replicate=k,
             initial_state=start,
         )  # fmt: skip
-        fit = mf.fit(rec, TF2, cov_type="nonrobust", harmonics=11, trend=None)
+        fit = mf.fit(rec, TF2, harmonics=11, trend=None)
         table = fit.derived(wn="sqrt(a2)", zeta="a1/(2*sqrt(a2))", gain="b0/a2")
-        half = student.ppf(0.975, fit.df_resid) * table["bse"]
-        inside.append(np.abs(table["value"] - true) <= half)
+        inside.append((table["low"] <= true) & (true <= table["high"]))
         found = fit.initial_state(rec)
         states.append(np.abs(found.state - start) <= 1.96 * found.bse)
     return [
-        Row(f"{name}, classical", "classical", np.mean(got, axis=0), len(got))
-        for name, got in (
-            ("ω, ζ, gain by the delta method", inside),
-            ("initial state by least squares", states),
+        Row(f"{name}, {kind}", kind, np.mean(got, axis=0), len(got))
+        for name, kind, got in (
+            ("ω, ζ, gain by the delta method", "spectral", inside),
+            ("initial state by least squares", "classical", states),
         )
     ]
 

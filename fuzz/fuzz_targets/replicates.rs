@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
+use modfun::monte_carlo::{Contender, Draw, Group, Plan, Run, Told};
 use modfun::simd::Isa;
 use modfun::threads::Control;
 use modfun_fuzz::{Bytes, same, told};
@@ -30,7 +30,7 @@ fuzz_target!(|bytes: &[u8]| {
     let contender = Contender {
         options: told_of,
         truth: b.many(parameters, |b| b.near(1.0)),
-        intervals: b.of(&[Intervals::None, Intervals::Nonrobust, Intervals::Hc3]),
+        intervals: b.of(&[None, Some(CovType::Nonrobust), Some(CovType::Hc3)]),
     };
     let record = b.channels(outputs + inputs, n);
     let (states, levels) = (b.below(2), b.below(3));

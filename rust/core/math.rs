@@ -11,6 +11,7 @@ const ROUNDER: f64 = 6_755_399_441_055_744.0;
 const TWO_PI: f64 = std::f64::consts::TAU;
 const HALF_PI: f64 = std::f64::consts::FRAC_PI_2;
 const HALF_PI_LOW: f64 = 6.123_233_995_736_766e-17;
+const LN_2_LOW: f64 = 2.319_046_813_846_299_6e-17;
 const SIGN: u64 = 1 << 63;
 
 /// (sin θ − θ)/θ³ in θ², |θ| ≤ π/4; sin θ to 4e-18 relative.
@@ -39,6 +40,20 @@ const LN: [f64; 6] = [
     0.222_233_702_201_717,
     0.181_236_878_536_814_9,
     0.168_193_003_969_403_73,
+];
+
+/// (eʳ − 1 − r)/r² in r, |r| ≤ ½ ln 2; eʳ to 1e-17.
+const EXP: [f64; 10] = [
+    0.500_000_000_000_000_1,
+    0.166_666_666_666_666_7,
+    0.041_666_666_666_624_164,
+    0.008_333_333_333_330_065,
+    0.001_388_888_891_719_671_9,
+    0.000_198_412_698_630_405_45,
+    2.480_152_132_236_869_2e-5,
+    2.755_726_848_031_002_4e-6,
+    2.762_007_587_998_336_7e-7,
+    2.510_037_583_256_123_4e-8,
 ];
 
 /// The polynomial with ascending coefficients at `x`, by Horner's rule.
@@ -116,6 +131,21 @@ pub fn ln<L: Lanes>(x: L) -> L {
     e.mul_add(L::splat(std::f64::consts::LN_2), ln_m)
 }
 
+/// The exponential of `x` between −700 and 700, to 4e-16 relative; of what lies beyond, that of the nearer end.
+#[inline(always)]
+pub fn exp<L: Lanes>(x: L) -> L {
+    let end = L::splat(700.0);
+    let x = -(-x).max(-end);
+    let x = x.max(-end);
+    let shown = x.mul_add(L::splat(std::f64::consts::LOG2_E), L::splat(ROUNDER));
+    let k = shown - L::splat(ROUNDER);
+    let r = k.mul_add(L::splat(-std::f64::consts::LN_2), x);
+    let r = k.mul_add(L::splat(-LN_2_LOW), r);
+    let value = (r * r).mul_add(polynomial(&EXP, r), r) + L::splat(1.0);
+    // The low bits of `shown` are k: they raise the exponent.
+    L::from_bits(value.to_bits().add(shown.to_bits().shl::<52>()))
+}
+
 /// [`ln`] of one number, the same bits as a lane.
 #[must_use]
 pub fn ln_1(x: f64) -> f64 {
@@ -187,6 +217,18 @@ fn horner(coefficients: &[f64], x: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| x.mul_add(sum, *c))
 }
 
+/// The quantile of Student's t with `freedom` degrees of freedom where that of the normal distribution is `z`:
+/// Fisher and Cornish's expansion to the fourth power of 1/`freedom`, to 1.3e-3 from three degrees on at 95 %.
+#[must_use]
+pub fn student(z: f64, freedom: f64) -> f64 {
+    let (r, q) = (1.0 / freedom, z * z);
+    let first = (q + 1.0) / 4.0;
+    let second = ((5.0 * q + 16.0) * q + 3.0) / 96.0;
+    let third = (((3.0 * q + 19.0) * q + 17.0) * q - 15.0) / 384.0;
+    let fourth = ((((79.0 * q + 776.0) * q + 1482.0) * q - 1920.0) * q - 945.0) / 92160.0;
+    z * (1.0 + r * (first + r * (second + r * (third + r * fourth))))
+}
+
 #[cfg(test)]
 #[allow(clippy::disallowed_methods)]
 mod tests {
@@ -246,6 +288,40 @@ mod tests {
         for x in [f64::MIN_POSITIVE, f64::MAX, 2f64.powi(-52), 0.5, 0.707_106_781_186_547_5, 1.5] {
             assert!((ln_1(x) / x.ln() - 1.0).abs() <= 5e-16, "{x}");
         }
+    }
+
+    #[test]
+    fn exponentials_agree_with_libm_and_end() {
+        struct Exp<'a>(&'a mut Wide);
+        impl Kernel for Exp<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn run<L: Lanes>(self) {
+                exp(L::load(self.0)).store(self.0);
+            }
+        }
+        for k in -7000..=7000 {
+            let x = f64::from(k) * 0.1;
+            let mut out = Wide::splat(x);
+            Isa::One.run(Exp(&mut out));
+            assert!((out.0[0] / x.exp() - 1.0).abs() < 5e-16, "{x}: {}", out.0[0]);
+        }
+        for (x, want) in [(-1e9, -700.0), (1e9, 700.0), (f64::NEG_INFINITY, -700.0)] {
+            let mut out = Wide::splat(x);
+            Isa::One.run(Exp(&mut out));
+            assert!((out.0[0] / f64::exp(want) - 1.0).abs() < 5e-16, "{x}: {}", out.0[0]);
+        }
+    }
+
+    #[test]
+    fn quantiles_of_student_are_those_of_tables() {
+        let z = 1.959_963_984_540_054;
+        let table = [(3.0, 3.182_446), (5.0, 2.570_582), (10.0, 2.228_139), (40.0, 2.021_075)];
+        for (freedom, want) in table {
+            let got = student(z, freedom);
+            assert!((got / want - 1.0).abs() < 1.3e-3, "{freedom}: {got}");
+        }
+        assert_eq!(student(z, f64::INFINITY), z);
     }
 
     #[test]

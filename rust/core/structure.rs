@@ -116,6 +116,17 @@ pub enum Method {
     Ml,
 }
 
+/// What standard errors take the noise for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CovType {
+    /// White, of one level.
+    Nonrobust,
+    /// Anything: each row shows its own level.
+    Hc3,
+    /// Coloured, with a spectrum that is smooth.
+    Spectral,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

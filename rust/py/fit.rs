@@ -318,6 +318,8 @@ pub fn answered(py: Python<'_>, a: Answer) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("theta", vector(py, a.theta))?;
     out.set_item("cov_nonrobust", matrix(py, a.cov_nonrobust, p)?)?;
     out.set_item("cov_hc3", matrix(py, a.cov_hc3, p)?)?;
+    out.set_item("cov_spectral", matrix(py, a.cov_spectral, p)?)?;
+    out.set_item("df_spectral", vector(py, a.degrees))?;
     out.set_item("gram", matrix(py, a.gram, p)?)?;
     out.set_item("cost", a.cost)?;
     out.set_item("df_resid", a.degrees_of_freedom)?;
@@ -372,6 +374,8 @@ pub fn many_dictionary(
     out.set_item("theta", matrix(py, many.theta, rows)?)?;
     out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
     out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
+    out.set_item("bse_spectral", matrix(py, many.bse_spectral, rows)?)?;
+    out.set_item("df_spectral", matrix(py, many.degrees, rows)?)?;
     out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
     out.set_item("cost", vector(py, many.cost))?;
     out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;

@@ -39,6 +39,8 @@ fn track(py: Python<'_>, (counts, many): (Vec<u64>, Many)) -> PyResult<Bound<'_,
     out.set_item("theta", matrix(py, many.theta, rows)?)?;
     out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
     out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;
+    out.set_item("bse_spectral", matrix(py, many.bse_spectral, rows)?)?;
+    out.set_item("df_spectral", matrix(py, many.degrees, rows)?)?;
     out.set_item("status", vector(py, many.status.iter().map(|s| *s as u8).collect()))?;
     out.set_item("nit", vector(py, many.nit.iter().map(|n| i64::from(*n)).collect()))?;
     Ok(out)

@@ -2,8 +2,9 @@
 
 use modfun::estimate::Wanted;
 use modfun::monte_carlo::histogram::BINS;
-use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run, Told};
+use modfun::monte_carlo::{Cell, Contender, Draw, Group, Plan, Run, Told};
 use modfun::simd::Isa;
+use modfun::structure::CovType;
 use modfun::{Error, Status};
 use numpy::{
     PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
@@ -60,11 +61,13 @@ struct GivenContender<'py> {
 impl GivenContender<'_> {
     fn contender(&self) -> PyResult<Contender> {
         let intervals = match self.cov_type.as_deref() {
-            None => Intervals::None,
-            Some("HC3") => Intervals::Hc3,
-            Some("nonrobust") => Intervals::Nonrobust,
+            None => None,
+            Some("spectral") => Some(CovType::Spectral),
+            Some("HC3") => Some(CovType::Hc3),
+            Some("nonrobust") => Some(CovType::Nonrobust),
             Some(other) => {
-                let text = format!("cov_type=\"{other}\" is not \"HC3\" or \"nonrobust\"");
+                let text =
+                    format!("cov_type=\"{other}\" is not \"spectral\", \"HC3\" or \"nonrobust\"");
                 return Err(refused(&text));
             }
         };
@@ -320,18 +323,25 @@ impl Sums {
     }
 }
 
-/// Student's t quantiles at each design's degrees of freedom, from SciPy; 0 where nothing is covered.
+/// Half widths of intervals in standard errors, from SciPy: of Student's t at each design's degrees of freedom, of the
+/// normal distribution where each estimate has its own; 0 where nothing is covered.
 fn half_widths(
     py: Python<'_>,
     plan: &Plan,
     groups: &[Group],
     level: f64,
 ) -> PyResult<Vec<Vec<f64>>> {
-    let wanted = |e: &Contender| e.intervals != Intervals::None;
-    if !groups.iter().flat_map(|g| &g.estimators).any(wanted) {
+    let counted = groups.iter().flat_map(|g| &g.estimators).any(|e| e.intervals.is_some());
+    if !counted {
         return Ok(groups.iter().map(|g| vec![0.0; g.estimators.len()]).collect());
     }
-    let quantile = py.import("scipy.special")?.getattr("stdtrit")?;
-    let of = |df: usize| quantile.call1((df as f64, 0.5 + level / 2.0))?.extract::<f64>();
-    plan.freedom().iter().map(|g| g.iter().map(|df| of(*df)).collect()).collect()
+    let special = py.import("scipy.special")?;
+    let (student, normal) = (special.getattr("stdtrit")?, special.getattr("ndtri")?);
+    let share = 0.5 + level / 2.0;
+    let of = |(df, e): (&usize, &Contender)| match e.intervals {
+        Some(CovType::Spectral) => normal.call1((share,))?.extract::<f64>(),
+        _ => student.call1((*df as f64, share))?.extract::<f64>(),
+    };
+    let widths = |(own, g): (&Vec<usize>, &Group)| own.iter().zip(&g.estimators).map(of).collect();
+    plan.freedom().iter().zip(groups).map(widths).collect()
 }

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::{ALL, DURATION, INTERVALS, METHODS, OPTIONS};
 use modfun::Status;
 use modfun::estimate::{Band, FitOptions, Initial, Start, Workspace, estimate};
-use modfun::monte_carlo::{Contender, Draw, Group, Intervals, Plan, Run, Told};
+use modfun::monte_carlo::{Contender, Draw, Group, Plan, Run, Told};
 use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
 use modfun::simd::{Isa, Wide};
-use modfun::structure::{Noise, Structure, Trend};
+use modfun::structure::{CovType, Noise, Structure, Trend};
 use modfun::threads::Control;
 
 struct Counting;
@@ -117,7 +117,7 @@ fn plan(draw: Draw) -> Plan {
         Contender {
             options: Told::Plain(options),
             truth: vec![3.0, 8.0, 5.0],
-            intervals: Intervals::Hc3,
+            intervals: Some(CovType::Hc3),
         }
     });
     let dt = DURATION / INTERVALS as f64;

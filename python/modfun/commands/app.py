@@ -190,7 +190,7 @@ def fit(
     harmonics: Harmonics = None,
     trend: Trend = "auto",
     noise: Annotated[str, typer.Option(help="output, coloured, errors-in-variables or equation.")] = "output",
-    cov_type: Annotated[str, typer.Option(help="HC3 or nonrobust.")] = "HC3",
+    cov_type: Annotated[str, typer.Option(help="spectral, HC3 or nonrobust.")] = "spectral",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
     initial_state: Annotated[
         str, typer.Option(help="unknown, zero, rest (steady before the first sample) or periodic.")

@@ -101,7 +101,7 @@ def layout_of(
         (
             "noise",
             options.noise != "coloured",
-            "is for transfer functions; the standard errors are HC3, which hold whatever the colour",
+            "is for transfer functions; the standard errors are spectral, which hold whatever the colour",
         ),
         (
             "output_weights",
@@ -113,7 +113,7 @@ def layout_of(
         if not plain:
             raise SpecError(f"fit: {name}={getattr(options, name)!r} {why}")
     own = options.replace(
-        band=None, harmonics=None, method="ml", trend=None, tol=1e-9, maxiter=50, cov_type="HC3"
+        band=None, harmonics=None, method="ml", trend=None, tol=1e-9, maxiter=50, cov_type="spectral"
     )
     if isinstance(own.noise, Noise):
         own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))

@@ -49,7 +49,7 @@ def fit(
     harmonics: int | None = None,
     trend: str | None = "auto",
     noise: str | Noise = "output",
-    cov_type: str = "HC3",
+    cov_type: str = "spectral",
     output_weights: ArrayLike | None = None,
     correct: bool = True,
     rule: str = "gregory",
@@ -96,9 +96,10 @@ def fit(
         signals leave empty; "log-normal": white on the logarithms of the outputs (equations only);
         `Noise`: known up to a common factor. Equations take the levels of several outputs, and of what noise
         adds to nonlinear signals, from the unused harmonics or from `Noise`.
-    cov_type : {"HC3", "nonrobust"}
-        Standard errors without an assumption on the noise colour, or the classical ones. Both take its level
-        as constant over the record; where it changes give ``Record(sigma=)``.
+    cov_type : {"spectral", "HC3", "nonrobust"}
+        Standard errors for noise of any smooth spectrum, which is estimated from the residual lines;
+        without an assumption on its colour, line by line; or classical ones for white noise. All take the
+        noise level as constant over the record; where it changes give ``Record(sigma=)``.
     output_weights : (output,) or (output, output) array_like, optional
         Of several outputs: 1/variance of the noise of each, or the inverse of its covariance, instead of the
         estimated one.

@@ -71,6 +71,8 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
         "theta": found.theta,
         "cov_nonrobust": cov,
         "cov_hc3": cov,
+        "cov_spectral": cov,
+        "df_spectral": np.full(found.theta.size, float(free)),
         "cost": found.cost,
         "noise": np.eye(len(data.outputs)) * level,
         "df_resid": free,

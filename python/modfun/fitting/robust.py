@@ -68,7 +68,12 @@ def robust_fit(
     # Weights count as known in the covariances; that they follow the residuals costs information.
     lost = (tail + 3.0) / (tail + 1.0)
     return replace(
-        fit, options=asked, tail=tail, cov_nonrobust=fit.cov_nonrobust * lost, cov_hc3=fit.cov_hc3 * lost**2
+        fit,
+        options=asked,
+        tail=tail,
+        cov_nonrobust=fit.cov_nonrobust * lost,
+        cov_hc3=fit.cov_hc3 * lost**2,
+        cov_spectral=fit.cov_spectral * lost,
     )
 
 

@@ -272,9 +272,11 @@ def bootstrap(
             ys = [np.add(y, e, out=e) for y, e in zip(clean, noise(block), strict=True)]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
-    figures = ["params", "bse", "status", "cost", "nit", *(() if parts[0].df_hc3 is None else ("df_hc3",))]
+    figures = ["params", "bse", "status", "cost", "nit"]
+    each = [np.broadcast_to(part.degrees, part.params.shape) for part in parts]
     return Bootstrap(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in figures},
+        degrees=np.concatenate(each),
         param_names=fit.param_names,
         df_resid=fit.df_resid,
         band=fit.band,

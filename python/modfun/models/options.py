@@ -20,7 +20,7 @@ __all__ = ["MOST", "MOST_THREADS", "WORDS", "Choices", "Options"]
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
     "noise": ("output", "equation", "coloured", "errors-in-variables", "log-normal"),
-    "cov_type": ("HC3", "nonrobust"),
+    "cov_type": ("spectral", "HC3", "nonrobust"),
     "initial_state": ("unknown", "zero", "rest", "periodic"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
@@ -62,7 +62,7 @@ class Options:
     harmonics: int | None = None
     trend: str | None = "auto"
     noise: str | Noise = "output"
-    cov_type: str = "HC3"
+    cov_type: str = "spectral"
     output_weights: tuple[Any, ...] | None = None
     correct: bool = True
     rule: str = "gregory"

@@ -25,7 +25,7 @@ from .doubts import (
 )  # fmt: skip
 from .estimates import Estimates
 from .known_start import gain_of_start
-from .misfit import misfit, of_residuals, which_errors
+from .misfit import misfit, of_residuals
 
 __all__ = ["check", "warnings_of"]
 
@@ -59,10 +59,8 @@ def check(fit: Estimates, line: str) -> Findings:
         found = [look(fit) for look in LOOKS if look is not misfit]
         note = noise_free(fit)
         if note is None:
-            diagnosis = diagnose(fit)
-            found += of_residuals(fit, diagnosis)
-            note = which_errors(diagnosis)
+            found += of_residuals(fit, diagnose(fit))
         found += [biased(fit), minima(fit), few_samples(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    note = of_stability(fit) or gain_of_start(fit) or note
+    note = of_stability(fit) or gain_of_start(fit) or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=note)

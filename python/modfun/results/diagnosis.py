@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import comb, inf, isfinite, nan, sqrt
+from math import comb, inf, isfinite, nan
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
 __all__ = [
     "Diagnosis",
     "diagnose",
-    "disagreement",
     "fewest_samples",
     "growth",
     "high_band_df",
@@ -53,8 +52,6 @@ class Diagnosis:
     further : tuple of Explained
         What further columns would explain of the residuals, an event last. `check` objects below .01 over
         their number.
-    disagreement : float
-        Largest ratio of HC3 and classical standard errors, either way up. `check` objects above 2.5.
     """
 
     chi2_p: float
@@ -65,7 +62,6 @@ class Diagnosis:
     coloured: str
     colour_ratio: float
     further: tuple[Explained, ...]
-    disagreement: float
 
 
 def diagnose(fit: Estimates) -> Diagnosis:
@@ -83,7 +79,6 @@ def diagnose(fit: Estimates) -> Diagnosis:
         coloured=fit.row_names[dim],
         colour_ratio=colours[dim][1],
         further=further(fit),
-        disagreement=disagreement(fit),
     )
 
 
@@ -169,20 +164,6 @@ def surely_stable(denominator: Sequence[float]) -> bool:
         ratio, least = upper[0] / lower[0], 1e-9 * abs(upper[1] if len(upper) > 1 else 0.0)
         upper, lower = lower, [a - ratio * b for a, b in zip(upper[1:], [*lower[1:], 0.0], strict=False)]
     return True
-
-
-def disagreement(fit: Estimates) -> float:
-    """Largest ratio of the two kinds of standard errors, either way up."""
-    worst = 1.0
-    for robust, classical in zip(
-        fit.cov_hc3.diagonal().tolist(), fit.cov_nonrobust.diagonal().tolist(), strict=True
-    ):
-        if robust == classical == 0:  # on a bound
-            continue
-        if not (0 < robust < inf and 0 < classical < inf):
-            return nan
-        worst = max(worst, robust / classical, classical / robust)
-    return sqrt(worst) if worst < inf else nan
 
 
 def fewest_samples(fit: Estimates) -> float:

@@ -31,7 +31,8 @@ __all__ = ["Estimates"]
 
 # Fields that are in the core's answer by the same name.
 ANSWERED = (
-    "cov_nonrobust", "cov_hc3", "cost", "df_resid", "status", "nit", "gram", "condition_bound", "band_rule",
+    "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "cost", "df_resid", "status", "nit", "gram",
+    "condition_bound", "band_rule",
 )  # fmt: skip
 
 
@@ -50,6 +51,8 @@ class Estimates:
     params: F64
     cov_nonrobust: F64
     cov_hc3: F64
+    cov_spectral: F64
+    df_spectral: F64
     cost: float
     noise_cov: F64
     df_resid: int
@@ -162,11 +165,12 @@ class Estimates:
         return root(np.diag(self.cov_params()))
 
     def cov_params(self, cov_type: str | None = None) -> F64:
-        """Covariance matrix of the parameters, "HC3" or "nonrobust" (default: the fit's)."""
+        """Covariance matrix of the parameters: "spectral", "HC3" or "nonrobust" (default: the fit's)."""
         kind = (
             self.cov_type if cov_type is None else Options.checked("cov_params", cov_type=cov_type).cov_type
         )
-        return (self.cov_hc3 if kind == "HC3" else self.cov_nonrobust).copy()
+        all = {"spectral": self.cov_spectral, "HC3": self.cov_hc3, "nonrobust": self.cov_nonrobust}
+        return all[kind].copy()
 
     def correlation(self) -> F64:
         """Correlation matrix of the estimates, (p, p), of the fit's `cov_type`; nan beside a bound."""
@@ -176,7 +180,7 @@ class Estimates:
             return np.asarray(self.cov_params() / np.outer(errors, errors))
 
     def conf_int(self, level: float = 0.95) -> F64:
-        """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom.
+        """Confidence intervals, (p, 2), from Student's t with the degrees of freedom `degrees`.
 
         nan for a parameter on its bound, whose error is not known.
 
@@ -192,7 +196,9 @@ class Estimates:
 
     @property
     def degrees(self) -> Any:
-        """Degrees of freedom of the intervals, one for all or one a parameter."""
+        """Degrees of freedom of the intervals, one for all or one per parameter."""
+        if self.cov_type == "spectral":
+            return self.df_spectral
         return self.df_hc3 if self.df_hc3 is not None and self.cov_type == "HC3" else self.df_resid
 
     def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
@@ -202,18 +208,18 @@ class Estimates:
             raise SpecError(
                 f"interval: standard errors are not negative, these go down to {np.min(errors):.4g}"
             )
-        return student_interval(values, errors, self.df_resid if degrees is None else degrees, level)
+        return student_interval(values, errors, self._fewest_degrees if degrees is None else degrees, level)
+
+    @property
+    def _fewest_degrees(self) -> float:
+        """Degrees of freedom of what several parameters determine: the fewest that one of them has."""
+        if self.cov_type != "spectral":
+            return self.df_resid
+        return float(np.min(self.df_spectral[np.isfinite(self.df_spectral)], initial=self.df_resid))
 
     def estimates(self) -> dict[str, float]:
         """Estimates by name."""
         return dict(zip(self.param_names, self.params.tolist(), strict=True))
-
-    def standard_errors(self) -> dict[str, F64]:
-        """The columns of standard errors of the summary."""
-        return {
-            "se HC3": root(np.diag(self.cov_hc3)),
-            "se classical": root(np.diag(self.cov_nonrobust)),
-        }
 
     @cached_property
     def high_band_levels(self) -> F64:

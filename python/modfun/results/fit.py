@@ -47,9 +47,11 @@ class Fit(Estimates):
         Estimates in the order of `param_names`: a1 ... an, then the numerator of each input in descending
         powers.
     param_names : tuple of str
-    cov_nonrobust, cov_hc3 : (p, p) arrays
-        Covariance with the classical formula and with HC3, which assumes nothing about the noise colour.
-        `cov_params()` and `bse` follow `cov_type`.
+    cov_spectral, cov_hc3, cov_nonrobust : (p, p) arrays
+        Covariance for noise of any smooth spectrum, with HC3 (nothing assumed about the noise colour), and
+        with the classical formula (white noise). `cov_params()` and `bse` follow `cov_type`.
+    df_spectral : (p,) array
+        Degrees of freedom of each variance in `cov_spectral`: fewer where few lines carry a parameter.
     cost : float
         The minimised weighted sum of squares, in units of the output squared where the weighting is that
         of output noise.
@@ -159,10 +161,9 @@ class Fit(Estimates):
         powers of the simulated output, a system that changes, a drift, an event at one time. With white
         noise each of these tests objects to about one right model in a hundred (neighbouring lines: up to
         two), and all together to about one in twenty.
-        Besides: a pole with a real part above 0; HC3 and classical standard errors apart by a factor above
-        2.5 where a test objects; fewer than 8 samples a period; a condition number above 10^6; two minima; a
-        parameter on its bound. A note says where there is no noise to test residuals against, and which
-        standard errors to take where the two kinds differ and no test objects.
+        Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
+        10^6; two minima; a parameter on its bound. A note says where there is no noise to test residuals
+        against.
         """
         return self._findings
 
@@ -205,9 +206,9 @@ class Fit(Estimates):
         Returns
         -------
         Table
-            Columns parameter, value, unit (where given), se HC3, se classical, t (value over standard
-            error) and both ends of the interval; t and interval are those of `cov_type`. A parameter on its
-            bound has nan for errors, t and interval, and the title says so.
+            Columns parameter, value, unit (where given), se (that of `cov_type`), t (value over standard
+            error) and both ends of the interval. A parameter on its bound has nan for errors, t and
+            interval, and the title says so.
 
         Raises
         ------

@@ -57,6 +57,9 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["known_level"] = _array(values["high_band_levels"])
     fields.update({name: tuple(values[name]) for name in TUPLES})
     fields["window_weights"] = tuple(values.get("window_weights", ()))
+    if "cov_spectral" not in values:  # files of old have none
+        df = np.full(len(values["params"]), float(values["df_resid"]))
+        values = {**values, "cov_spectral": values["cov_hc3"], "df_spectral": df}
     fields.update({name: _array(values[name]) for name in ARRAYS})
     fields["stability_cost"] = float(values.get("stability_cost", "nan"))
     fields["tail"] = float(values.get("tail", "inf"))

@@ -44,8 +44,8 @@ class FitMany:
         Lowest and highest frequency used, rad/s.
     structure : TransferFunction, Equation or StateSpace
     options : Options
-    df_hc3 : (replicate, p) array or None
-        Degrees of freedom of each HC3 standard error, where equations were fitted.
+    degrees : int or (replicate, p) array
+        Degrees of freedom of the intervals params ± t·bse.
     """
 
     params: F64
@@ -58,12 +58,7 @@ class FitMany:
     band: tuple[float, float]
     structure: Any
     options: Options
-    df_hc3: F64 | None = None
-
-    @property
-    def degrees(self) -> Any:
-        """Degrees of freedom of the intervals params ± t·bse: `df_resid`, of equations with HC3 `df_hc3`."""
-        return self.df_hc3 if self.df_hc3 is not None and self.options.cov_type == "HC3" else self.df_resid
+    degrees: Any
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (replicate, p, 2), from Student's t; nan where there is no estimate."""
@@ -150,7 +145,7 @@ class FitMany:
             nit=np.array([f.nit for f in fits]),
             param_names=first.param_names,
             df_resid=first.df_resid,
-            df_hc3=None if first.df_hc3 is None else np.array([f.df_hc3 for f in fits]),
+            degrees=np.array([np.broadcast_to(f.degrees, f.params.shape) for f in fits]),
             band=first.band,
             structure=structure,
             options=options,
@@ -164,13 +159,13 @@ class FitMany:
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
         return FitMany(
             params=found["theta"],
-            bse=found["bse_hc3" if options.cov_type == "HC3" else "bse_nonrobust"],
+            bse=found[f"bse_{options.cov_type.lower()}"],
             status=np.array(STATUS).take(found["status"]),
             cost=found["cost"],
             nit=found["nit"],
             param_names=names,
             df_resid=found["df_resid"],
-            df_hc3=found.get("df_hc3"),
+            degrees=found.get(f"df_{options.cov_type.lower()}", found["df_resid"]),
             band=(low * omega0, high * omega0),
             structure=structure,
             options=options,

@@ -11,12 +11,8 @@ from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 
-__all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small", "which_errors"]
+__all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small"]
 
-# Ratio of the two standard errors: with white noise and a dozen lines that matter, one record in eight
-# passes 2 and one in sixty 2.5. Where few lines matter (a held square wave) HC3 is large for its own
-# reasons and one record in four passes 2.5; coloured flight records start at 2.8. Hence the words.
-DISAGREE = 2.5
 UNLIKELY = 0.01  # p-value below which a test speaks
 PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far above the noise
 LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by itself
@@ -92,12 +88,12 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
             Doubt(
                 f"The residual lines{_of(fit, d.coloured)} are not of one level over the band (lower half "
                 f"{d.colour_ratio:.3g} times the upper half, p = {d.colour.p_value:.2g}): the noise is "
-                "coloured or the model misses part of the band; classical standard errors do not hold, HC3 "
-                "does.",
+                "coloured or the model misses part of the band. Spectral standard errors allow for the "
+                "colour, classical ones do not.",
                 sure=False,
             )
         )
-    return [*found, _disagreement(fit, d)]
+    return found
 
 
 def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[tuple[Doubt, float]]:
@@ -164,48 +160,6 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
         f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance}). First "
         "look there, fit.plot_response(), for a gust, a step of another input or a fault."
     )
-
-
-def _disagreement(fit: Estimates, d: Diagnosis) -> Doubt | None:
-    """That the two kinds of standard errors differ, and the residual tests say that classical ones fail."""
-    if not d.disagreement > DISAGREE or not (min(_tests(d)) < UNLIKELY or too_large(d.chi2_p)):
-        return None
-    learnt = fit.layout.rational and fit.options.noise == "output" and fit.records is not None
-    other = ', noise="coloured"' if learnt else ""
-    return Doubt(
-        f"{_differ(d)}, and the residual tests object: the noise is not white over the band or the model too "
-        f"simple, and classical errors do not hold. Take HC3{other} or a narrower band (now up to "
-        f"{fit.band[1]:.4g} rad/s).",
-        sure=False,
-    )
-
-
-def which_errors(d: Diagnosis) -> str:
-    """Which standard errors to take where the two kinds differ and no test objects; empty where they agree.
-
-    In white noise nine in ten records of a light mode pass these tests, and classical intervals held the
-    truth in 96 % of them; in AR(.6) and AR(.95) noise none of 300 each did.
-    """
-    if not d.disagreement > DISAGREE or min(_tests(d)) < UNLIKELY or too_large(d.chi2_p):
-        return ""
-    if not all(p >= UNLIKELY for p in _tests(d)):
-        return (
-            f"{_differ(d)}: the noise is not white, the model too simple, or few lines carry the information "
-            "and HC3 is off. The band has too few lines to test which; take the larger."
-        )
-    return (
-        f"{_differ(d)}, and the residual tests see neither colour nor misfit: few lines carry the "
-        'information, and HC3 is the one that is off. Take the classical ones, cov_type="nonrobust", unless '
-        "you know that the noise is coloured."
-    )
-
-
-def _tests(d: Diagnosis) -> tuple[float, float]:
-    return d.colour.p_value, d.correlation.p_value
-
-
-def _differ(d: Diagnosis) -> str:
-    return f"Classical and HC3 standard errors differ by a factor of up to {d.disagreement:.2g}"
 
 
 def too_large(chi2_p: float) -> bool:

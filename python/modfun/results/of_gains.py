@@ -66,10 +66,6 @@ class ResponseFit(Fit):
             )
         return self.cov_nonrobust.copy()
 
-    def standard_errors(self) -> dict[str, F64]:
-        """The column of standard errors of the summary."""
-        return {"se": self.bse}
-
     @property
     def chi2(self) -> float:
         """Cost in units of the variances that came with the gains, about `df_resid`; nan without them."""

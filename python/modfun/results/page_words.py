@@ -107,14 +107,15 @@ def assumption(fit: Estimates) -> str:
             "errors-in-variables": "white noise on outputs and inputs",
             "log-normal": "white noise on the logarithms of the outputs",
         }[kind]
-    both = (
-        "The HC3 standard errors assume that the residual lines are independent, but nothing about "
-        f"the noise's colour or level over frequency; the classical ones assume {noise}."
-    )
-    used = "HC3" if fit.cov_type == "HC3" else "classical"
+    rest = {
+        "spectral": f"{noise.replace('white noise', 'noise of any smooth spectrum')}; that spectrum is "
+        "estimated from the residual lines",
+        "HC3": "residual lines that are independent, and nothing about the colour of the noise",
+        "nonrobust": noise,
+    }[fit.cov_type]
     return (
-        f"{both} t and the 95 % intervals (Student's t) are those of the {used} ones. Neither covers "
-        "errors of the model itself."
+        f"The standard errors assume {rest}. The 95 % intervals are Student's t. Neither covers errors of "
+        "the model itself."
     )
 
 

@@ -173,7 +173,7 @@ class _Search:
             values |= dict(zip(names, den[1:], strict=True))
         params = np.array([values[name] for name in fit.param_names])
         slopes = self._at_margin(params)
-        free = {"cov_nonrobust": fit.cov_nonrobust, "cov_hc3": fit.cov_hc3}
+        free = {name: getattr(fit, name) for name in ("cov_nonrobust", "cov_hc3", "cov_spectral")}
         return replace(
             fit,
             params=params,

@@ -16,27 +16,25 @@ __all__ = ["starts"]
 STEP = 0.05  # of a standard error: differences by parameters
 
 
-def starts(fit: Any) -> tuple[list[str], F64, dict[str, F64]]:
-    """Names, values and variances (by column of standard errors) of what belongs to each record alone.
+def starts(fit: Any) -> tuple[list[str], F64, F64]:
+    """Names, values and variances of what belongs to each record alone.
 
     With z(θ) the initial state and trend that suit a record best under θ, the covariance of z at the estimate
     is that of z(θ) at a known θ and ∂z/∂θ cov θ̂ ∂z/∂θᵀ, the block of the inverse of the joint information.
     """
-    kinds = {"se HC3": fit.cov_hc3, "se classical": fit.cov_nonrobust}
+    cov = np.nan_to_num(fit.cov_params())
     names: list[str] = []
     values: list[F64] = []
-    variances: dict[str, list[F64]] = {name: [] for name in kinds}
+    variances: list[F64] = []
     for k, rec in enumerate(fit.records):
         found = fit.simulate(rec)[1]
         own = found.of_record()
         slopes = _slopes(fit, rec, own.size)
-        for name, cov in kinds.items():
-            cov = np.nan_to_num(cov)
-            variances[name].append(found.variances() + np.einsum("ij,jk,ik->i", slopes, cov, slopes))
+        variances.append(found.variances() + np.einsum("ij,jk,ik->i", slopes, cov, slopes))
         values.append(own)
         ending = f", record {k}" if len(fit.records) > 1 else ""
         names += [f"{name}{ending}" for name in _names(fit, found)]
-    return names, np.concatenate(values), {name: np.concatenate(all) for name, all in variances.items()}
+    return names, np.concatenate(values), np.concatenate(variances)
 
 
 def _slopes(fit: Any, rec: Any, size: int) -> F64:

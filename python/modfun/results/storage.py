@@ -23,7 +23,7 @@ SCHEMA = 2
 # Fields that are plain numbers and texts; rows of them; arrays.
 PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")
 TUPLES = ("intersample", "omega0", "intervals", "steps", "at_bound")
-ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "gram", "noise_cov")
+ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "gram", "noise_cov")
 
 
 def fit_to_dict(fit: Estimates) -> dict[str, Any]:

@@ -235,7 +235,7 @@ def parameters(
         "parameter": list(fit.param_names),
         "value": fit.params,
         **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
-        **{name: np.where(bound, np.nan, errors) for name, errors in fit.standard_errors().items()},
+        "se": np.where(bound, np.nan, fit.bse),
         "t": ratio,
         low: interval[:, 0],
         high: interval[:, 1],
@@ -250,15 +250,14 @@ def _with_starts(fit: Estimates, level: float, columns: dict[str, Any]) -> dict[
     if not fit.records:
         raise SpecError("table: initial=True needs the records of the fit, and this one was loaded without")
     names, values, variances = starts(fit)
-    errors = {name: root(own) for name, own in variances.items()}
-    used = errors["se HC3" if fit.cov_type == "HC3" else "se classical"]
+    used = root(variances)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(used > 0, values / used, np.nan)
-    low, high = fit.interval(values, used, level, fit.df_resid)
+    low, high = fit.interval(values, used, level)
     *_, low_name, high_name = columns
     more: dict[str, Any] = {
-        "parameter": names, "value": values, "unit": [""] * len(names), **errors, "t": ratio, low_name: low,
-        high_name: high,
+        "parameter": names, "value": values, "unit": [""] * len(names), "se": used, "t": ratio,
+        low_name: low, high_name: high,
     }  # fmt: skip
     return {name: np.concatenate([np.asarray(own), np.asarray(more[name])]) for name, own in columns.items()}
 

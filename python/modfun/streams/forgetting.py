@@ -36,7 +36,7 @@ def weights_of(window: float, forgetting: float | None) -> tuple[float, ...]:
 
 
 def unweighted(fit: Fit, weights: Sequence[float]) -> Fit:
-    """A fit of weighted windows with noise, residuals and classical errors as of the windows themselves.
+    """A fit of weighted windows with noise, residuals and errors as of the windows themselves.
 
     The samples of window k were multiplied by √w_k. With mean(w) = Σw/K its cost is that of noise mean(w) σ²;
     its degrees of freedom are those of the chi-square that fits a weighted sum of such.
@@ -53,6 +53,7 @@ def unweighted(fit: Fit, weights: Sequence[float]) -> Fit:
         noise_cov=fit.noise_cov / mean,
         noise_scale=fit.noise_scale / mean,
         cov_nonrobust=fit.cov_nonrobust * loss(weights),
+        cov_spectral=fit.cov_spectral * loss(weights),
         pieces=tuple(piece * (mean / one) ** 0.5 for piece, one in zip(fit.pieces, weights, strict=True)),
     )
 

@@ -404,10 +404,10 @@ class Stream:
 
     def _noted(self, found: dict[str, Any]) -> Track:
         """What the core noted."""
-        robust = self.estimator.options.cov_type == "HC3"
-        errors = found["bse_hc3" if robust else "bse_nonrobust"]
+        kind = self.estimator.options.cov_type
+        errors = found[f"bse_{kind.lower()}"]
         t = self._begin + (found["count"] - 1) * self.dt
-        if len(self.weights) > 1 and not robust:
+        if len(self.weights) > 1 and kind != "HC3":
             windows = 1 + (found["count"] - self._samples) // self._intervals
             factors = [loss(self.weights[: k + 1]) ** 0.5 for k in range(len(self.weights))]
             each = np.array(factors)[np.minimum(windows, len(factors)) - 1]

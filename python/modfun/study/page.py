@@ -112,7 +112,7 @@ def _findings(results: Figures) -> Iterable[str]:
 def _kind(results: Figures, k: int) -> str:
     """Whose intervals were counted, of an estimator that is no function."""
     own = results._plan.contenders[k].estimators
-    return f" ({'HC3' if own[0].options.cov_type == 'HC3' else 'classical'})" if own else ""
+    return f" ({own[0].options.cov_type})" if own else ""
 
 
 def _figure(results: Figures) -> Block:

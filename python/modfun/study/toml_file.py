@@ -299,7 +299,7 @@ OPTIONS: dict[str, Reader] = {
     "harmonics": values.plain("a whole number", int),
     "trend": _trend,
     "output_weights": values.several("1/variance of the noise, a number an output", int, float),
-    "cov_type": values.plain('"HC3" or "nonrobust"', str),
+    "cov_type": values.plain('"spectral", "HC3" or "nonrobust"', str),
     "rule": values.plain('"gregory", "parabolic", "trapezoid" or "staircase"', str),
     "correct": values.plain("true or false", bool),
     "extended": values.plain("true or false", bool),

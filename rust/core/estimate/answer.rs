@@ -14,6 +14,10 @@ pub struct Answer {
     pub cov_nonrobust: Vec<f64>,
     /// HC3 covariance, row major.
     pub cov_hc3: Vec<f64>,
+    /// Covariance from a smooth noise spectrum, row major.
+    pub cov_spectral: Vec<f64>,
+    /// Degrees of freedom of each of its variances.
+    pub degrees: Vec<f64>,
     /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
     pub gram: Vec<f64>,
     /// Σ|r|²/(hS), the weighted sum of squared residuals: in units of the output squared for one output, of Σ̂

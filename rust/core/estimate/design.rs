@@ -3,6 +3,7 @@
 use super::aliasing::Aliasing;
 use super::band::narrow_lines;
 use super::rest::KnownStart;
+use super::spectral::Bins;
 use super::straight::tables::{Tables, sizes};
 use super::sums::{Products, SumPlan, plan_sums};
 use crate::error::Error;
@@ -59,6 +60,8 @@ pub struct Design {
     pub(crate) aliasing: Option<Aliasing>,
     /// Where the records begin in a known state.
     pub(crate) known_start: Option<KnownStart>,
+    /// Which lines share a level of the noise spectrum.
+    pub(crate) bins: Bins,
     pub(crate) differences: Vec<f64>,
     /// θ in the user's units is θ in units of the band edge times this.
     pub(crate) scale: Vec<f64>,
@@ -120,6 +123,7 @@ impl Design {
                  of numbers; give time in another unit"
             )));
         }
+        let bins = Bins::new(&records.iter().map(|r| r.lines).collect::<Vec<_>>());
         let straight = match &records[..] {
             [r] if r.x.len() <= TILE => sizes(structure, method, noise, trend, extended)
                 .map(|sizes| Tables::new(sizes, &r.x, &r.size_x, &r.weight)),
@@ -139,6 +143,7 @@ impl Design {
             records,
             columns,
             target,
+            bins,
             differences: difference_weights(q),
             scale,
             unit: 1.0,

@@ -504,6 +504,8 @@ impl Fitter {
                 theta: w.theta(d, lane).collect(),
                 cov_nonrobust: w.cov_nonrobust(d, lane),
                 cov_hc3: w.cov_hc3(d, lane),
+                cov_spectral: w.cov_spectral(d, lane),
+                degrees: w.degrees(lane).collect(),
                 gram: unit_diagonal(|k| w.gram[k].0[lane], d.parameters()),
                 cost: w.cost(lane) * d.cost_unit() * d.cost_unit(),
                 degrees_of_freedom,

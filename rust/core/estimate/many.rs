@@ -14,6 +14,10 @@ pub struct Many {
     pub bse_nonrobust: Vec<f64>,
     /// HC3 standard errors.
     pub bse_hc3: Vec<f64>,
+    /// Standard errors from a smooth noise spectrum.
+    pub bse_spectral: Vec<f64>,
+    /// Degrees of freedom of each of these.
+    pub degrees: Vec<f64>,
     /// Outcomes.
     pub status: Vec<Status>,
     /// Weighted sums of squares.
@@ -30,6 +34,8 @@ impl Many {
         self.theta.extend(w.theta(d, lane));
         self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
         self.bse_hc3.extend(w.bse_hc3(d, lane));
+        self.bse_spectral.extend(w.bse_spectral(d, lane));
+        self.degrees.extend(w.degrees(lane));
         self.status.push(outcome.status[lane]);
         self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
         self.nit.push(outcome.nit[lane]);
@@ -39,6 +45,8 @@ impl Many {
         self.theta.append(&mut other.theta);
         self.bse_nonrobust.append(&mut other.bse_nonrobust);
         self.bse_hc3.append(&mut other.bse_hc3);
+        self.bse_spectral.append(&mut other.bse_spectral);
+        self.degrees.append(&mut other.degrees);
         self.status.append(&mut other.status);
         self.cost.append(&mut other.cost);
         self.nit.append(&mut other.nit);

@@ -29,6 +29,7 @@ mod rule;
 mod second_start;
 mod shared;
 mod spare;
+pub(crate) mod spectral;
 mod straight;
 mod stream;
 mod sums;

@@ -62,6 +62,7 @@ pub(super) fn finish(
         ($n:literal, $i:literal, $z:literal, $s:literal) => {
             isa.run(Errors::<$n, $i, $z, $s> {
                 tables,
+                bins: &d.bins,
                 space: w,
                 live,
                 degrees_of_freedom,
@@ -153,6 +154,8 @@ mod tests {
                             lanes(&w.gram),
                             lanes(&w.cov_nonrobust),
                             lanes(&w.cov_hc3),
+                            lanes(&w.spectral.cov),
+                            lanes(&w.spectral.degrees),
                         ];
                         (outcome, numbers)
                     });

@@ -206,7 +206,9 @@ impl<F: Slider> Stream<F> {
         found.append(Many {
             theta: none.clone(),
             bse_nonrobust: none.clone(),
-            bse_hc3: none,
+            bse_hc3: none.clone(),
+            bse_spectral: none.clone(),
+            degrees: none,
             status: vec![Status::Rank],
             cost: vec![f64::NAN],
             nit: vec![0],
@@ -326,6 +328,8 @@ impl Slider for JointFitter {
             many.append(Many {
                 bse_nonrobust: errors(&f.cov_nonrobust),
                 bse_hc3: errors(&f.cov_hc3),
+                bse_spectral: errors(&f.cov_spectral),
+                degrees: f.degrees,
                 theta: f.theta,
                 status: vec![f.status],
                 cost: vec![f.cost],

@@ -1,4 +1,4 @@
-//! At the estimate: the transient that belongs to it, cost, and covariance of θ, classical and HC3.
+//! At the estimate: the transient that belongs to it, cost, and covariance of θ: classical, HC3 and spectral.
 //!
 //! Every estimator solves Σ_i z_i(γ_i θ + γ₀ᵢ) = 0 over rows i (Re and Im of each line) with instruments z; columns
 //! have the transient projected out. With H = (Σ_i z_i γ_i)⁻¹ its covariance is
@@ -7,6 +7,7 @@
 //! cov θ̂ = H (Σ_i z_i z_iᵀ v_i) Hᵀ,
 //! v_i = σ̂² · (variance of the row),  σ̂² = cost / degrees of freedom    classical,
 //! v_i = e_i² / (1 − h_i)²                                             HC3,
+//! v_i = s(ω_i) · (variance of the row)                                spectral, see `spectral`,
 //! ```
 //!
 //! e_i the residual, h_i the leverage of the row. HC3 assumes nothing about the colour of the noise. Where the
@@ -225,6 +226,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let size = if differenced { d.ls_size() } else { p };
     w.cov_hc3.fill(Wide::ZERO);
     w.cov_nonrobust.fill(Wide::ZERO);
+    w.spectral.clear();
     let sandwich = differenced || flat;
     // Leverages of an oblique projection are no fractions: those of `ls` pass one.
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
@@ -238,13 +240,20 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                 let own = transient_leverage::<L>(d, w, k, m);
                 let (h_re, h_im) = influence::<L>(w, size, size - p);
                 let (e_re, e_im) = (L::load(&w.residual_re[i]), L::load(&w.residual_im[i]));
-                let f_re = deleted(e_re, own.0.mul_add(weight, h_re), floor);
-                let f_im = deleted(e_im, own.1.mul_add(weight, h_im), floor);
-                outer::<L>(&w.influence_re, &w.influence_im, (f_re, f_im), p, &mut w.cov_hc3);
+                let left =
+                    freedom((own.0.mul_add(weight, h_re), own.1.mul_add(weight, h_im)), floor);
+                let f = deleted((e_re, e_im), left);
+                outer::<L>(&w.influence_re, &w.influence_im, f, p, &mut w.cov_hc3);
+                let v = L::splat(1.0) / weight;
                 if sandwich {
-                    let v = L::splat(1.0) / weight;
                     outer::<L>(&w.influence_re, &w.influence_im, (v, v), p, &mut w.cov_nonrobust);
                 }
+                let bin = d.bins.of[k][m];
+                let square = e_im.mul_add(e_im, e_re * e_re) * weight;
+                let left = if d.records[k].lines.first + m == 0 { left.0 } else { left.0 + left.1 };
+                w.spectral.add(bin, square, left);
+                let sum = w.spectral.influence(bin);
+                packed::<L>(&w.influence_re, &w.influence_im, v, p, sum);
             }
         }
     }
@@ -258,6 +267,8 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     } else {
         scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust);
     }
+    w.spectral.regress::<L>(&d.bins.terms, variance);
+    w.spectral.covariance::<L>(&d.bins.terms, variance);
 }
 
 /// A covariance for noise of another variance than 1.
@@ -268,11 +279,17 @@ pub(crate) fn scale<L: Lanes>(variance: L, unit: &[Wide], cov: &mut [Wide]) {
     }
 }
 
-/// Square of the residual of a row with leverage h that an estimate without the row would have.
+/// What the leverages of the two rows of a line leave of them.
 #[inline(always)]
-pub(crate) fn deleted<L: Lanes>(e: L, h: L, floor: L) -> L {
-    let scaled = e / (L::splat(1.0) - h).max(floor);
-    scaled * scaled
+pub(crate) fn freedom<L: Lanes>(h: (L, L), floor: L) -> (L, L) {
+    ((L::splat(1.0) - h.0).max(floor), (L::splat(1.0) - h.1).max(floor))
+}
+
+/// Squares of the residuals that an estimate without the row would have.
+#[inline(always)]
+pub(crate) fn deleted<L: Lanes>(e: (L, L), left: (L, L)) -> (L, L) {
+    let scaled = (e.0 / left.0, e.1 / left.1);
+    (scaled.0 * scaled.0, scaled.1 * scaled.1)
 }
 
 /// The lower triangle as the upper one.
@@ -408,6 +425,20 @@ fn outer<L: Lanes>(re: &[Wide], im: &[Wide], f: (L, L), size: usize, sum: &mut [
             let s = &mut sum[i * size + j];
             let own = b.mul_add(L::load(&im[j]), L::load(s));
             a.mul_add(L::load(&re[j]), own).store(s);
+        }
+    }
+}
+
+/// sum += (s sᵀ + s' s'ᵀ) v of the real and the imaginary row, upper triangle without gaps.
+#[inline(always)]
+fn packed<L: Lanes>(re: &[Wide], im: &[Wide], v: L, size: usize, sum: &mut [Wide]) {
+    let mut at = 0;
+    for i in 0..size {
+        let (a, b) = (L::load(&re[i]) * v, L::load(&im[i]) * v);
+        for j in i..size {
+            let own = b.mul_add(L::load(&im[j]), L::load(&sum[at]));
+            a.mul_add(L::load(&re[j]), own).store(&mut sum[at]);
+            at += 1;
         }
     }
 }

@@ -8,8 +8,10 @@ use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
 use super::rest::{Drive, Tie};
+use super::spectral::Spectral;
 use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
+use crate::structure::CovType;
 
 /// Scratch for one [`Design`].
 #[derive(Debug, Clone)]
@@ -53,6 +55,8 @@ pub struct Workspace {
     /// Covariances of θ in units of the band edge, and the normal matrix.
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
+    /// What is known of the noise spectrum, and the covariance that follows.
+    pub(crate) spectral: Spectral,
     pub(crate) gram: Vec<Wide>,
     pub(crate) row_re: Vec<Wide>,
     pub(crate) row_im: Vec<Wide>,
@@ -127,6 +131,7 @@ impl Workspace {
             work: wide(size.max(extra) * (size.max(extra) + 1)),
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
+            spectral: Spectral::new(d.bins.terms.len(), 1, p),
             gram: wide(p * p),
             row_re: wide(extra + 1),
             row_im: wide(extra + 1),
@@ -162,7 +167,8 @@ impl Workspace {
 
     /// No covariance rather than a wrong one, where the parameters are not determined.
     pub(crate) fn forget_covariance(&mut self, k: usize) {
-        for c in self.cov_hc3.iter_mut().chain(&mut self.cov_nonrobust) {
+        let others = self.cov_nonrobust.iter_mut().chain(&mut self.spectral.cov);
+        for c in self.cov_hc3.iter_mut().chain(others) {
             c.0[k] = f64::NAN;
         }
     }
@@ -182,9 +188,13 @@ impl Workspace {
         self.iterates.theta.now[k].0.map(|t| t * d.scale[k])
     }
 
-    /// Variance of parameter `k` of every lane in the user's units, by HC3 or the classical covariance.
-    pub(crate) fn parameter_variance(&self, d: &Design, k: usize, hc3: bool) -> [f64; LANES] {
-        let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
+    /// Variance of parameter `k` of every lane in the user's units.
+    pub(crate) fn parameter_variance(&self, d: &Design, k: usize, kind: CovType) -> [f64; LANES] {
+        let cov = match kind {
+            CovType::Nonrobust => &self.cov_nonrobust,
+            CovType::Hc3 => &self.cov_hc3,
+            CovType::Spectral => &self.spectral.cov,
+        };
         let scale = d.scale[k] * d.scale[k];
         cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
     }
@@ -198,6 +208,20 @@ impl Workspace {
     /// HC3 standard errors of one lane.
     pub fn bse_hc3<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
         Self::bse(&self.cov_hc3, d, lane)
+    }
+
+    /// Standard errors of one lane from a smooth noise spectrum.
+    pub fn bse_spectral<'a>(
+        &'a self,
+        d: &'a Design,
+        lane: usize,
+    ) -> impl Iterator<Item = f64> + 'a {
+        Self::bse(&self.spectral.cov, d, lane)
+    }
+
+    /// Degrees of freedom of each of these in one lane.
+    pub fn degrees(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
+        self.spectral.degrees.iter().map(move |v| v.0[lane])
     }
 
     /// Classical standard errors of one lane.
@@ -224,6 +248,11 @@ impl Workspace {
     /// HC3 covariance of one lane.
     pub fn cov_hc3(&self, d: &Design, lane: usize) -> Vec<f64> {
         Self::covariance(&self.cov_hc3, d, lane)
+    }
+
+    /// Covariance of one lane from a smooth noise spectrum.
+    pub fn cov_spectral(&self, d: &Design, lane: usize) -> Vec<f64> {
+        Self::covariance(&self.spectral.cov, d, lane)
     }
 
     /// Classical covariance of one lane.

@@ -8,5 +8,5 @@ mod plan;
 mod run;
 mod space;
 
-pub use plan::{Contender, Draw, Group, Intervals, Plan, Told};
+pub use plan::{Contender, Draw, Group, Plan, Told};
 pub use run::{Cell, Run};

@@ -10,6 +10,7 @@ use crate::modulation::Lines;
 use crate::rng::{self, Address, Purpose};
 use crate::simd::Isa;
 use crate::spectrum::CoefficientPlan;
+use crate::structure::CovType;
 
 /// Lines beyond which the roots of their covariances take longer to make than most studies run.
 const MOST_DRAWN: usize = 512;
@@ -21,17 +22,6 @@ pub enum Draw {
     Samples,
     /// The Fourier coefficients themselves, with the exact covariance that the rule gives them.
     Coefficients,
-}
-
-/// Which intervals are counted as covering the truth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Intervals {
-    /// None, and no covariance is computed.
-    None,
-    /// From classical standard errors.
-    Nonrobust,
-    /// From HC3 standard errors.
-    Hc3,
 }
 
 /// What an estimator of a study is told.
@@ -66,8 +56,8 @@ pub struct Contender {
     pub options: Told,
     /// True parameters; 0 where unknown, so that errors are estimates.
     pub truth: Vec<f64>,
-    /// What coverage counts.
-    pub intervals: Intervals,
+    /// Of which kind the intervals are that are counted as covering the truth, where any is.
+    pub intervals: Option<CovType>,
 }
 
 /// What all cells with the same noise-free record share.
@@ -135,7 +125,7 @@ pub(crate) struct Task {
     pub problem: Problem,
     pub options: Options,
     pub truth: Vec<f64>,
-    pub intervals: Intervals,
+    pub intervals: Option<CovType>,
     /// Parameters of the estimators before it.
     pub offset: usize,
     /// Which of the group's output plans it uses.
@@ -332,8 +322,8 @@ impl GroupPlan {
                 problem: shared,
                 options: Options {
                     wanted: match own.intervals {
-                        Intervals::None => Wanted::Theta,
-                        Intervals::Nonrobust | Intervals::Hc3 => Wanted::Covariance,
+                        None => Wanted::Theta,
+                        Some(_) => Wanted::Covariance,
                     },
                     ..own.options.options()
                 },

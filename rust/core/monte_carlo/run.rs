@@ -4,14 +4,16 @@ use super::coloured::Coloured;
 use super::draw::Noisy;
 use super::histogram::{Histogram, Occupied};
 use super::moments::Moments;
-use super::plan::{GroupPlan, Intervals, Plan, Task};
+use super::plan::{GroupPlan, Plan, Task};
 use super::space::Space;
 use crate::error::{Error, Status};
 use crate::estimate::Outcome;
 use crate::estimate::batch::CHUNK;
+use crate::math::student;
 use crate::rng::{self, Purpose};
 use crate::simd::{LANES, Wide};
 use crate::spectrum::Scratch;
+use crate::structure::CovType;
 use crate::threads::{self, Control};
 use std::sync::{Mutex, PoisonError};
 
@@ -56,8 +58,8 @@ struct Counted {
 impl Plan {
     /// Runs replicates; results by group, then level times estimator with estimators fastest.
     ///
-    /// `quantiles` holds, for each group and estimator, the half width of an interval in standard
-    /// errors (Student's t at the design's degrees of freedom).
+    /// `quantiles` holds, for each group and estimator, the half width of an interval in standard errors: that of
+    /// Student's t at the design's degrees of freedom, of the normal distribution where each estimate has its own.
     ///
     /// # Errors
     /// [`Error::Cancelled`] and [`Error::Internal`] from the threads.
@@ -283,9 +285,14 @@ impl Cell {
                 errors[k]
                     .extend(error.iter().zip(found).filter(|(_, found)| *found).map(|(e, _)| e));
             }
-            if task.intervals != Intervals::None {
-                let (square, variance) = (quantile * quantile, space.parameter_variance(task, k));
+            if let Some(kind) = task.intervals {
+                let variance = space.parameter_variance(task, k);
+                let widths = match kind {
+                    CovType::Spectral => space.degrees(k).map(|freedom| student(quantile, freedom)),
+                    CovType::Nonrobust | CovType::Hc3 => [quantile; LANES],
+                };
                 let held = |lane: usize| {
+                    let square = widths[lane] * widths[lane];
                     found[lane] & (error[lane] * error[lane] <= square * variance[lane])
                 };
                 self.covered[k] += (0..LANES).map(|lane| u64::from(held(lane))).sum::<u64>();

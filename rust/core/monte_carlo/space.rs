@@ -1,6 +1,6 @@
 //! Workspace of one estimator of a study, of one output or joint.
 
-use super::plan::{GroupPlan, Intervals, Problem, Task};
+use super::plan::{GroupPlan, Problem, Task};
 use crate::error::Error;
 use crate::estimate::batch::load;
 use crate::estimate::joint::JointSpace;
@@ -89,15 +89,22 @@ impl Space {
 
     /// Variance of parameter `k` of every lane, of the kind that the task counts.
     pub fn parameter_variance(&self, task: &Task, k: usize) -> [f64; LANES] {
-        let hc3 = task.intervals == Intervals::Hc3;
-        match (self, &task.problem) {
-            (Space::Plain(space), Problem::Plain(shared)) => {
-                space.parameter_variance(&shared.design, k, hc3)
+        match (self, &task.problem, task.intervals) {
+            (Space::Plain(space), Problem::Plain(shared), Some(kind)) => {
+                space.parameter_variance(&shared.design, k, kind)
             }
-            (Space::Joint(space), Problem::Joint(shared)) => {
-                space.parameter_variance(&shared.design, k, hc3)
+            (Space::Joint(space), Problem::Joint(shared), Some(kind)) => {
+                space.parameter_variance(&shared.design, k, kind)
             }
             _ => [f64::NAN; LANES],
+        }
+    }
+
+    /// Degrees of freedom of the variance of parameter `k` of every lane, where the noise spectrum is estimated.
+    pub fn degrees(&self, k: usize) -> [f64; LANES] {
+        match self {
+            Space::Plain(space) => space.spectral.degrees[k].0,
+            Space::Joint(space) => space.spectral.degrees[k].0,
         }
     }
 }

@@ -55,7 +55,7 @@ def test_twin_otter_predicts_another_manoeuvre(command):
     assert mode["omega"] == pytest.approx(4.15, abs=0.05)
     assert mode["zeta"] == pytest.approx(0.60, abs=0.02)
     alone = mf.fit(second, fit.structure)
-    assert "standard errors differ" in str(alone.check())
+    assert np.all(alone.bse > 2 * np.sqrt(np.diag(alone.cov_nonrobust)))
     assert np.all(np.abs(alone.params - fit.params) < 2 * np.hypot(alone.bse, fit.bse))
     # Filtered records: the high band is nearly silent, and the check says so instead of condemning the model.
     assert fit.high_band_sigma < 0.02 * fit.sigma
@@ -105,7 +105,7 @@ def test_f18_high_alpha(command):
     fit, _ = command(path, "q_dps", ["stab_deg"], "--poles", "2", "--zeros", "1")
     rec = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["stab_deg"])
     assert fit.lines == ((1, 11),)
-    assert "standard errors differ" in str(fit.check())
+    assert np.all(fit.bse > 2 * np.sqrt(np.diag(fit.cov_nonrobust)))
     assert fit.score(rec)["signal_to_error"][0] == pytest.approx(23.06, abs=0.2)
     assert fit["b0"] == pytest.approx(-1.42, abs=0.03)
     mode = fit.damp().rows[0]

@@ -75,7 +75,8 @@ def test_confidence_intervals_use_students_t(fitted):
     from scipy.stats import t
 
     low, high = fitted.conf_int(level=0.9).T
-    np.testing.assert_allclose(high - low, 2 * t.ppf(0.95, fitted.df_resid) * fitted.bse)
+    np.testing.assert_allclose(high - low, 2 * t.ppf(0.95, fitted.df_spectral) * fitted.bse)
+    assert np.all((fitted.df_spectral > 3) & (fitted.df_spectral <= fitted.df_resid))
     np.testing.assert_allclose((high + low) / 2, fitted.params)
 
 
@@ -294,7 +295,12 @@ def test_maxiter_is_a_status_with_its_cure():
 
 def test_summary_says_what_was_chosen_and_why(fitted):
     text = str(fitted.summary())
-    for part in ["narrowest whose standard errors", "constant (default", "se HC3", "se classical", "zeta"]:
+    for part in [
+        "narrowest whose standard errors",
+        "constant (default",
+        "spectral; Student's t with",
+        "zeta",
+    ]:
         assert part in text
     assert "Chi-square" in fitted.summary()._repr_html_()
     given = str(mf.fit(record(), TF20, band=8.0).summary())

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 from modfun.inference.bootstrap_noise import jacobian_lines, wild
 
-pytestmark = pytest.mark.filterwarnings("ignore:fit. Classical and HC3")
-
 N, DT = 400, 0.05
 T = DT * np.arange(N + 1)
 U = np.array([np.sin(T**2 / 6), np.cos((20 - T) ** 2 / 5)])

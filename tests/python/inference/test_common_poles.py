@@ -19,15 +19,6 @@ def fitted(den, seed=0, noise=0.02, poles=2):
     return mf.fit(rec, tf, cov_type="nonrobust", band=6.0)
 
 
-@pytest.fixture(autouse=True)
-def quiet():
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "fit. Classical and HC3")
-        yield
-
-
 def test_one_denominator_is_found_and_not_objected_to():
     den = [1, 1.2, 4.0]
     found = mf.common_poles(fitted([den, den], seed=1))

@@ -33,7 +33,7 @@ def test_errors_count_those_of_the_parameters() -> None:
     """
     tables = [mf.fit(moving(seed), MODEL).table(initial=True) for seed in range(400)]
     values = np.array([table["value"] for table in tables], dtype=float)
-    errors = np.median([np.asarray(table["se classical"], dtype=float) for table in tables], axis=0)
+    errors = np.median([np.asarray(table["se"], dtype=float) for table in tables], axis=0)
     names = list(tables[0]["parameter"])
     assert names == ["a1", "a2", "b0", "y(0)", "y'(0)", "offset of y"]
     np.testing.assert_allclose(values.mean(axis=0), [3, 8, 5, 0.6, -2.0, 3.0], atol=0.03)
@@ -64,8 +64,8 @@ def test_equations_and_state_spaces() -> None:
         flight = mf.fit(run, space)
     table = equation.table(initial=True)
     assert list(table["parameter"]) == ["a1", "a2", "b", "y(0)", "y'(0)", "constant of equation 1"]
-    assert table["value"][3] == pytest.approx(3.6, abs=4 * table["se classical"][3])
-    assert table["se classical"][3] < 0.1
+    assert table["value"][3] == pytest.approx(3.6, abs=4 * table["se"][3])
+    assert table["se"][3] < 0.1
     rows = dict(
         zip(flight.table(initial=True)["parameter"], flight.table(initial=True)["value"], strict=True)
     )
@@ -76,8 +76,8 @@ def test_equations_and_state_spaces() -> None:
 def test_what_is_known_has_no_error_and_files_have_no_records(tmp_path: Path) -> None:
     rest = mf.simulate(SYSTEM, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
     table = mf.fit(rest, MODEL, initial_state="zero").table(initial=True)
-    assert list(table["se classical"][3:5]) == [0.0, 0.0]
-    assert table["se classical"][5] > 0
+    assert list(table["se"][3:5]) == [0.0, 0.0]
+    assert table["se"][5] > 0
     mf.fit(rest, MODEL).save(tmp_path / "fit.json")
     back = mf.load(tmp_path / "fit.json")
     with pytest.raises(mf.SpecError, match="loaded without"):

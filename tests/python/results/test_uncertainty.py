@@ -49,7 +49,7 @@ def test_classical_intervals_cover_under_white_noise_and_lie_under_coloured(harm
     found = coverage(white(record, 0.1, COUNT, 32), record, "nonrobust", harmonics)
     print(harmonics, found)
     assert np.all((found >= 0.936) & (found <= 0.964))
-    if harmonics == 20:  # why HC3 is the default
+    if harmonics == 20:  # why they are not the default
         assert np.min(coverage(coloured(record, 0.1, COUNT, 33), record, "nonrobust", harmonics)) < 0.9
 
 

@@ -7,12 +7,13 @@ use modfun::estimate::joint::{
     Delay, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
 use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Stream, Time};
+use modfun::math::student;
 use modfun::monte_carlo::histogram::quantile;
-use modfun::monte_carlo::{Cell, Contender, Draw, Group, Intervals, Plan, Run, Told};
+use modfun::monte_carlo::{Cell, Contender, Draw, Group, Plan, Run, Told};
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
-use modfun::structure::{Method, Noise, Structure, Trend};
+use modfun::structure::{CovType, Method, Noise, Structure, Trend};
 use modfun::threads::Control;
 
 const COUNT: usize = 257;
@@ -76,7 +77,12 @@ fn free(state: [f64; 2]) -> Vec<f64> {
     still.response(&|_, _, _| 0.0, (COUNT, DT), &state)
 }
 
-fn group(told: Told, truth: Vec<f64>, intervals: Intervals, states: Vec<Vec<Vec<f64>>>) -> Group {
+fn group(
+    told: Told,
+    truth: Vec<f64>,
+    intervals: Option<CovType>,
+    states: Vec<Vec<Vec<f64>>>,
+) -> Group {
     let two = matches!(told, Told::Joint(_));
     let mut y = vec![response([0.0, 5.0], [0.0; 2])];
     let mut scale = vec![1.0];
@@ -111,7 +117,12 @@ fn drawn(purpose: Purpose, channel: u32, replicate: u64, count: usize) -> Vec<f6
 }
 
 /// Every replicate fitted by itself, from samples made by hand: θ and HC3 or classical standard errors.
-fn alone(group: &Group, replicate: u64, hc3: bool) -> (Vec<f64>, Vec<f64>) {
+fn alone(
+    group: &Group,
+    replicate: u64,
+    kind: Option<CovType>,
+    quantile: f64,
+) -> (Vec<f64>, Vec<f64>) {
     let z = drawn(Purpose::InitialState, 0, replicate, group.free.len());
     let records: Vec<Vec<f64>> = (0..group.y.len())
         .map(|i| {
@@ -142,19 +153,28 @@ fn alone(group: &Group, replicate: u64, hc3: bool) -> (Vec<f64>, Vec<f64>) {
         }
     };
     let p = answer.theta.len();
-    let cov = if hc3 { &answer.cov_hc3 } else { &answer.cov_nonrobust };
-    let bse = (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect();
+    // Half widths over `quantile`: of a spectrum that is estimated with degrees of freedom of its own.
+    let width = |k: usize, cov: &[f64], by: f64| cov[k * (p + 1)].sqrt() * by;
+    let bse = (0..p)
+        .map(|k| match kind {
+            Some(CovType::Spectral) => {
+                width(k, &answer.cov_spectral, student(quantile, answer.degrees[k]) / quantile)
+            }
+            Some(CovType::Hc3) => width(k, &answer.cov_hc3, 1.0),
+            _ => width(k, &answer.cov_nonrobust, 1.0),
+        })
+        .collect();
     (answer.theta, bse)
 }
 
 /// Each estimate, moments, coverage, bins: those of fits one by one.
 fn check(group: &Group, quantile_of: f64) {
     let cell = &run(group, Draw::Samples, quantile_of)[1];
-    let hc3 = group.estimators[0].intervals == Intervals::Hc3;
+    let kind = group.estimators[0].intervals;
     let truth = &group.estimators[0].truth;
     let p = truth.len();
     let fits: Vec<(Vec<f64>, Vec<f64>)> =
-        (0..REPLICATES as u64).map(|k| alone(group, 7 + k, hc3)).collect();
+        (0..REPLICATES as u64).map(|k| alone(group, 7 + k, kind, quantile_of)).collect();
     assert_eq!(cell.status[0], REPLICATES as u64, "{:?}", cell.status);
     for (k, (theta, bse)) in fits.iter().enumerate() {
         for j in 0..p {
@@ -201,8 +221,12 @@ fn check(group: &Group, quantile_of: f64) {
 
 #[test]
 fn a_study_counts_what_its_replicates_give() {
-    for (method, intervals) in [(Method::Ml, Intervals::Hc3), (Method::Awls, Intervals::Nonrobust)]
-    {
+    for (method, intervals) in [
+        (Method::Ml, Some(CovType::Hc3)),
+        (Method::Ml, Some(CovType::Spectral)),
+        (Method::Awls, Some(CovType::Nonrobust)),
+        (Method::Ls, Some(CovType::Spectral)),
+    ] {
         check(&group(Told::Plain(options(method)), TRUTH.to_vec(), intervals, vec![]), 1.2);
     }
 }
@@ -210,19 +234,22 @@ fn a_study_counts_what_its_replicates_give() {
 #[test]
 fn random_initial_states_add_their_responses() {
     let states = vec![vec![free([0.4, 0.0])], vec![free([0.0, 1.5])]];
-    check(&group(Told::Plain(options(Method::Ml)), TRUTH.to_vec(), Intervals::Hc3, states), 1.2);
+    check(
+        &group(Told::Plain(options(Method::Ml)), TRUTH.to_vec(), Some(CovType::Spectral), states),
+        1.2,
+    );
 }
 
 #[test]
 fn a_study_of_joint_fits_counts_what_its_replicates_give() {
     let truth = vec![1.6, 9.0, 5.0, 1.0, 2.0];
-    check(&group(Told::Joint(Box::new(joint())), truth, Intervals::Hc3, vec![]), 1.2);
+    check(&group(Told::Joint(Box::new(joint())), truth, Some(CovType::Spectral), vec![]), 1.2);
 }
 
 /// Coefficients drawn have the spread of those of samples drawn, and the first level has no noise.
 #[test]
 fn coefficients_drawn_are_as_noisy_as_samples() {
-    let one = group(Told::Plain(options(Method::Ml)), TRUTH.to_vec(), Intervals::None, vec![]);
+    let one = group(Told::Plain(options(Method::Ml)), TRUTH.to_vec(), None, vec![]);
     let (of_samples, of_lines) =
         (run(&one, Draw::Samples, 0.0), run(&one, Draw::Coefficients, 0.0));
     for j in 0..3 {

@@ -215,6 +215,8 @@ impl JointFitter {
         out.theta.extend(single.w.theta(d, 0));
         out.bse_nonrobust.extend((0..p).map(|k| found.nonrobust[k * (p + 1)].sqrt()));
         out.bse_hc3.extend((0..p).map(|k| found.hc3[k * (p + 1)].sqrt()));
+        out.bse_spectral.extend((0..p).map(|k| found.spectral[k * (p + 1)].sqrt()));
+        out.degrees.extend(found.degrees);
         out.status.push(status);
         out.push_cost(d, &single.w, 0);
         out.nit.push(ended.nit);
@@ -306,6 +308,8 @@ impl Many {
         self.theta.extend(w.theta(d, lane));
         self.bse_nonrobust.extend(JointSpace::bse(&w.cov_nonrobust, d, lane));
         self.bse_hc3.extend(JointSpace::bse(&w.cov_hc3, d, lane));
+        self.bse_spectral.extend(JointSpace::bse(&w.spectral.cov, d, lane));
+        self.degrees.extend(w.spectral.degrees.iter().map(|v| v.0[lane]));
         self.status.push(outcome.status[lane]);
         self.push_cost(d, w, lane);
         self.nit.push(outcome.nit[lane]);

@@ -4,6 +4,7 @@ use super::structure::{JointSignal, JointStructure, Term};
 use super::whitener::Whitener;
 use crate::error::Error;
 use crate::estimate::aliasing::Aliasing;
+use crate::estimate::spectral::Bins;
 use crate::modulation::{Column, Lines, transient_columns};
 use crate::simd::LANES;
 use crate::structure::{Method, Trend};
@@ -111,6 +112,8 @@ pub struct JointDesign {
     pub(crate) denominators: Vec<usize>,
     pub(crate) numerators: Vec<usize>,
     pub(crate) tile: usize,
+    /// Which lines share a level of the noise spectra.
+    pub(crate) bins: Bins,
     /// Coefficients in the user's units are those in units of the band edge times this; then delays.
     pub(crate) scale: Vec<f64>,
     pub(crate) delay_scale: f64,
@@ -194,6 +197,8 @@ impl JointDesign {
         let columns: Vec<Vec<Term>> = free.iter().map(of).collect();
         let free_delays = structure.free_delays();
         let (reach, denoised) = columns_reach(structure, noise, &transient, &columns, &free_delays);
+        let in_use = |r: &RecordDesign| Lines { last: r.lines.first + r.used - 1, ..r.lines };
+        let bins = Bins::new(&laid.iter().map(in_use).collect::<Vec<_>>());
         Ok(JointDesign {
             structure: structure.clone(),
             method,
@@ -217,6 +222,7 @@ impl JointDesign {
             delay_scale: 1.0 / band_edge,
             units,
             aliasing: None,
+            bins,
             band_edge,
         })
     }

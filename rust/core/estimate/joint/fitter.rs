@@ -519,7 +519,8 @@ impl JointFitter {
     ) -> JointFit {
         let q = d.outputs();
         let freedom = d.degrees_of_freedom();
-        let (Covariances { nonrobust, hc3, normal, residuals, .. }, status) = single.answer(ended);
+        let (Covariances { nonrobust, hc3, spectral, degrees, normal, residuals, .. }, status) =
+            single.answer(ended);
         let w = &single.w;
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
@@ -534,6 +535,8 @@ impl JointFitter {
                 theta: w.theta(d, 0).collect(),
                 cov_nonrobust: nonrobust,
                 cov_hc3: hc3,
+                cov_spectral: spectral,
+                degrees,
                 gram: unit_diagonal(|k| normal[k], p),
                 cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
                 degrees_of_freedom: freedom,

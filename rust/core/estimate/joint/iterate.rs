@@ -122,7 +122,8 @@ pub(crate) fn estimate(
     let status = status(d, w, asked);
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
-            for c in w.cov_hc3.iter_mut().chain(&mut w.cov_nonrobust) {
+            let others = w.cov_nonrobust.iter_mut().chain(&mut w.spectral.cov);
+            for c in w.cov_hc3.iter_mut().chain(others) {
                 c.0[k] = f64::NAN;
             }
         }

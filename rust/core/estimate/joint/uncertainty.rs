@@ -1,4 +1,4 @@
-//! At a joint estimate: transients, cost, classical and HC3 covariance, residuals.
+//! At a joint estimate: transients, cost, the covariances of θ, residuals.
 //!
 //! As for one output (`estimate::uncertainty`), with the rows of all outputs of a line whitened together by W,
 //! W S W* = 1. With J_mi the whitened row of output i, Re and Im apart, transients projected out, e_mi its whitened
@@ -9,7 +9,8 @@
 //!                            HC3:        H (Σ_m g_mᵀ g_m) H,   g_m = Σ_i J_mi e_mi / (1 − h_mi).
 //! ```
 //!
-//! HC3 adds the outputs up before squaring, so that what is left of the correlation between them is allowed for.
+//! HC3 adds the outputs up before squaring, so that what is left of the correlation between them is allowed for. The
+//! spectral covariance has a spectrum for each whitened output.
 
 use super::design::JointDesign;
 use super::qr_step;
@@ -169,6 +170,7 @@ impl Kernel for Covariances<'_> {
         let (q, p) = (d.outputs(), d.parameters());
         let (weights, factors) = (d.final_weights(), d.final_factors());
         clear::<L>(&mut w.meat);
+        w.spectral.clear();
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
                 // Denoised on both sides, or data: `right` holds them.
@@ -179,6 +181,7 @@ impl Kernel for Covariances<'_> {
                     clear::<L>(&mut w.z[1]);
                     for i in 0..q {
                         row::<L>(d, w, k, t * q + i, weight);
+                        count::<L>(d, w, k, (m, i));
                     }
                     for a in 0..p {
                         let (x, y) = (L::load(&w.z[0][a]), L::load(&w.z[1][a]));
@@ -207,6 +210,8 @@ impl Kernel for Covariances<'_> {
                 (L::load(&w.inverse[i * p + j]) * variance).store(&mut w.cov_nonrobust[i * p + j]);
             }
         }
+        w.spectral.regress::<L>(&d.bins.terms, variance);
+        w.spectral.covariance::<L>(&d.bins.terms, variance);
     }
 }
 
@@ -236,19 +241,43 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
             }
         }
         for a in 0..p {
-            let x = L::load(&w.row[part][a]);
+            let mut own = L::splat(0.0);
             for b in 0..p {
-                let by = x * L::load(&w.row[part][b]);
-                h = by.mul_add(L::load(&w.inverse[a * p + b]), h);
+                own = L::load(&w.inverse[a * p + b]).mul_add(L::load(&w.row[part][b]), own);
             }
+            own.store(&mut w.influence[part][a]);
+            h = own.mul_add(L::load(&w.row[part][a]), h);
         }
         let e = pair::<L>(&w.residual, at);
         let e = if part == 0 { e.0 } else { e.1 };
         let left = (-h).mul_add(weight, L::splat(1.0)).max(L::splat(LEVERAGE));
+        left.store(&mut w.left_over[part]);
+        (weight * e * e).store(&mut w.squares[part]);
         let by = weight * e / left;
         for a in 0..p {
             let own = &mut w.z[part][a];
             by.mul_add(L::load(&w.row[part][a]), L::load(own)).store(own);
+        }
+    }
+}
+
+/// Takes the two rows of an output, as `row` left them, into its noise spectrum.
+#[inline(always)]
+fn count<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, (m, output): (usize, usize)) {
+    let (p, r) = (d.parameters(), &d.records[k]);
+    let at = output * d.bins.terms.len() + d.bins.of[k][m];
+    let weight = L::splat(r.weight[m]);
+    // Line 0 is real.
+    let parts = if r.lines.first + m == 0 { 1 } else { 2 };
+    for part in 0..parts {
+        let (square, left) = (L::load(&w.squares[part]), L::load(&w.left_over[part]));
+        w.spectral.add(at, square, left);
+        let mut to = w.spectral.influence(at).iter_mut();
+        for a in 0..p {
+            let own = L::load(&w.influence[part][a]) * weight;
+            for (b, to) in (a..p).zip(to.by_ref()) {
+                own.mul_add(L::load(&w.influence[part][b]), L::load(to)).store(to);
+            }
         }
     }
 }

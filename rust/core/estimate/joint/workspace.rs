@@ -4,9 +4,11 @@ use super::design::{JointDesign, RecordDesign};
 use super::tile::{Across, Block, Rows};
 use crate::estimate::aliasing::Measured;
 use crate::estimate::iterates::{Iterates, Progress};
+use crate::estimate::spectral::Spectral;
 use crate::linalg::qr::Absorber;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
+use crate::structure::CovType;
 
 /// One record of eight replicates.
 #[derive(Debug, Clone, Default)]
@@ -115,6 +117,13 @@ pub struct JointSpace {
     pub(crate) meat: Vec<Wide>,
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
+    /// What is known of the noise spectra of the outputs, and the covariance that follows.
+    pub(crate) spectral: Spectral,
+    /// Influence of the two rows of an output and line on θ.
+    pub(crate) influence: [Vec<Wide>; 2],
+    /// Their squared whitened residuals, and what leverages leave of them.
+    pub(crate) squares: [Wide; 2],
+    pub(crate) left_over: [Wide; 2],
     pub(crate) z: [Vec<Wide>; 2],
     pub(crate) row: [Vec<Wide>; 2],
     pub(crate) qr: QrSpace,
@@ -162,6 +171,8 @@ impl JointSpace {
             meat: wide(p * p),
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
+            spectral: Spectral::new(d.bins.terms.len(), q, p),
+            influence: pair(p),
             z: pair(p),
             row: pair(p),
             qr: QrSpace::new(d),
@@ -286,9 +297,18 @@ impl JointSpace {
         self.iterates.theta.now[k].0.map(|t| t * d.parameter_scale(k))
     }
 
-    /// Variance of parameter `k` of every lane in the user's units, by HC3 or the classical covariance.
-    pub(crate) fn parameter_variance(&self, d: &JointDesign, k: usize, hc3: bool) -> [f64; LANES] {
-        let cov = if hc3 { &self.cov_hc3 } else { &self.cov_nonrobust };
+    /// Variance of parameter `k` of every lane in the user's units.
+    pub(crate) fn parameter_variance(
+        &self,
+        d: &JointDesign,
+        k: usize,
+        kind: CovType,
+    ) -> [f64; LANES] {
+        let cov = match kind {
+            CovType::Nonrobust => &self.cov_nonrobust,
+            CovType::Hc3 => &self.cov_hc3,
+            CovType::Spectral => &self.spectral.cov,
+        };
         let scale = d.parameter_scale(k) * d.parameter_scale(k);
         cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
     }

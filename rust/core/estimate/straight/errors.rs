@@ -8,7 +8,10 @@ use super::steps::read;
 use super::sums::{Lines, Signals, accumulate, prepare, products};
 use super::tables::{Space, Tables};
 use super::weights::weigh;
-use crate::estimate::uncertainty::{LEVERAGE, OBLIQUE_LEVERAGE, deleted, mirror, project, scale};
+use crate::estimate::spectral::{Bins, Spectral};
+use crate::estimate::uncertainty::{
+    LEVERAGE, OBLIQUE_LEVERAGE, deleted, freedom, mirror, project, scale,
+};
 use crate::estimate::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
@@ -17,6 +20,7 @@ use crate::structure::Method;
 /// T and cost at an estimate, and with `covariance` both covariances of θ.
 pub(super) struct Errors<'a, const N: usize, const I: usize, const Z: usize, const S: usize> {
     pub tables: &'a Tables,
+    pub bins: &'a Bins,
     pub space: &'a mut Workspace,
     /// 1 in the lanes whose pivots matter.
     pub live: Wide,
@@ -35,7 +39,7 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
         if !L::HINTS {
             return false;
         }
-        let Errors { tables, space: w, live, degrees_of_freedom, method, covariance } = self;
+        let Errors { tables, bins, space: w, live, degrees_of_freedom, method, covariance } = self;
         let p = S - N;
         let Workspace { records, iterates, progress, straight, diagonal, unknowns, .. } = w;
         let r = &mut records[0];
@@ -103,10 +107,13 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             transient_inverse: &r.transient_inverse,
             inverse: &w.inverse,
             instruments: &r.instruments,
+            bins: &bins.of[0],
         };
+        w.spectral.clear();
+        let spectral = &mut w.spectral;
         let found = match differenced {
-            true => rows::<L, N, I, Z, S, true>(tables, &signals, output, &lines, &by),
-            false => rows::<L, N, I, Z, S, false>(tables, &signals, output, &lines, &by),
+            true => rows::<L, N, I, Z, S, true>(tables, &signals, output, &lines, &by, spectral),
+            false => rows::<L, N, I, Z, S, false>(tables, &signals, output, &lines, &by, spectral),
         };
         let variance = cost * L::splat(1.0 / degrees_of_freedom as f64);
         for i in 0..p {
@@ -123,6 +130,8 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             true => mirror(p, &mut w.cov_nonrobust),
             false => scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust),
         }
+        w.spectral.regress::<L>(&bins.terms, variance);
+        w.spectral.covariance::<L>(&bins.terms, variance);
         true
     }
 }
@@ -196,6 +205,8 @@ struct Projected<'a> {
     transient_inverse: &'a [Wide],
     inverse: &'a [Wide],
     instruments: &'a [Wide],
+    /// Bin of each line.
+    bins: &'a [usize],
 }
 
 /// Σ (Hz)(Hz)ᵀ v over the rows of all lines, upper triangle, θ behind the transient: with the v of HC3, and of
@@ -214,6 +225,7 @@ fn rows<
     output: (&[Wide], &[Wide]),
     lines: &Lines<'_>,
     by: &Projected<'_>,
+    spectral: &mut Spectral,
 ) -> [[(L, L); S]; S] {
     let (zero, p) = (L::splat(0.0), S - N);
     let floor = L::splat(if DIFFERENCED { OBLIQUE_LEVERAGE } else { LEVERAGE });
@@ -274,8 +286,8 @@ fn rows<
             influence[i] = s;
         }
         let residual = (L::load(&lines.residual.0[m]), L::load(&lines.residual.1[m]));
-        let f_re = deleted(residual.0, own.0.mul_add(weight, h.0), floor);
-        let f_im = deleted(residual.1, own.1.mul_add(weight, h.1), floor);
+        let left = freedom((own.0.mul_add(weight, h.0), own.1.mul_add(weight, h.1)), floor);
+        let (f_re, f_im) = deleted(residual, left);
         for i in N..S {
             let (a, b) = (influence[i].0 * f_re, influence[i].1 * f_im);
             for j in i..S {
@@ -283,14 +295,27 @@ fn rows<
                 cov[i][j].0 = a.mul_add(influence[j].0, sum);
             }
         }
+        let v = L::splat(1.0) / weight;
         if DIFFERENCED {
-            let v = L::splat(1.0) / weight;
             for i in N..S {
                 let (a, b) = (influence[i].0 * v, influence[i].1 * v);
                 for j in i..S {
                     let sum = b.mul_add(influence[j].1, cov[i][j].1);
                     cov[i][j].1 = a.mul_add(influence[j].0, sum);
                 }
+            }
+        }
+        let square = residual.1.mul_add(residual.1, residual.0 * residual.0) * weight;
+        let left = if tables.x[m] == 0.0 { left.0 } else { left.0 + left.1 };
+        spectral.add(by.bins[m], square, left);
+        let sum = spectral.influence(by.bins[m]);
+        let mut at = 0;
+        for i in N..S {
+            let (a, b) = (influence[i].0 * v, influence[i].1 * v);
+            for j in i..S {
+                let own = b.mul_add(influence[j].1, L::load(&sum[at]));
+                a.mul_add(influence[j].0, own).store(&mut sum[at]);
+                at += 1;
             }
         }
     }

@@ -91,6 +91,8 @@ impl Many {
         }
         self.bse_nonrobust.extend(errors(&own.cov_nonrobust));
         self.bse_hc3.extend(errors(&own.cov_hc3));
+        self.bse_spectral.extend(errors(&own.cov_spectral));
+        self.degrees.extend(&own.degrees);
         self.status.push(own.status);
         self.cost.push(own.cost);
         self.nit.push(own.nit);

@@ -1,10 +1,12 @@
-//! Covariance of θ at the estimate: classical, and HC3 clustered over the equations of a row.
+//! Covariance of θ at the estimate: classical, HC3 clustered over the equations of a row, and spectral with a noise
+//! spectrum for each whitened equation.
 //!
 //! The transient is projected out of the columns, so that all is that of a regression on them; leverage counts
 //! the transient's part.
 
 use super::factor::Factor;
 use super::iterate::TermsProblem;
+use crate::estimate::spectral::{Bins, Spectral};
 use crate::linalg::qr::{dot, solve_square};
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
@@ -25,6 +27,8 @@ pub(crate) struct Worth {
     pub gram: Vec<f64>,
     /// Degrees of freedom of each HC3 variance: few where few rows carry a parameter.
     pub degrees: Vec<f64>,
+    /// Row major, and the degrees of freedom of each variance.
+    pub spectral: (Vec<f64>, Vec<f64>),
 }
 
 impl TermsProblem<'_> {
@@ -45,8 +49,22 @@ impl TermsProblem<'_> {
             hc3: vec![0.0; p * p],
             gram: vec![0.0; p * p],
             degrees: vec![f64::INFINITY; p],
+            spectral: (vec![0.0; p * p], vec![f64::INFINITY; p]),
         };
-        for (k, d) in free.iter().zip(self.degrees(&free, &q, &normal)) {
+        let hat = self.hat(&q);
+        let own = self.spectral(&free, variance, |i, to| {
+            for (row, to) in normal.chunks(n.max(1)).zip(to) {
+                *to = row.iter().zip(&free).map(|(h, k)| h * self.columns[*k][i]).sum();
+            }
+            (1.0 - hat[i]).max(LEVERAGE)
+        });
+        for (a, k) in free.iter().enumerate() {
+            out.spectral.1[*k] = own.1[a];
+            for (b, l) in free.iter().enumerate() {
+                out.spectral.0[k * p + l] = own.0[a * n + b];
+            }
+        }
+        for (k, d) in free.iter().zip(self.degrees(&free, &hat, &normal)) {
             out.degrees[*k] = d;
         }
         for (i, a) in free.iter().enumerate() {
@@ -85,9 +103,8 @@ impl TermsProblem<'_> {
         out
     }
 
-    /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
-    fn degrees(&self, free: &[usize], q: &[Vec<f64>], normal: &[f64]) -> Vec<f64> {
-        let n = free.len();
+    /// Leverages of all rows.
+    fn hat(&self, q: &[Vec<f64>]) -> Vec<f64> {
         let mut hat = vec![0.0; self.residual.len()];
         let add = |hat: &mut [f64], own: &[f64]| {
             hat.iter_mut().zip(own).for_each(|(h, x)| *h += x * x);
@@ -98,6 +115,35 @@ impl TermsProblem<'_> {
             spot.base().columns().iter().for_each(|own| add(&mut hat[at..], own));
             at += spot.rows.len();
         }
+        hat
+    }
+
+    /// Covariance of the free parameters from a smooth noise spectrum of each equation; `row` writes the influence of
+    /// a row and says what its leverage leaves.
+    fn spectral(
+        &self,
+        free: &[usize],
+        variance: f64,
+        row: impl Fn(usize, &mut [f64]) -> f64,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let lines: Vec<_> = self.spots.iter().map(|spot| spot.lines).collect();
+        let bins = Bins::new(&lines);
+        let count = bins.terms.len();
+        let equations = self.spots.iter().flat_map(|s| &s.rows).map(|r| r.equation + 1).max();
+        let mut sums = Spectral::new(count, equations.unwrap_or(1), free.len());
+        let mut influence = vec![0.0; free.len()];
+        let rows = self.spots.iter().zip(&bins.of);
+        let places = rows.flat_map(|(s, bins)| s.rows.iter().map(|r| (r.equation, bins[r.line])));
+        for ((i, e), (equation, bin)) in self.residual.iter().enumerate().zip(places) {
+            let left = row(i, &mut influence);
+            sums.add_row(equation * count + bin, *e, left, &influence);
+        }
+        sums.finish(&bins, variance)
+    }
+
+    /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
+    fn degrees(&self, free: &[usize], hat: &[f64], normal: &[f64]) -> Vec<f64> {
+        let n = free.len();
         let mut weight = vec![0.0; hat.len()];
         let one = |row: &[f64]| {
             weight.fill(0.0);
@@ -105,7 +151,7 @@ impl TermsProblem<'_> {
                 weight.iter_mut().zip(&self.columns[*k]).for_each(|(w, c)| *w += by * c);
             }
             let (mut sum, mut squares) = (0.0, 0.0);
-            for (w, hat) in weight.iter().zip(&hat) {
+            for (w, hat) in weight.iter().zip(hat) {
                 let left = 1.0 - hat;
                 // A variance that is taken as known is as good as many.
                 let known = left < LEVERAGE;
@@ -194,11 +240,16 @@ impl TermsProblem<'_> {
             }
         }
         let (mut plain, mut robust) = (vec![0.0; p * p], vec![0.0; p * p]);
-        for (i, e) in self.residual.iter().enumerate() {
-            let through = |k: usize| (0..p).map(|l| h[k * p + l] * z[l][i]).sum::<f64>();
-            let effect: Vec<f64> = (0..p).map(through).collect();
+        let row = |i: usize, effect: &mut [f64]| {
+            for (k, effect) in effect.iter_mut().enumerate() {
+                *effect = (0..p).map(|l| h[k * p + l] * z[l][i]).sum::<f64>();
+            }
             let leverage: f64 = effect.iter().zip(&self.columns).map(|(x, c)| x * c[i]).sum();
-            let left = e / (1.0 - leverage).max(OBLIQUE_LEVERAGE);
+            (1.0 - leverage).max(OBLIQUE_LEVERAGE)
+        };
+        let mut effect = vec![0.0; p];
+        for (i, e) in self.residual.iter().enumerate() {
+            let left = e / row(i, &mut effect);
             for a in 0..p {
                 for b in 0..p {
                     plain[a * p + b] += variance * effect[a] * effect[b];
@@ -207,7 +258,9 @@ impl TermsProblem<'_> {
             }
         }
         let gram = self.worth(variance, &vec![false; p]).gram;
-        Worth { nonrobust: plain, hc3: robust, gram, degrees: vec![degrees as f64; p] }
+        let free: Vec<usize> = (0..p).collect();
+        let spectral = self.spectral(&free, variance, row);
+        Worth { nonrobust: plain, hc3: robust, gram, degrees: vec![degrees as f64; p], spectral }
     }
 
     /// Variances at unit noise of the columns on the lines up to `last` of each record; none where too few.

@@ -1,4 +1,4 @@
-//! At a single estimate: standard errors on any part of its lines, both covariances, residuals.
+//! At a single estimate: standard errors on any part of its lines, covariances, residuals.
 //!
 //! As for batches (`joint::uncertainty`), by orthogonal factors: with the whitened columns of a record as
 //! \[T, J\] = Q R, the rows of J with the transient projected out are those of Q behind T times R's last block. Such
@@ -9,14 +9,18 @@ use super::super::uncertainty::LEVERAGE;
 use super::system::independent;
 use super::{Ended, Single};
 use crate::error::Status;
+use crate::estimate::spectral::Spectral;
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
 use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers};
 
-/// Both covariances of θ and its normal matrix, in the workspace's units; row major.
+/// The covariances of θ and its normal matrix, in the workspace's units; row major.
 pub(crate) struct Covariances {
     pub nonrobust: Vec<f64>,
     pub hc3: Vec<f64>,
+    pub spectral: Vec<f64>,
+    /// Of each spectral variance.
+    pub degrees: Vec<f64>,
     pub normal: Vec<f64>,
     /// Weighted residuals: records × outputs × lines, (Re, Im).
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
@@ -176,7 +180,7 @@ impl Single<'_> {
             status = Status::Rank;
         }
         let scale = |k: usize| self.d.parameter_scale(k);
-        for cov in [&mut found.nonrobust, &mut found.hc3] {
+        for cov in [&mut found.nonrobust, &mut found.hc3, &mut found.spectral] {
             if matches!(status, Status::Rank | Status::NonFinite) {
                 cov.fill(f64::NAN);
             }
@@ -187,7 +191,7 @@ impl Single<'_> {
         (found, status)
     }
 
-    /// Both covariances and the residuals at the estimate.
+    /// The covariances and the residuals at the estimate.
     fn covariances(&mut self) -> Covariances {
         let columns = self.columns();
         let d = self.d;
@@ -199,13 +203,23 @@ impl Single<'_> {
         // Sums over the outputs of each line, Re and Im apart, weighted by residuals over one less the leverage.
         let mut gains = vec![0.0; lines * m];
         let (mut residuals, mut from) = (Vec::new(), 0);
-        for ((own, limit), (span, rows)) in columns.iter().zip(&limits).zip(&found.spans) {
+        let bins = d.bins.terms.len();
+        let mut spectral = Spectral::new(bins, q, m);
+        let records = columns.iter().zip(&limits).zip(&found.spans).enumerate();
+        for (k, ((own, limit), (span, rows))) in records {
             let mut leverage = vec![0.0; *rows];
             for column in span.chunks_exact(*rows) {
                 for (h, x) in leverage.iter_mut().zip(column) {
                     *h += x * x;
                 }
             }
+            let height = *rows;
+            // Influence of each row on θ: R⁻¹ times the rows behind those of the transient.
+            let mut influence = vec![0.0; *rows * m];
+            let turned: Vec<f64> =
+                (0..m * m).map(|at| found.inverse[at % m * m + at / m]).collect();
+            product(&span[nt * *rows..], &turned, (*rows, m, m), &mut influence);
+            let mut one = vec![0.0; m];
             let mut record = vec![vec![(0.0, 0.0); *limit]; q];
             for part in 0..2 * q {
                 let e = &own.residual[part * own.stride..][..*limit];
@@ -215,6 +229,18 @@ impl Single<'_> {
                     .zip(&leverage[rows.clone()])
                     .map(|(e, h)| e / (1.0 - h).max(LEVERAGE))
                     .collect();
+                for (i, e) in e.iter().enumerate() {
+                    let at = part * limit + i;
+                    // Line 0 is real.
+                    if part % 2 == 0 || d.records[k].lines.first + i > 0 {
+                        one.iter_mut()
+                            .zip(influence.iter().skip(at).step_by(height))
+                            .for_each(|(one, g)| *one = *g);
+                        let left = (1.0 - leverage[at]).max(LEVERAGE);
+                        let bin = part / 2 * bins + d.bins.of[k][i];
+                        spectral.add_row(bin, *e, left, &one);
+                    }
+                }
                 for a in 0..m {
                     let column = &span[(nt + a) * leverage.len()..][rows.clone()];
                     let to = &mut gains[a * lines + from + part % 2 * limit..][..*limit];
@@ -242,15 +268,22 @@ impl Single<'_> {
         let mut all = Covariances {
             nonrobust: vec![0.0; p * p],
             hc3: vec![0.0; p * p],
+            spectral: vec![0.0; p * p],
+            degrees: vec![f64::INFINITY; p],
             normal: vec![0.0; p * p],
             residuals,
             full: found.full,
         };
+        let (spectral, degrees) = spectral.finish(&d.bins, variance);
+        for (i, own) in order.iter().zip(degrees) {
+            all.degrees[*i] = own;
+        }
         for (a, i) in order.iter().enumerate() {
             for (b, j) in order.iter().enumerate() {
                 if a < m && b < m {
                     all.nonrobust[i * p + j] = variance * dot(&rows[a], &rows[b]);
                     all.hc3[i * p + j] = 0.5 * (hc3[b * m + a] + hc3[a * m + b]);
+                    all.spectral[i * p + j] = spectral[a * m + b];
                 }
                 let (x, y) = (&found.triangle[a * p..][..p], &found.triangle[b * p..][..p]);
                 all.normal[i * p + j] = dot(x, y);

@@ -1,0 +1,287 @@
+//! Standard errors from a smooth noise spectrum: right whatever the colour of the noise, as long as it is no single line.
+//!
+//! Each row i of an estimate has influence g_i on θ, leverage h_i and a whitened residual e_i whose variance is the
+//! noise spectrum s at its line. Estimators differ in g and h only, so that for all of them
+//!
+//! ```text
+//! cov θ̂ = Σ_i g_i g_iᵀ s(ω_i),      log s = Σ_j c_j T_j(x),  x = log(1 + m) on [−1, 1],
+//! ```
+//!
+//! with Chebyshev polynomials T_j. The c are those of a gamma regression, E e_i² = (1 − h_i) s with 1 − h_i degrees of
+//! freedom, with normal priors that leave c₀ free and let the spectrum fall or rise by many powers of ten, but not from
+//! line to line. The curvature of its likelihood does not depend on c: half the degrees of freedom of each line times
+//! T Tᵀ. So a few scoring steps from a flat spectrum with one factor suffice, and the variance of log(g s gᵀ) follows:
+//! it makes the degrees of freedom of Student's t, ν = 2/var, for each parameter.
+//!
+//! Lines are put together in bins no wider than an eighth of their frequency. A line of the spectrum that stands alone,
+//! a hum, is smoothed over; HC3 allows for it where enough lines carry the information.
+
+use crate::linalg::lanes::invert;
+use crate::math::{exp, ln};
+use crate::modulation::Lines;
+use crate::simd::{Isa, Kernel, Lanes, Wide};
+
+/// Terms of the logarithm of the spectrum.
+pub(crate) const TERMS: usize = 6;
+/// Standard deviations of the terms behind the constant one.
+const SPREAD: [f64; TERMS - 1] = [2.0, 2.0, 1.5, 1.0, 0.7];
+/// Scoring steps; spectra that span five powers of ten come within 1 % in six.
+const STEPS: usize = 6;
+/// No coefficient changes by more in one step.
+const LONGEST: f64 = 1.5;
+/// Width of a bin over its frequency.
+const WIDTH: f64 = 0.125;
+
+/// Which lines stand together, and the terms there.
+#[derive(Debug, Clone)]
+pub(crate) struct Bins {
+    /// Bin of each line of each record.
+    pub of: Vec<Vec<usize>>,
+    /// T_j at the middle of each bin.
+    pub terms: Vec<[f64; TERMS]>,
+}
+
+impl Bins {
+    /// For these lines of records that share their noise.
+    pub fn new(lines: &[Lines]) -> Bins {
+        let unit = lines.iter().fold(f64::INFINITY, |unit, l| unit.min(l.omega0));
+        let place = |l: &Lines, m: usize| m as f64 * l.omega0 / unit;
+        let highest = lines.iter().fold(1.0, |top: f64, l| top.max(place(l, l.last)));
+        let mut edges = vec![0.5];
+        while let Some(edge) = edges.last().copied().filter(|edge| *edge <= highest) {
+            edges.push(edge + (edge * WIDTH).round().max(1.0));
+        }
+        let bin = |x: f64| edges.partition_point(|edge| *edge <= x);
+        let mut found = vec![(0.0, 0.0); edges.len() + 1];
+        for l in lines {
+            for m in l.first..=l.last {
+                let own = &mut found[bin(place(l, m))];
+                *own = (own.0 + 1.0, own.1 + place(l, m).ln_1p());
+            }
+        }
+        // Bins that hold no line have no number.
+        let mut number = vec![0; found.len()];
+        let mut terms = Vec::new();
+        for (number, (count, sum)) in number.iter_mut().zip(found) {
+            *number = terms.len();
+            if count > 0.0 {
+                terms.push(chebyshev(2.0 * sum / (count * highest.ln_1p()) - 1.0));
+            }
+        }
+        let of = lines
+            .iter()
+            .map(|l| (l.first..=l.last).map(|m| number[bin(place(l, m))]).collect())
+            .collect();
+        Bins { of, terms }
+    }
+}
+
+/// T_0 to T_5 at x.
+fn chebyshev(x: f64) -> [f64; TERMS] {
+    let mut t = [1.0; TERMS];
+    t[1] = x;
+    for k in 2..TERMS {
+        t[k] = 2.0 * x * t[k - 1] - t[k - 2];
+    }
+    t
+}
+
+/// What is summed over the rows of eight estimates, and the spectra and covariances made of it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Spectral {
+    bins: usize,
+    parameters: usize,
+    /// Σe² and Σ(1 − h) of each channel and bin.
+    square: Vec<Wide>,
+    freedom: Vec<Wide>,
+    /// Σ g gᵀ, upper triangles.
+    influence: Vec<Wide>,
+    /// s of each channel and bin.
+    pub spectrum: Vec<Wide>,
+    /// Of each channel the covariance of its coefficients.
+    pub uncertainty: Vec<Wide>,
+    work: Vec<Wide>,
+    /// Covariance of θ, and the degrees of freedom of each variance.
+    pub cov: Vec<Wide>,
+    pub degrees: Vec<Wide>,
+}
+
+impl Spectral {
+    /// Room for so many bins, channels of white noise and parameters.
+    pub fn new(bins: usize, channels: usize, parameters: usize) -> Spectral {
+        let (all, p) = (bins * channels, parameters);
+        let wide = |n: usize| vec![Wide::ZERO; n];
+        Spectral {
+            bins,
+            parameters,
+            square: wide(all),
+            freedom: wide(all),
+            influence: wide(all * p * (p + 1) / 2),
+            spectrum: wide(all),
+            uncertainty: wide(channels * TERMS * TERMS),
+            work: wide(TERMS * (TERMS + 1) + TERMS * TERMS),
+            cov: wide(p * p),
+            degrees: wide(p),
+        }
+    }
+
+    /// No rows yet.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.square.fill(Wide::ZERO);
+        self.freedom.fill(Wide::ZERO);
+        self.influence.fill(Wide::ZERO);
+    }
+
+    /// Takes in rows of one channel: squares of whitened residuals, and degrees of freedom.
+    #[inline(always)]
+    pub fn add<L: Lanes>(&mut self, at: usize, square: L, freedom: L) {
+        (L::load(&self.square[at]) + square).store(&mut self.square[at]);
+        (L::load(&self.freedom[at]) + freedom).store(&mut self.freedom[at]);
+    }
+
+    /// Where the products of influences of a channel and bin are summed.
+    #[inline(always)]
+    pub fn influence(&mut self, at: usize) -> &mut [Wide] {
+        let size = self.parameters * (self.parameters + 1) / 2;
+        &mut self.influence[at * size..(at + 1) * size]
+    }
+
+    /// The spectra of all channels, in units of `variance`.
+    #[inline(always)]
+    pub fn regress<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
+        let unit = L::splat(1.0) / variance.max(L::splat(f64::MIN_POSITIVE));
+        let channels = self.square.len() / self.bins;
+        for channel in 0..channels {
+            let range = channel * self.bins..(channel + 1) * self.bins;
+            let (square, freedom) = (&self.square[range.clone()], &self.freedom[range.clone()]);
+            let (information, work) = self.work.split_at_mut(TERMS * TERMS);
+            let inverse = &mut self.uncertainty[channel * TERMS * TERMS..][..TERMS * TERMS];
+            for i in 0..TERMS {
+                for j in i..TERMS {
+                    let prior = if i == j && i > 0 { SPREAD[i - 1].powi(-2) } else { 0.0 };
+                    let mut sum = L::splat(prior);
+                    for (t, freedom) in bins.iter().zip(freedom) {
+                        sum = L::load(freedom).mul_add(L::splat(0.5 * t[i] * t[j]), sum);
+                    }
+                    sum.store(&mut information[i * TERMS + j]);
+                }
+            }
+            invert::<L>(information, TERMS, inverse, work, &mut Wide::splat(1.0));
+            let mut total = (L::splat(0.0), L::splat(0.0));
+            for (square, freedom) in square.iter().zip(freedom) {
+                total = (total.0 + L::load(square), total.1 + L::load(freedom));
+            }
+            let mut c = [L::splat(0.0); TERMS];
+            c[0] = ln((total.0 * unit / total.1).max(L::splat(1e-30)));
+            for _ in 0..STEPS {
+                let mut slope = [L::splat(0.0); TERMS];
+                for (k, spread) in SPREAD.iter().enumerate() {
+                    slope[k + 1] = c[k + 1] * L::splat(-spread.powi(-2));
+                }
+                for ((t, square), freedom) in bins.iter().zip(square).zip(freedom) {
+                    let over = L::load(square) * unit * exp(-level(t, &c)) - L::load(freedom);
+                    for (slope, t) in slope.iter_mut().zip(t) {
+                        *slope = over.mul_add(L::splat(0.5 * t), *slope);
+                    }
+                }
+                for (i, c) in c.iter_mut().enumerate() {
+                    let mut step = L::splat(0.0);
+                    for (j, slope) in slope.iter().enumerate() {
+                        step = L::load(&inverse[i * TERMS + j]).mul_add(*slope, step);
+                    }
+                    let step = -(-step).max(L::splat(-LONGEST));
+                    *c = *c + step.max(L::splat(-LONGEST));
+                }
+            }
+            for (t, to) in bins.iter().zip(&mut self.spectrum[range]) {
+                exp(level(t, &c)).store(to);
+            }
+        }
+    }
+
+    /// Covariance and degrees of freedom from spectra and influences.
+    #[inline(always)]
+    pub fn covariance<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
+        let p = self.parameters;
+        let size = p * (p + 1) / 2;
+        let mut at = 0;
+        for i in 0..p {
+            for j in i..p {
+                let mut sum = L::splat(0.0);
+                for (own, s) in self.influence.chunks_exact(size).zip(&self.spectrum) {
+                    sum = L::load(&own[at]).mul_add(L::load(s), sum);
+                }
+                (sum * variance).store(&mut self.cov[i * p + j]);
+                (sum * variance).store(&mut self.cov[j * p + i]);
+                if i == j {
+                    // A parameter on its bound has no influence.
+                    let scale = L::splat(1.0) / sum.max(L::splat(f64::MIN_POSITIVE));
+                    let mut var = L::splat(0.0);
+                    let blocks = self.spectrum.chunks_exact(self.bins);
+                    for (channel, spectrum) in blocks.enumerate() {
+                        let mut share = [L::splat(0.0); TERMS];
+                        for (b, (s, t)) in spectrum.iter().zip(bins).enumerate() {
+                            let own = &self.influence[(channel * self.bins + b) * size + at];
+                            let own = L::load(own) * L::load(s) * scale;
+                            for (share, t) in share.iter_mut().zip(t) {
+                                *share = own.mul_add(L::splat(*t), *share);
+                            }
+                        }
+                        let inverse = &self.uncertainty[channel * TERMS * TERMS..];
+                        for (i, left) in share.iter().enumerate() {
+                            for (j, right) in share.iter().enumerate() {
+                                let by = *left * *right;
+                                var = by.mul_add(L::load(&inverse[i * TERMS + j]), var);
+                            }
+                        }
+                    }
+                    (L::splat(2.0) / var).store(&mut self.degrees[i]);
+                }
+                at += 1;
+            }
+        }
+    }
+}
+
+/// One estimate, whose rows come one after the other.
+impl Spectral {
+    /// Takes in a row of a channel and bin: its whitened residual, what its leverage leaves of it, and its influence.
+    pub fn add_row(&mut self, at: usize, residual: f64, freedom: f64, influence: &[f64]) {
+        self.square[at].0[0] += residual * residual;
+        self.freedom[at].0[0] += freedom;
+        let mut to = self.influence(at).iter_mut();
+        for (i, left) in influence.iter().enumerate() {
+            for (right, to) in influence[i..].iter().zip(to.by_ref()) {
+                to.0[0] += left * right;
+            }
+        }
+    }
+
+    /// Covariance and degrees of freedom of what was taken in.
+    pub fn finish(mut self, bins: &Bins, variance: f64) -> (Vec<f64>, Vec<f64>) {
+        struct Finish<'a>(&'a mut Spectral, &'a Bins, f64);
+        impl Kernel for Finish<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn run<L: Lanes>(self) {
+                let Finish(spectral, bins, variance) = self;
+                spectral.regress::<L>(&bins.terms, L::splat(variance));
+                spectral.covariance::<L>(&bins.terms, L::splat(variance));
+            }
+        }
+        Isa::One.run(Finish(&mut self, bins, variance));
+        let numbers = |all: &[Wide]| all.iter().map(|v| v.0[0]).collect();
+        (numbers(&self.cov), numbers(&self.degrees))
+    }
+}
+
+/// log s where the terms are `t`.
+#[inline(always)]
+fn level<L: Lanes>(t: &[f64; TERMS], c: &[L; TERMS]) -> L {
+    let mut sum = L::splat(0.0);
+    for (t, c) in t.iter().zip(c) {
+        sum = c.mul_add(L::splat(*t), sum);
+    }
+    sum
+}
