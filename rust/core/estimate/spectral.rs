@@ -17,15 +17,15 @@
 //! a hum, is smoothed over; HC3 allows for it where enough lines carry the information.
 
 use crate::linalg::lanes::invert;
-use crate::math::{exp, ln};
+use crate::math::{exp, ln, ln_1};
 use crate::modulation::Lines;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Terms of the logarithm of the spectrum.
 pub(crate) const TERMS: usize = 6;
-/// Standard deviations of the terms behind the constant one.
-const SPREAD: [f64; TERMS - 1] = [2.0, 2.0, 1.5, 1.0, 0.7];
-/// Scoring steps; spectra that span five powers of ten come within 1 % in six.
+/// 1/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one.
+const PRECISION: [f64; TERMS] = [0.0, 0.0625, 0.25, 1.0 / 2.25, 1.0, 1.0 / 0.49];
+/// Scoring steps: of spectra that fall or rise by three powers of ten six come within 4 % of the end.
 const STEPS: usize = 6;
 /// No coefficient changes by more in one step.
 const LONGEST: f64 = 1.5;
@@ -56,7 +56,7 @@ impl Bins {
         for l in lines {
             for m in l.first..=l.last {
                 let own = &mut found[bin(place(l, m))];
-                *own = (own.0 + 1.0, own.1 + place(l, m).ln_1p());
+                *own = (own.0 + 1.0, own.1 + ln_1(1.0 + place(l, m)));
             }
         }
         // Bins that hold no line have no number.
@@ -65,7 +65,7 @@ impl Bins {
         for (number, (count, sum)) in number.iter_mut().zip(found) {
             *number = terms.len();
             if count > 0.0 {
-                terms.push(chebyshev(2.0 * sum / (count * highest.ln_1p()) - 1.0));
+                terms.push(chebyshev(2.0 * sum / (count * ln_1(1.0 + highest)) - 1.0));
             }
         }
         let of = lines
@@ -159,7 +159,7 @@ impl Spectral {
             let inverse = &mut self.uncertainty[channel * TERMS * TERMS..][..TERMS * TERMS];
             for i in 0..TERMS {
                 for j in i..TERMS {
-                    let prior = if i == j && i > 0 { SPREAD[i - 1].powi(-2) } else { 0.0 };
+                    let prior = if i == j { PRECISION[i] } else { 0.0 };
                     let mut sum = L::splat(prior);
                     for (t, freedom) in bins.iter().zip(freedom) {
                         sum = L::load(freedom).mul_add(L::splat(0.5 * t[i] * t[j]), sum);
@@ -175,9 +175,9 @@ impl Spectral {
             let mut c = [L::splat(0.0); TERMS];
             c[0] = ln((total.0 * unit / total.1).max(L::splat(1e-30)));
             for _ in 0..STEPS {
-                let mut slope = [L::splat(0.0); TERMS];
-                for (k, spread) in SPREAD.iter().enumerate() {
-                    slope[k + 1] = c[k + 1] * L::splat(-spread.powi(-2));
+                let mut slope = c;
+                for (slope, precision) in slope.iter_mut().zip(PRECISION) {
+                    *slope = *slope * L::splat(-precision);
                 }
                 for ((t, square), freedom) in bins.iter().zip(square).zip(freedom) {
                     let over = L::load(square) * unit * exp(-level(t, &c)) - L::load(freedom);
@@ -284,4 +284,88 @@ fn level<L: Lanes>(t: &[f64; TERMS], c: &[L; TERMS]) -> L {
         sum = c.mul_add(L::splat(*t), sum);
     }
     sum
+}
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods)]
+mod tests {
+    use super::*;
+    use crate::simd::LANES;
+
+    fn lines(first: usize, last: usize, omega0: f64) -> Lines {
+        Lines { first, last, omega0, unit_variance: 0.01 }
+    }
+
+    #[test]
+    fn bins_are_narrow_and_every_line_has_one() {
+        let records = [lines(1, 300, 0.5), lines(0, 90, 2.0)];
+        let bins = Bins::new(&records);
+        let mut span = vec![(f64::INFINITY, 0.0f64); bins.terms.len()];
+        for (l, of) in records.iter().zip(&bins.of) {
+            assert_eq!(of.len(), l.last - l.first + 1);
+            for (m, bin) in (l.first..).zip(of) {
+                let x = m as f64 * l.omega0 / 0.5;
+                span[*bin] = (span[*bin].0.min(x), span[*bin].1.max(x));
+            }
+        }
+        assert!(bins.terms.len() < 50);
+        for (k, (low, high)) in span.iter().enumerate() {
+            assert!(high - low <= (0.125 * low + 0.51).floor().max(0.0), "{k}: {low} to {high}");
+            assert!(bins.terms[k][1].abs() <= 1.0 && (bins.terms[k][0] - 1.0).abs() < 1e-15);
+        }
+        assert!(bins.terms.windows(2).all(|pair| pair[0][1] < pair[1][1]));
+    }
+
+    /// Rows whose squares are what is expected of this spectrum, two a line, one parameter.
+    fn expected(bins: &Bins, s: impl Fn(usize) -> f64) -> Spectral {
+        let mut sums = Spectral::new(bins.terms.len(), 1, 1);
+        for (m, bin) in bins.of[0].iter().enumerate() {
+            for _ in 0..2 {
+                sums.add_row(*bin, (0.9 * s(m)).sqrt(), 0.9, &[1.0 / (1.0 + m as f64)]);
+            }
+        }
+        sums
+    }
+
+    #[test]
+    fn smooth_spectra_are_found_and_carry_the_covariance() {
+        let bins = Bins::new(&[lines(1, 60, 1.0)]);
+        let falling = |m: usize| 30.0 / (2.0 + m as f64).powi(2);
+        for s in [|_| 7.0, falling] {
+            let want: f64 = (0..60).map(|m| 2.0 * s(m) / (1.0 + m as f64).powi(2)).sum();
+            let (cov, degrees) = expected(&bins, s).finish(&bins, 0.3);
+            // The prior draws the steep one to a flat one.
+            assert!((cov[0] / want - 1.0).abs() < 0.12, "{} {want}", cov[0]);
+            assert!(degrees[0] > 2.0 && degrees[0] < 20.0, "{}", degrees[0]);
+        }
+        let (cov, _) = expected(&bins, |_| 0.0).finish(&bins, 0.0);
+        assert_eq!(cov[0], 0.0);
+    }
+
+    #[test]
+    fn eight_estimates_have_the_bits_of_one() {
+        struct Finish<'a>(&'a mut Spectral, &'a Bins);
+        impl Kernel for Finish<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn run<L: Lanes>(self) {
+                self.0.regress::<L>(&self.1.terms, L::splat(2.0));
+                self.0.covariance::<L>(&self.1.terms, L::splat(2.0));
+            }
+        }
+        let bins = Bins::new(&[lines(0, 20, 1.0)]);
+        let one = expected(&bins, |m| 1.0 + (m % 5) as f64);
+        let (cov, degrees) = one.clone().finish(&bins, 2.0);
+        for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
+            let mut all = one.clone();
+            for sums in [&mut all.square, &mut all.freedom, &mut all.influence] {
+                sums.iter_mut().for_each(|v| *v = Wide([v.0[0]; LANES]));
+            }
+            isa.run(Finish(&mut all, &bins));
+            for lane in 0..LANES {
+                assert_eq!(all.cov[0].0[lane].to_bits(), cov[0].to_bits(), "{isa:?}");
+                assert_eq!(all.degrees[0].0[lane].to_bits(), degrees[0].to_bits(), "{isa:?}");
+            }
+        }
+    }
 }

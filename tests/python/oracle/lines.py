@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .coefficients import coefficients, unit_variance
+from .spectral import spectral
 
 
 @dataclass
@@ -39,6 +40,8 @@ class Result:
     df: int
     cov: np.ndarray
     cov_hc3: np.ndarray
+    cov_spectral: np.ndarray
+    df_spectral: np.ndarray
     residuals: np.ndarray
 
 
@@ -245,4 +248,8 @@ def _result(problem, x, estimator, leverage):
     pull = estimator * (e / (1 - leverage))
     unit = np.outer(problem.unit, problem.unit)
     theta = x[: problem.p] * problem.unit
-    return Result(theta, cost, df, cost / df * estimator @ estimator.T * unit, pull @ pull.T * unit, e)
+    slowest = min(np.abs(s[-1]) / m[-1] for m, s, _, _, _ in problem.lines)
+    place = np.concatenate([rows(np.abs(s) / slowest * (1 + 1j), m) for m, s, _, _, _ in problem.lines])
+    found, degrees = spectral(estimator, e, 1 - leverage, place)
+    classical = cost / df * estimator @ estimator.T
+    return Result(theta, cost, df, classical * unit, pull @ pull.T * unit, found * unit, degrees, e)

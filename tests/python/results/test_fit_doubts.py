@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 
 def test_one_kind_of_errors_serves_white_and_coloured_noise():
-    """A light mode: in white noise spectral errors are classical ones within 60 %, in AR(.95) noise HC3's third."""
+    """Of a light mode: classical ones within 60 % in white noise, larger in AR(.95) noise."""
     light = mf.simulate(mf.tf([1], [1, 0.2, 1]), input="sin(t**2/5)", duration=10.0, intervals=256)
     rng = np.random.default_rng(3)
     white = rng.standard_normal(557)
