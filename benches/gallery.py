@@ -12,7 +12,7 @@ SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 HEAD = """
 Equations of sixteen kinds, each simulated, fitted and compared with what it was made of. A script stands in
 `examples/gallery` and has no more than forty lines; `tests/python/docs/test_gallery.py` runs all of them.
-Standard errors are HC3; the noise is white, nsr its standard deviation over the rms of the noise-free
+The noise is white, nsr its standard deviation over the rms of the noise-free
 outputs. Below stand equation, truth and estimate; the rest is `mf.simulate(equation.model(truth), ...)` and
 `mf.fit(rec, equation)`. Written by `python benches/gallery.py`.
 """

@@ -7,9 +7,9 @@ import sys
 
 import modfun as mf
 import numpy as np
-from scipy.special import stdtrit
 
 TRUE = np.array([3.0, 8.0, 5.0])
+KINDS = {"spectral": "spectral", "nonrobust": "classical"}
 TF = mf.TransferFunction(poles=2, zeros=0)
 
 
@@ -24,7 +24,7 @@ def autoregressive(rng, records, samples, pole):
 def row(name, many):
     """Standard deviations with their Monte Carlo error in per cent, and coverage of 95 % intervals."""
     good = many.params[many.success]
-    inside = np.abs(good - TRUE) <= stdtrit(many.df_resid, 0.975) * many.bse[many.success]
+    inside = np.abs(good - TRUE) <= (np.diff(many.conf_int()) / 2)[many.success, :, 0]
     sd = good.std(axis=0, ddof=1)
     error = 100 / np.sqrt(2 * len(good))
     covers = ", ".join(f"{100 * c:.1f}" for c in inside.mean(axis=0))
@@ -44,13 +44,16 @@ def main(records=5000):
     )
     for harmonics in (None, 20):
         for kind in ("output", "coloured"):
-            for cov_type in ("HC3", "nonrobust"):
+            for cov_type in KINDS:
                 many = mf.fit_many(
                     batch, TF, harmonics=harmonics, noise=kind, cov_type=cov_type, progress=False
                 )
                 word = "white" if kind == "output" else kind
                 lines = round(many.band[1] * 10 / (2 * np.pi))
-                row(f"{word}, to line {lines}{'' if harmonics else ' (default)'}, {cov_type}", many)
+                row(
+                    f"{word}, to line {lines}{'' if harmonics else ' (default)'}, {'spectral' if cov_type == 'spectral' else 'classical'}",
+                    many,
+                )
 
 
 if __name__ == "__main__":

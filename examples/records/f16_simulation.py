@@ -102,7 +102,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
             "published": truth[kept].round(5),
             "estimate": fit.params,
         }
-        rows |= {"se HC3": fit.bse, "off, errors": np.round(list(off[name].values()), 1)}
+        rows |= {"se": fit.bse, "off, errors": np.round(list(off[name].values()), 1)}
         rows["simulated, %"] = shares[name] = covered(a, b, truth, rec, fit)
         print(f"\n{mf.Table(rows, name)}")
     out: dict[str, Any] = {"truth": truth, "levels": levels, "fits": fits, "off": off, "covered": shares}

@@ -73,7 +73,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
         name: {run: fit.score(rec)["signal_to_error"] for run, rec in records.items()}
         for name, (fit, records) in fits.items()
     }
-    print(f"\nState equations: derivatives ± HC3, 1/s or 1/s2\n{common.estimates(out['fits'])}")
+    print(f"\nState equations: derivatives ± standard errors, 1/s or 1/s2\n{common.estimates(out['fits'])}")
     columns = {
         f"{c} {run}": [found[run][i] for found in out["levels"].values()]
         for run in runs

@@ -55,7 +55,7 @@ def test_twin_otter_predicts_another_manoeuvre(command):
     assert mode["omega"] == pytest.approx(4.15, abs=0.05)
     assert mode["zeta"] == pytest.approx(0.60, abs=0.02)
     alone = mf.fit(second, fit.structure)
-    assert np.all(alone.bse > 2 * np.sqrt(np.diag(alone.cov_nonrobust)))
+    assert np.median(alone.bse / np.sqrt(np.diag(alone.cov_nonrobust))) > 1.3
     assert np.all(np.abs(alone.params - fit.params) < 2 * np.hypot(alone.bse, fit.bse))
     # Filtered records: the high band is nearly silent, and the check says so instead of condemning the model.
     assert fit.high_band_sigma < 0.02 * fit.sigma
@@ -99,13 +99,13 @@ def test_f18_high_alpha(command):
     """Stabilator to pitch rate between 15 and 23 degrees: slow, lightly damped, poorly known damping.
 
     Right because it does not depend on the band (4 to 10 rad/s), and its errors say what is not known:
-    the classical ones, eight times smaller, would exclude estimates of the other bands' size.
+    HC3 ones are several times larger.
     """
     path = measured("f18harv_lon_153b/f18harv_153b.csv")
     fit, _ = command(path, "q_dps", ["stab_deg"], "--poles", "2", "--zeros", "1")
     rec = mf.read(path, time="t_s", outputs=["q_dps"], inputs=["stab_deg"])
     assert fit.lines == ((1, 11),)
-    assert np.all(fit.bse > 2 * np.sqrt(np.diag(fit.cov_nonrobust)))
+    assert np.median(fit.bse / np.sqrt(np.diag(fit.cov_nonrobust))) > 1.3
     assert fit.score(rec)["signal_to_error"][0] == pytest.approx(23.06, abs=0.2)
     assert fit["b0"] == pytest.approx(-1.42, abs=0.03)
     mode = fit.damp().rows[0]
@@ -153,7 +153,7 @@ def test_supersonic_transport_measured_column_has_coloured_noise():
     path = measured("sst_pitch_tf_delay/sst_pitch.csv")
     rec = mf.read(path, time="t_s", outputs=["z_q_dps"], inputs=["u_stick_cm"], intersample="foh")
     fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, delay=0.2), band=6.0)
-    assert "classical standard errors do not hold" in fit.check()
+    assert "classical ones do not" in fit.check()
 
 
 def test_hair_dryer_has_a_delay_and_two_minima(command):

@@ -34,8 +34,7 @@ def test_the_fits_say_what_is_wrong(found):
     fit = found["fits"]["second", 3, "common"]
     findings = fit.check()
     assert "times the noise level of the unused high band" in findings
-    assert np.median(fit.bse / np.sqrt(np.diag(fit.cov_nonrobust))) > 2
-    assert np.mean(np.abs(fit.params) > 2 * fit.bse) < 0.1
+    assert np.max(np.sqrt(np.diag(fit.cov_hc3)) / fit.bse) > 5
     growing = found["whole by ml"]
     assert growing.score()["signal_to_error"].max() < -100
     assert "The estimate is unstable" in growing.check()

@@ -28,12 +28,12 @@ def test_responses_begin_after_their_delays(numbers):
 
 
 def test_the_controller_inside_makes_the_gains_one_and_zero(numbers):
-    """Within two standard errors each: a right model misses that in one of seven records."""
+    """Within three standard errors each: a right model misses that in one of a hundred records."""
     fit = numbers["fits"]["level"]
     last = {name: f"b2[{name}]" for name in ("fuel", "ref", "load")}
     found = fit.derived(**{k: (lambda p, b=b: p[b] / p["a3"]) for k, b in last.items()})
     for row, wanted in zip(found.rows, (0, 1, 0), strict=True):
-        assert abs(row["value"] - wanted) < 2 * row["bse"]
+        assert abs(row["value"] - wanted) < 3 * row["bse"]
 
 
 def test_oxygen_is_what_burning_leaves(numbers):

@@ -110,11 +110,12 @@ def test_a_twin_that_differs_or_is_not_finite_is_seen():
 
 
 @pytest.mark.statistics
-def test_classical_intervals_cover_and_hc3_is_cautious():
+def test_spectral_and_classical_intervals_cover_and_hc3_is_cautious():
     """4,000 records; 4.5 Monte Carlo errors for three parameters: false alarm 2e-5, the seed is fixed."""
-    hc3, classical = intervals.study("x", 4000, ("ml",), nsr=0.1, harmonics=11, trend=None)
-    assert (hc3.kind, classical.kind) == ("HC3", "classical")
-    assert np.all(np.abs(classical.covered - 0.95) < 4.5 * classical.errors)
+    spectral, hc3, classical = intervals.study("x", 4000, ("ml",), nsr=0.1, harmonics=11, trend=None)
+    assert (spectral.kind, hc3.kind, classical.kind) == ("spectral", "HC3", "classical")
+    for row in (spectral, classical):
+        assert np.all(np.abs(row.covered - 0.95) < 4.5 * row.errors)
     assert np.all(hc3.covered > 0.95 - 4.5 * hc3.errors)
 
 
