@@ -51,7 +51,7 @@ def main(records=5000):
                 word = "white" if kind == "output" else kind
                 lines = round(many.band[1] * 10 / (2 * np.pi))
                 row(
-                    f"{word}, to line {lines}{'' if harmonics else ' (default)'}, {'spectral' if cov_type == 'spectral' else 'classical'}",
+                    f"{word}, to line {lines}{'' if harmonics else ' (default)'}, {KINDS[cov_type]}",
                     many,
                 )
 
