@@ -2,8 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, Options,
-    RecordView, Time, Wanted,
+    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, NoiseSpectrum,
+    Options, RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -320,6 +320,10 @@ pub fn answered(py: Python<'_>, a: Answer) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("cov_hc3", matrix(py, a.cov_hc3, p)?)?;
     out.set_item("cov_spectral", matrix(py, a.cov_spectral, p)?)?;
     out.set_item("df_spectral", vector(py, a.degrees))?;
+    let NoiseSpectrum { omega, power, log_error } = a.noise_spectrum;
+    let channels = power.len();
+    let both = (matrix(py, power.concat(), channels)?, matrix(py, log_error.concat(), channels)?);
+    out.set_item("noise_spectrum", (vector(py, omega), both.0, both.1))?;
     out.set_item("gram", matrix(py, a.gram, p)?)?;
     out.set_item("cost", a.cost)?;
     out.set_item("df_resid", a.degrees_of_freedom)?;

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import SpecError
 from .arrays import F64
 
-__all__ = ["probability", "root", "student_factor", "student_interval"]
+__all__ = ["normal_factor", "probability", "root", "student_factor", "student_interval"]
 
 
 def root(variances: Any) -> F64:
@@ -23,6 +23,13 @@ def probability(what: str, level: Any) -> float:
     if isinstance(level, bool) or not isinstance(level, float | int | np.floating) or not 0 < level < 1:
         raise SpecError(f"{what}: level={level!r} must lie between 0 and 1, as 0.95")
     return float(level)
+
+
+def normal_factor(level: float) -> float:
+    """Half-width of an interval in standard errors that are known."""
+    from scipy.special import ndtri
+
+    return float(ndtri(0.5 + level / 2))
 
 
 def student_factor(degrees: Any, level: float) -> F64:

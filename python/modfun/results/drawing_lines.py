@@ -109,6 +109,8 @@ def _levels(fit: Fit, output: int, rec: Record) -> list[tuple[float, str, str]]:
 def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
 
+    Dashed are those of white noise, solid those of the smooth noise spectrum (`fit.noise_spectrum()`).
+
     Parameters
     ----------
     fit : Fit
@@ -140,8 +142,12 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     ['whitened residual', 'autocorrelation']
     """
 
-    def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str) -> None:
+    def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str, row: int) -> None:
         _lines_over_m(upper, fit.lines, pieces)
+        if fit.spectrum is not None:
+            omega, power, _ = fit.spectrum
+            for side in (-1.96, 1.96):
+                upper.plot(omega / fit.omega0[0], side * np.sqrt(power[row]), color="0.4", linewidth=1.0)
         upper.set_ylabel(f"whitened residual{of}")
         test, r = correlation_of_lines(pieces)
         _autocorrelation(lower, r, test.count)
@@ -189,7 +195,7 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
     if hasattr(ax, "plot"):
         raise SpecError(f"plot.residual_tests: ax is a single Axes; give {2 * len(chosen)}")
 
-    def draw(left: Any, right: Any, pieces: Sequence[Any], of: str) -> None:
+    def draw(left: Any, right: Any, pieces: Sequence[Any], of: str, _: int) -> None:
         _cumulated(left, *cumulated_power(pieces))
         left.set_ylabel(f"cumulated power{of}")
         _quantiles(right, pieces)
@@ -203,15 +209,16 @@ def _each_row(
     ax: Any,
     chosen: Sequence[int],
     height: float,
-    draw: Callable[[Any, Any, Sequence[Any], str], None],
+    draw: Callable[[Any, Any, Sequence[Any], str, int], None],
 ) -> Any:
-    """Two Axes a row of residuals; `draw` gets these, the lines of each record, and " of" the row's name."""
+    """Two Axes per row of residuals, drawn from its lines of each record, " of" its name and its number."""
     axes = take_pairs(ax, len(chosen), height=height, sharex=False)
     for pair, i in zip(axes, chosen, strict=True):
         draw(
             *pair,
             [piece[i] for piece in fit.pieces],
             "" if len(fit.row_names) == 1 else f" of {fit.row_names[i]}",
+            i,
         )
         for here in pair:
             here.grid(True, alpha=0.3)

@@ -72,6 +72,7 @@ class Estimates:
     known_level: F64 | None = None
     window_weights: tuple[float, ...] = ()
     df_hc3: F64 | None = None
+    spectrum: tuple[F64, F64, F64] | None = None
     record_levels: F64 | None = None
     stability_cost: float = nan
     free_cost: float = nan
@@ -97,6 +98,7 @@ class Estimates:
             "noise_cov": np.array([[found["sigma"] ** 2]]) if noise is None else noise,
             "noise_scale": found["scale"] if known else nan,
             "record_levels": found.get("record_levels"),
+            "spectrum": found.get("noise_spectrum"),
             "free_cost": nan if found.get("free_cost") is None else found["free_cost"],
             "lines": tuple(found["lines"]),
             "omega0": tuple(found["omega0"]),

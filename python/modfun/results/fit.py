@@ -23,6 +23,7 @@ from ..pages.page import check_place, save
 from ..records.record import Record
 from . import check, derived, drawing, drawing_lines, scores
 from .estimates import Estimates
+from .noise_spectrum import noise_spectrum
 from .page import page_of
 from .page_records import Content, of_records
 from .prediction import InitialState, observe_paths
@@ -390,6 +391,10 @@ class Fit(Estimates):
     def plot_bode(self, *, band: tuple[float, float] | None = None, hz: bool = False, ax: Any = None) -> Any:
         """Bode plot with a 95 % band; see `modfun.plot.bode`."""
         return drawing.bode(self, band=band, hz=hz, ax=ax)
+
+    def noise_spectrum(self, level: float = 0.95) -> Table:
+        """Noise level over the band, which standard errors rest on; 1 in white noise."""
+        return noise_spectrum(self, level)
 
     def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""

@@ -41,6 +41,8 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values["window_weights"] = list(fit.window_weights)
     for name in ARRAYS:
         values[name] = getattr(fit, name).tolist()
+    if fit.spectrum is not None:
+        values["spectrum"] = [own.tolist() for own in fit.spectrum]
     if fit.df_hc3 is not None:
         values["df_hc3"] = fit.df_hc3.tolist()
     if np.isfinite(fit.stability_cost):

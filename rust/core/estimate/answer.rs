@@ -1,6 +1,7 @@
 //! What every kind of fit answers: estimates, their covariances, and how the estimation ended.
 
 use super::band::BandRule;
+use super::spectral::NoiseSpectrum;
 use crate::error::Status;
 use crate::linalg::condition::condition_bound;
 use crate::modulation::Lines;
@@ -18,6 +19,8 @@ pub struct Answer {
     pub cov_spectral: Vec<f64>,
     /// Degrees of freedom of each of its variances.
     pub degrees: Vec<f64>,
+    /// The spectra that it rests on.
+    pub noise_spectrum: NoiseSpectrum,
     /// Normal matrix of the whitened columns with the transient projected out, unit diagonal.
     pub gram: Vec<f64>,
     /// Σ|r|²/(hS), the weighted sum of squared residuals: in units of the output squared for one output, of Σ̂

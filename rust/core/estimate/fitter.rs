@@ -506,6 +506,7 @@ impl Fitter {
                 cov_hc3: w.cov_hc3(d, lane),
                 cov_spectral: w.cov_spectral(d, lane),
                 degrees: w.degrees(lane).collect(),
+                noise_spectrum: w.spectral.told(&d.bins, lane),
                 gram: unit_diagonal(|k| w.gram[k].0[lane], d.parameters()),
                 cost: w.cost(lane) * d.cost_unit() * d.cost_unit(),
                 degrees_of_freedom,

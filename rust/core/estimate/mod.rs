@@ -52,5 +52,6 @@ pub use outcome::Outcome;
 pub use replicates::estimate;
 pub use rest::Initial;
 pub(crate) use shared::Shared;
+pub use spectral::NoiseSpectrum;
 pub use stream::{Slider, Stream};
 pub use workspace::Workspace;

@@ -39,6 +39,19 @@ pub(crate) struct Bins {
     pub of: Vec<Vec<usize>>,
     /// T_j at the middle of each bin.
     pub terms: Vec<[f64; TERMS]>,
+    /// Mean frequency of each bin, rad/s.
+    pub omega: Vec<f64>,
+}
+
+/// The noise spectrum that standard errors were made with, over that of white noise of the fit's level.
+#[derive(Debug, Clone, Default)]
+pub struct NoiseSpectrum {
+    /// Frequencies, rad/s.
+    pub omega: Vec<f64>,
+    /// Of each whitened channel and frequency.
+    pub power: Vec<Vec<f64>>,
+    /// Standard deviation of the logarithm of each.
+    pub log_error: Vec<Vec<f64>>,
 }
 
 impl Bins {
@@ -52,19 +65,21 @@ impl Bins {
             edges.push(edge + (edge * WIDTH).round().max(1.0));
         }
         let bin = |x: f64| edges.partition_point(|edge| *edge <= x);
-        let mut found = vec![(0.0, 0.0); edges.len() + 1];
+        let mut found = vec![(0.0, 0.0, 0.0); edges.len() + 1];
         for l in lines {
             for m in l.first..=l.last {
                 let own = &mut found[bin(place(l, m))];
-                *own = (own.0 + 1.0, own.1 + ln_1(1.0 + place(l, m)));
+                let x = place(l, m);
+                *own = (own.0 + 1.0, own.1 + ln_1(1.0 + x), own.2 + x);
             }
         }
         // Bins that hold no line have no number.
         let mut number = vec![0; found.len()];
-        let mut terms = Vec::new();
-        for (number, (count, sum)) in number.iter_mut().zip(found) {
+        let (mut terms, mut omega) = (Vec::new(), Vec::new());
+        for (number, (count, sum, places)) in number.iter_mut().zip(found) {
             *number = terms.len();
             if count > 0.0 {
+                omega.push(unit * places / count);
                 terms.push(chebyshev(2.0 * sum / (count * ln_1(1.0 + highest)) - 1.0));
             }
         }
@@ -72,7 +87,7 @@ impl Bins {
             .iter()
             .map(|l| (l.first..=l.last).map(|m| number[bin(place(l, m))]).collect())
             .collect();
-        Bins { of, terms }
+        Bins { of, terms, omega }
     }
 }
 
@@ -244,6 +259,25 @@ impl Spectral {
     }
 }
 
+impl Spectral {
+    /// The spectra of one lane.
+    pub fn told(&self, bins: &Bins, lane: usize) -> NoiseSpectrum {
+        let blocks = self.spectrum.chunks_exact(self.bins.max(1));
+        let inverses = self.uncertainty.chunks_exact(TERMS * TERMS);
+        let error = |t: &[f64; TERMS], inverse: &[Wide]| {
+            let entry = |k: usize| t[k / TERMS] * t[k % TERMS] * inverse[k].0[lane];
+            (0..TERMS * TERMS).map(entry).sum::<f64>().sqrt()
+        };
+        NoiseSpectrum {
+            omega: bins.omega.clone(),
+            power: blocks.map(|own| own.iter().map(|s| s.0[lane]).collect()).collect(),
+            log_error: inverses
+                .map(|inverse| bins.terms.iter().map(|t| error(t, inverse)).collect())
+                .collect(),
+        }
+    }
+}
+
 /// One estimate, whose rows come one after the other.
 impl Spectral {
     /// Takes in a row of a channel and bin: its whitened residual, what its leverage leaves of it, and its influence.
@@ -258,8 +292,8 @@ impl Spectral {
         }
     }
 
-    /// Covariance and degrees of freedom of what was taken in.
-    pub fn finish(mut self, bins: &Bins, variance: f64) -> (Vec<f64>, Vec<f64>) {
+    /// Covariance, degrees of freedom and spectra of what was taken in.
+    pub fn finish(mut self, bins: &Bins, variance: f64) -> (Vec<f64>, Vec<f64>, NoiseSpectrum) {
         struct Finish<'a>(&'a mut Spectral, &'a Bins, f64);
         impl Kernel for Finish<'_> {
             type Output = ();
@@ -272,7 +306,7 @@ impl Spectral {
         }
         Isa::One.run(Finish(&mut self, bins, variance));
         let numbers = |all: &[Wide]| all.iter().map(|v| v.0[0]).collect();
-        (numbers(&self.cov), numbers(&self.degrees))
+        (numbers(&self.cov), numbers(&self.degrees), self.told(bins, 0))
     }
 }
 
@@ -333,12 +367,15 @@ mod tests {
         let falling = |m: usize| 30.0 / (2.0 + m as f64).powi(2);
         for s in [|_| 7.0, falling] {
             let want: f64 = (0..60).map(|m| 2.0 * s(m) / (1.0 + m as f64).powi(2)).sum();
-            let (cov, degrees) = expected(&bins, s).finish(&bins, 0.3);
+            let (cov, degrees, told) = expected(&bins, s).finish(&bins, 0.3);
+            let level = told.power[0][20] * 0.3 / s(told.omega[20] as usize - 1);
+            assert!((0.8..1.25).contains(&level), "{level}");
+            assert!(told.log_error[0].iter().all(|e| (0.05..2.0).contains(e)), "{told:?}");
             // The prior draws the steep one to a flat one.
             assert!((cov[0] / want - 1.0).abs() < 0.12, "{} {want}", cov[0]);
             assert!(degrees[0] > 2.0 && degrees[0] < 20.0, "{}", degrees[0]);
         }
-        let (cov, _) = expected(&bins, |_| 0.0).finish(&bins, 0.0);
+        let (cov, ..) = expected(&bins, |_| 0.0).finish(&bins, 0.0);
         assert_eq!(cov[0], 0.0);
     }
 
@@ -355,7 +392,7 @@ mod tests {
         }
         let bins = Bins::new(&[lines(0, 20, 1.0)]);
         let one = expected(&bins, |m| 1.0 + (m % 5) as f64);
-        let (cov, degrees) = one.clone().finish(&bins, 2.0);
+        let (cov, degrees, _) = one.clone().finish(&bins, 2.0);
         for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
             let mut all = one.clone();
             for sums in [&mut all.square, &mut all.freedom, &mut all.influence] {

@@ -89,7 +89,7 @@ def test_residuals_draws_every_line_and_the_limits(fit):
     re, im = upper.get_lines()[:2]
     np.testing.assert_array_equal(re.get_ydata(), fit.residuals.real)
     np.testing.assert_array_equal(im.get_ydata(), fit.residuals.imag)
-    limits = {round(line.get_ydata()[0], 2) for line in upper.get_lines()[3:]}
+    limits = {round(line.get_ydata()[0], 2) for line in upper.get_lines()[3:5]}
     assert limits == {-1.96, 1.96}
     assert len(lower.patches) >= 2
 

@@ -519,8 +519,17 @@ impl JointFitter {
     ) -> JointFit {
         let q = d.outputs();
         let freedom = d.degrees_of_freedom();
-        let (Covariances { nonrobust, hc3, spectral, degrees, normal, residuals, .. }, status) =
-            single.answer(ended);
+        let (found, status) = single.answer(ended);
+        let Covariances {
+            nonrobust,
+            hc3,
+            spectral,
+            degrees,
+            noise_spectrum,
+            normal,
+            residuals,
+            ..
+        } = found;
         let w = &single.w;
         let cost = w.progress.cost.0[0];
         let scale = cost / freedom as f64;
@@ -537,6 +546,7 @@ impl JointFitter {
                 cov_hc3: hc3,
                 cov_spectral: spectral,
                 degrees,
+                noise_spectrum,
                 gram: unit_diagonal(|k| normal[k], p),
                 cost: if q == 1 { cost * w.sigma[0].0[0] * unit(0) * unit(0) } else { cost },
                 degrees_of_freedom: freedom,

@@ -10,6 +10,7 @@ use crate::estimate::answer::Answer;
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
+use crate::estimate::spectral::NoiseSpectrum;
 use crate::structure::Method;
 
 /// A noise level is taken to be at least this part of the channel's size.
@@ -338,7 +339,7 @@ impl TermsFitter {
                 hc3: vec![f64::NAN; p * p],
                 gram: vec![f64::NAN; p * p],
                 degrees: vec![f64::NAN; p],
-                spectral: (vec![f64::NAN; p * p], vec![f64::NAN; p]),
+                spectral: (vec![f64::NAN; p * p], vec![f64::NAN; p], NoiseSpectrum::default()),
             },
             (false, Method::Ls) => problem.differenced_worth(scale, degrees),
             _ => problem.worth(scale, &ended.at_bound),
@@ -365,6 +366,7 @@ impl TermsFitter {
                 cov_hc3: worth.hc3,
                 cov_spectral: worth.spectral.0,
                 degrees: worth.spectral.1,
+                noise_spectrum: worth.spectral.2,
                 gram: worth.gram,
                 cost,
                 degrees_of_freedom: degrees,

@@ -6,7 +6,7 @@
 
 use super::factor::Factor;
 use super::iterate::TermsProblem;
-use crate::estimate::spectral::{Bins, Spectral};
+use crate::estimate::spectral::{Bins, NoiseSpectrum, Spectral};
 use crate::linalg::qr::{dot, solve_square};
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
@@ -27,8 +27,8 @@ pub(crate) struct Worth {
     pub gram: Vec<f64>,
     /// Degrees of freedom of each HC3 variance: few where few rows carry a parameter.
     pub degrees: Vec<f64>,
-    /// Row major, and the degrees of freedom of each variance.
-    pub spectral: (Vec<f64>, Vec<f64>),
+    /// Row major, the degrees of freedom of each variance, and the spectra it rests on.
+    pub spectral: (Vec<f64>, Vec<f64>, NoiseSpectrum),
 }
 
 impl TermsProblem<'_> {
@@ -49,7 +49,7 @@ impl TermsProblem<'_> {
             hc3: vec![0.0; p * p],
             gram: vec![0.0; p * p],
             degrees: vec![f64::INFINITY; p],
-            spectral: (vec![0.0; p * p], vec![f64::INFINITY; p]),
+            spectral: (vec![0.0; p * p], vec![f64::INFINITY; p], NoiseSpectrum::default()),
         };
         let hat = self.hat(&q);
         let own = self.spectral(&free, variance, |i, to| {
@@ -58,6 +58,7 @@ impl TermsProblem<'_> {
             }
             (1.0 - hat[i]).max(LEVERAGE)
         });
+        out.spectral.2 = own.2;
         for (a, k) in free.iter().enumerate() {
             out.spectral.1[*k] = own.1[a];
             for (b, l) in free.iter().enumerate() {
@@ -125,7 +126,7 @@ impl TermsProblem<'_> {
         free: &[usize],
         variance: f64,
         row: impl Fn(usize, &mut [f64]) -> f64,
-    ) -> (Vec<f64>, Vec<f64>) {
+    ) -> (Vec<f64>, Vec<f64>, NoiseSpectrum) {
         let lines: Vec<_> = self.spots.iter().map(|spot| spot.lines).collect();
         let bins = Bins::new(&lines);
         let count = bins.terms.len();

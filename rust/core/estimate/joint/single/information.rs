@@ -9,7 +9,7 @@ use super::super::uncertainty::LEVERAGE;
 use super::system::independent;
 use super::{Ended, Single};
 use crate::error::Status;
-use crate::estimate::spectral::Spectral;
+use crate::estimate::spectral::{NoiseSpectrum, Spectral};
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
 use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers};
@@ -21,6 +21,7 @@ pub(crate) struct Covariances {
     pub spectral: Vec<f64>,
     /// Of each spectral variance.
     pub degrees: Vec<f64>,
+    pub noise_spectrum: NoiseSpectrum,
     pub normal: Vec<f64>,
     /// Weighted residuals: records × outputs × lines, (Re, Im).
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
@@ -270,11 +271,13 @@ impl Single<'_> {
             hc3: vec![0.0; p * p],
             spectral: vec![0.0; p * p],
             degrees: vec![f64::INFINITY; p],
+            noise_spectrum: NoiseSpectrum::default(),
             normal: vec![0.0; p * p],
             residuals,
             full: found.full,
         };
-        let (spectral, degrees) = spectral.finish(&d.bins, variance);
+        let (spectral, degrees, noise_spectrum) = spectral.finish(&d.bins, variance);
+        all.noise_spectrum = noise_spectrum;
         for (i, own) in order.iter().zip(degrees) {
             all.degrees[*i] = own;
         }
