@@ -130,7 +130,7 @@ fn study(isa: Isa, draw: Draw) -> Work {
 fn as_run(isa: Isa) -> Work {
     let options = |method| plain(method, Rule::Gregory, Band::Harmonics(6), SETTLED);
     let estimators = [Method::Ls, Method::Awls, Method::Ml].map(options).to_vec();
-    replicates(isa, Draw::Coefficients, &[0.05, 0.2, 0.6], estimators, Some(CovType::Hc3))
+    replicates(isa, Draw::Coefficients, &[0.05, 0.2, 0.6], estimators, Some(CovType::Spectral))
 }
 
 fn replicates(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import difflib
+import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -125,9 +127,65 @@ class Table:
         """Return a pandas.DataFrame (extra ``pandas``)."""
         return optional("pandas", "pandas", "Table.to_pandas").DataFrame(self.to_dict())
 
+    def to_csv(self) -> str:
+        r"""Return the table as comma-separated text, numbers with all their digits.
+
+        Examples
+        --------
+        >>> Table({"mode": [1, 2], "omega": [2.828, 14.5]}).to_csv()
+        'mode,omega\n1,2.828\n2,14.5\n'
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(zip(*self.to_dict().values(), strict=True))
+        return text.getvalue()
+
+    def to_markdown(self) -> str:
+        """Return the table as Markdown, numbers as they are printed.
+
+        Examples
+        --------
+        >>> print(Table({"mode": [1, 2], "omega": [2.828, 14.5]}).to_markdown())
+        | mode | omega |
+        |---:|---:|
+        | 1 | 2.828 |
+        | 2 | 14.500 |
+        """
+        texts, flush = self._cells()
+        lines = [self.columns, *zip(*texts, strict=True)]
+        rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines]
+        rule = "|" + "|".join("---:" if right else "---" for right in flush) + "|"
+        return "\n".join([rows[0], rule, *rows[1:]])
+
+    def to_latex(self) -> str:
+        r"""Return the table as a LaTeX tabular, numbers as they are printed.
+
+        Examples
+        --------
+        >>> print(Table({"mode": [1, 2], "omega": [2.828, 14.5]}).to_latex())
+        \begin{tabular}{rr}
+        \hline
+        mode & omega \\
+        \hline
+        1 & 2.828 \\
+        2 & 14.500 \\
+        \hline
+        \end{tabular}
+        """
+        texts, flush = self._cells()
+        rows = [" & ".join(map(_latex, line)) + r" \\" for line in [self.columns, *zip(*texts, strict=True)]]
+        layout = "".join("r" if right else "l" for right in flush)
+        head = [rf"\begin{{tabular}}{{{layout}}}", r"\hline", rows[0], r"\hline"]
+        return "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"])
+
+    def _cells(self) -> tuple[list[list[str]], list[bool]]:
+        """The columns as texts, and which of them are numbers."""
+        columns = self._columns.values()
+        return [_texts(values) for values in columns], [_is_number(values) for values in columns]
+
     def __repr__(self) -> str:
-        texts = [_texts(values) for values in self._columns.values()]
-        flush = [_is_number(values) for values in self._columns.values()]
+        texts, flush = self._cells()
         widths = [max(map(len, [name, *cells])) for name, cells in zip(self._columns, texts, strict=True)]
 
         def line(cells: Sequence[str]) -> str:
@@ -141,8 +199,7 @@ class Table:
         return "\n".join([self.title, *lines] if self.title else lines)
 
     def _repr_html_(self) -> str:
-        texts = [_texts(values) for values in self._columns.values()]
-        flush = [_is_number(values) for values in self._columns.values()]
+        texts, flush = self._cells()
         return html.table(self.columns, zip(*texts, strict=True), title=self.title, right=flush)
 
 
@@ -251,6 +308,17 @@ def _is_number(values: NDArray[Any]) -> bool:
     return bool(given) and all(
         isinstance(v, int | float | np.number) and not isinstance(v, bool) for v in given
     )
+
+
+LATEX = {c: "\\" + c for c in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+
+
+def _latex(text: str) -> str:
+    return "".join(LATEX.get(c, c) for c in text)
 
 
 def _texts(values: NDArray[Any]) -> list[str]:

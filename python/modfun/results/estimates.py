@@ -318,6 +318,12 @@ class Estimates:
         return float(self.df_resid * (np.add.reduce(ratios) / ratios.size))
 
     @property
+    def aic(self) -> float:
+        """Akaike information criterion: as `bic` with 2 p in place of p log N."""
+        rows, p = self.df_resid + self.params.size, self.params.size
+        return float(self.bic + p * (2 - np.log(rows)))
+
+    @property
     def bic(self) -> float:
         """Bayesian information criterion N log(cost/N) + p log N, N the equations less transient and trend.
 

@@ -38,7 +38,7 @@ mod unalias;
 mod uncertainty;
 mod window;
 mod wls;
-mod workspace;
+pub(crate) mod workspace;
 
 pub use answer::Answer;
 pub use band::{Band, BandRule};

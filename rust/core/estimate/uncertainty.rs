@@ -18,7 +18,7 @@ use super::ls::column_value;
 use super::normal_equations::{LeftColumns, RowWeights};
 use super::pass::{add_parameter_block, lines, prepare, record_system, tiles};
 use super::qr_step::Place;
-use super::workspace::Workspace;
+use super::workspace::{Kinds, Workspace};
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::modulation::Signal;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
@@ -228,6 +228,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     w.cov_nonrobust.fill(Wide::ZERO);
     w.spectral.clear();
     let sandwich = differenced || flat;
+    let Kinds { hc3, spectral } = w.kinds;
     // Leverages of an oblique projection are no fractions: those of `ls` pass one.
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
     for k in 0..w.records.len() {
@@ -242,11 +243,16 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                 let (e_re, e_im) = (L::load(&w.residual_re[i]), L::load(&w.residual_im[i]));
                 let left =
                     freedom((own.0.mul_add(weight, h_re), own.1.mul_add(weight, h_im)), floor);
-                let f = deleted((e_re, e_im), left);
-                outer::<L>(&w.influence_re, &w.influence_im, f, p, &mut w.cov_hc3);
+                if hc3 {
+                    let f = deleted((e_re, e_im), left);
+                    outer::<L>(&w.influence_re, &w.influence_im, f, p, &mut w.cov_hc3);
+                }
                 let v = L::splat(1.0) / weight;
                 if sandwich {
                     outer::<L>(&w.influence_re, &w.influence_im, (v, v), p, &mut w.cov_nonrobust);
+                }
+                if !spectral {
+                    continue;
                 }
                 let bin = d.bins.of[k][m];
                 let square = e_im.mul_add(e_im, e_re * e_re) * weight;
@@ -267,8 +273,10 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     } else {
         scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust);
     }
-    w.spectral.regress::<L>(&d.bins.terms, variance);
-    w.spectral.covariance::<L>(&d.bins.terms, variance);
+    if spectral {
+        w.spectral.regress::<L>(&d.bins.terms, variance);
+        w.spectral.covariance::<L>(&d.bins.terms, variance);
+    }
 }
 
 /// A covariance for noise of another variance than 1.

@@ -13,6 +13,22 @@ use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
 use crate::structure::CovType;
 
+/// Which covariances are computed besides the classical one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Kinds {
+    pub hc3: bool,
+    pub spectral: bool,
+}
+
+impl Kinds {
+    pub const ALL: Kinds = Kinds { hc3: true, spectral: true };
+
+    /// What is needed for one kind.
+    pub fn only(kind: CovType) -> Kinds {
+        Kinds { hc3: kind == CovType::Hc3, spectral: kind == CovType::Spectral }
+    }
+}
+
 /// Scratch for one [`Design`].
 #[derive(Debug, Clone)]
 pub struct Workspace {
@@ -55,6 +71,8 @@ pub struct Workspace {
     /// Covariances of θ in units of the band edge, and the normal matrix.
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
+    /// What is computed of them.
+    pub(crate) kinds: Kinds,
     /// What is known of the noise spectrum, and the covariance that follows.
     pub(crate) spectral: Spectral,
     pub(crate) gram: Vec<Wide>,
@@ -131,6 +149,7 @@ impl Workspace {
             work: wide(size.max(extra) * (size.max(extra) + 1)),
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
+            kinds: Kinds::ALL,
             spectral: Spectral::new(d.bins.terms.len(), 1, p),
             gram: wide(p * p),
             row_re: wide(extra + 1),

@@ -4,6 +4,7 @@ use super::plan::{GroupPlan, Problem, Task};
 use crate::error::Error;
 use crate::estimate::batch::load;
 use crate::estimate::joint::JointSpace;
+use crate::estimate::workspace::Kinds;
 use crate::estimate::{Outcome, Start, Workspace, estimate};
 use crate::simd::{Isa, LANES, Wide};
 
@@ -27,6 +28,7 @@ impl Space {
                 if let Some(known) = d.known_start.as_ref().filter(|known| !known.periodic()) {
                     space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
+                space.kinds = task.intervals.map_or(space.kinds, Kinds::only);
                 Space::Plain(Box::new(space))
             }
             Problem::Joint(shared) => {
@@ -35,6 +37,7 @@ impl Space {
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     shared.load(&mut space, outputs + k, &splat(re), &splat(im));
                 }
+                space.kinds = task.intervals.map(Kinds::only);
                 Space::Joint(Box::new(space))
             }
         }

@@ -113,3 +113,17 @@ def test_findings_without_a_finding():
     assert not empty
     assert str(empty) == "Record: nothing wrong was found."
     assert "nothing wrong" in empty._repr_html_()
+
+
+def test_text_for_reports() -> None:
+    """LaTeX and Markdown escape what they must; CSV keeps every digit."""
+    table = Table({"name_1": ["a|b", "50 % & more"], "value": [1 / 3, 2.0], "none": [None, 1.5]})
+    latex = table.to_latex().splitlines()
+    assert latex[0] == r"\begin{tabular}{lrr}"
+    assert latex[2] == r"name\_1 & value & none \\"
+    assert latex[5].startswith(r"50 \% \& more & 2.0000 &")
+    markdown = table.to_markdown().splitlines()
+    assert markdown[:2] == ["| name_1 | value | none |", "|---|---:|---:|"]
+    assert markdown[2].startswith(r"| a\|b | 0.3333 |")
+    assert table.to_csv().splitlines() == ["name_1,value,none", f"a|b,{1 / 3!r},", "50 % & more,2.0,1.5"]
+    assert Table({"x": []}).to_csv() == "x\n"

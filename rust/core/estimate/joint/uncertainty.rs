@@ -19,6 +19,7 @@ use super::step::{clear, pair, record_system};
 use super::workspace::JointSpace;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
+use crate::estimate::workspace::Kinds;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -171,6 +172,7 @@ impl Kernel for Covariances<'_> {
         let (weights, factors) = (d.final_weights(), d.final_factors());
         clear::<L>(&mut w.meat);
         w.spectral.clear();
+        let Kinds { spectral, .. } = w.kinds.unwrap_or(Kinds::ALL);
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
                 // Denoised on both sides, or data: `right` holds them.
@@ -181,7 +183,9 @@ impl Kernel for Covariances<'_> {
                     clear::<L>(&mut w.z[1]);
                     for i in 0..q {
                         row::<L>(d, w, k, t * q + i, weight);
-                        count::<L>(d, w, k, (m, i));
+                        if spectral {
+                            count::<L>(d, w, k, (m, i));
+                        }
                     }
                     for a in 0..p {
                         let (x, y) = (L::load(&w.z[0][a]), L::load(&w.z[1][a]));
@@ -210,8 +214,10 @@ impl Kernel for Covariances<'_> {
                 (L::load(&w.inverse[i * p + j]) * variance).store(&mut w.cov_nonrobust[i * p + j]);
             }
         }
-        w.spectral.regress::<L>(&d.bins.terms, variance);
-        w.spectral.covariance::<L>(&d.bins.terms, variance);
+        if spectral {
+            w.spectral.regress::<L>(&d.bins.terms, variance);
+            w.spectral.covariance::<L>(&d.bins.terms, variance);
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use super::tile::{Across, Block, Rows};
 use crate::estimate::aliasing::Measured;
 use crate::estimate::iterates::{Iterates, Progress};
 use crate::estimate::spectral::Spectral;
+use crate::estimate::workspace::Kinds;
 use crate::linalg::qr::Absorber;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
@@ -117,6 +118,8 @@ pub struct JointSpace {
     pub(crate) meat: Vec<Wide>,
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
+    /// What is computed of them.
+    pub(crate) kinds: Option<Kinds>,
     /// What is known of the noise spectra of the outputs, and the covariance that follows.
     pub(crate) spectral: Spectral,
     /// Influence of the two rows of an output and line on θ.

@@ -12,7 +12,7 @@ use crate::estimate::spectral::{Bins, Spectral};
 use crate::estimate::uncertainty::{
     LEVERAGE, OBLIQUE_LEVERAGE, deleted, freedom, mirror, project, scale,
 };
-use crate::estimate::workspace::Workspace;
+use crate::estimate::workspace::{Kinds, Workspace};
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
 use crate::structure::Method;
@@ -110,10 +110,16 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             bins: &bins.of[0],
         };
         w.spectral.clear();
-        let spectral = &mut w.spectral;
+        let (spectral, kinds) = (&mut w.spectral, w.kinds);
+        let none = Kinds { hc3: false, spectral: false };
         let found = match differenced {
-            true => rows::<L, N, I, Z, S, true>(tables, &signals, output, &lines, &by, spectral),
-            false => rows::<L, N, I, Z, S, false>(tables, &signals, output, &lines, &by, spectral),
+            false if kinds == none => [[(L::splat(0.0), L::splat(0.0)); S]; S],
+            true => {
+                rows::<L, N, I, Z, S, true>(tables, &signals, output, &lines, &by, spectral, kinds)
+            }
+            false => {
+                rows::<L, N, I, Z, S, false>(tables, &signals, output, &lines, &by, spectral, kinds)
+            }
         };
         let variance = cost * L::splat(1.0 / degrees_of_freedom as f64);
         for i in 0..p {
@@ -130,8 +136,10 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             true => mirror(p, &mut w.cov_nonrobust),
             false => scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust),
         }
-        w.spectral.regress::<L>(&bins.terms, variance);
-        w.spectral.covariance::<L>(&bins.terms, variance);
+        if kinds.spectral {
+            w.spectral.regress::<L>(&bins.terms, variance);
+            w.spectral.covariance::<L>(&bins.terms, variance);
+        }
         true
     }
 }
@@ -226,6 +234,7 @@ fn rows<
     lines: &Lines<'_>,
     by: &Projected<'_>,
     spectral: &mut Spectral,
+    kinds: Kinds,
 ) -> [[(L, L); S]; S] {
     let (zero, p) = (L::splat(0.0), S - N);
     let floor = L::splat(if DIFFERENCED { OBLIQUE_LEVERAGE } else { LEVERAGE });
@@ -287,12 +296,14 @@ fn rows<
         }
         let residual = (L::load(&lines.residual.0[m]), L::load(&lines.residual.1[m]));
         let left = freedom((own.0.mul_add(weight, h.0), own.1.mul_add(weight, h.1)), floor);
-        let (f_re, f_im) = deleted(residual, left);
-        for i in N..S {
-            let (a, b) = (influence[i].0 * f_re, influence[i].1 * f_im);
-            for j in i..S {
-                let sum = b.mul_add(influence[j].1, cov[i][j].0);
-                cov[i][j].0 = a.mul_add(influence[j].0, sum);
+        if kinds.hc3 {
+            let (f_re, f_im) = deleted(residual, left);
+            for i in N..S {
+                let (a, b) = (influence[i].0 * f_re, influence[i].1 * f_im);
+                for j in i..S {
+                    let sum = b.mul_add(influence[j].1, cov[i][j].0);
+                    cov[i][j].0 = a.mul_add(influence[j].0, sum);
+                }
             }
         }
         let v = L::splat(1.0) / weight;
@@ -304,6 +315,9 @@ fn rows<
                     cov[i][j].1 = a.mul_add(influence[j].0, sum);
                 }
             }
+        }
+        if !kinds.spectral {
+            continue;
         }
         let square = residual.1.mul_add(residual.1, residual.0 * residual.0) * weight;
         let left = if tables.x[m] == 0.0 { left.0 } else { left.0 + left.1 };
