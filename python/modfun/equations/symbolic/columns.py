@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -20,9 +20,9 @@ from .jets import Moving, order
 from .meaning import meaning
 from .words import said
 
-__all__ = ["Columns", "columns_of"]
+__all__ = ["Columns", "ReadTerm", "columns_of", "read_term"]
 
-KEPT = 16
+KEPT, KEPT_TERMS = 16, 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,71 @@ class Columns:
         return found
 
 
+@dataclass(frozen=True)
+class ReadTerm:
+    """One text, read.
+
+    Attributes
+    ----------
+    form : str
+        The text multiplied out.
+    derivative : int
+        Highest derivative that stands in it.
+    terms : tuple of Term
+        Derivatives of signals that it is the sum of.
+    fault : str
+        Why it is no such sum; empty where it is one.
+    """
+
+    form: str
+    derivative: int
+    terms: tuple[Term, ...]
+    fault: str = ""
+
+
+@lru_cache(KEPT_TERMS)
+def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what: str) -> ReadTerm:
+    """Read one text; `columns_of` describes the arguments.
+
+    Raises
+    ------
+    SpecError
+        A text outside the language, with a name that is no channel, or with a delay.
+    """
+    moving = Moving({*outputs, *inputs})
+    expr = meaning(expression(text, "term"), moving)
+    if strangers := sorted(s.name for s in moving.parameters(expr)):
+        channels = ", ".join((*outputs, *inputs))
+        raise SpecError(
+            f"{what}: the term {text!r} has {strangers[0]!r}, which is no channel of the record "
+            f"({channels}); terms have no parameters inside, so write a number"
+        )
+    if moving.delays:
+        raise SpecError(
+            f"{what}: the term {text!r} has a delayed signal; add the shifted samples to the record as a "
+            "channel of their own"
+        )
+    shape, derivative = str(sympy.expand(expr)), max((order(s) for s in moving.symbols(expr)), default=0)
+    try:
+        found = pieces(form(expr, moving), moving, products=False)
+    except NotExact as fault:
+        return ReadTerm(
+            shape,
+            derivative,
+            (),
+            f"{what}: the term {text!r} cannot be used: {said(fault.term)} is no derivative of a signal; leave "
+            "it out, or measure the derivative as a channel of its own",
+        )
+    terms = []
+    for piece in found:
+        for part in sympy.Add.make_args(sympy.expand(piece.signal)):
+            number, signal = moving.split(part)
+            if number != 0 and not (signal == 1 and piece.order):
+                terms.append(Term(0, number, piece.order, signal))
+    fault = "" if terms else f"{what}: the term {text!r} is zero; leave it out"
+    return ReadTerm(shape, derivative, tuple(terms), fault)
+
+
 @lru_cache(KEPT)
 def columns_of(
     texts: Sequence[str],
@@ -96,48 +161,16 @@ def columns_of(
     SpecError
         A text outside the language, with a name that is no channel, or that is no derivative of a signal.
     """
-    terms: list[Term] = []
-    forms, derivatives = [], []
-    for k, text in enumerate(texts):
-        moving = Moving({*outputs, *inputs})
-        expr = meaning(expression(text, "term"), moving)
-        if strangers := sorted(s.name for s in moving.parameters(expr)):
-            channels = ", ".join((*outputs, *inputs))
-            raise SpecError(
-                f"{what}: the term {text!r} holds {strangers[0]!r}, which is no channel of the record "
-                f"({channels}); terms have no parameters inside, so write a number"
-            )
-        if moving.delays:
-            raise SpecError(
-                f"{what}: the term {text!r} holds a delayed signal; add the shifted samples to the record "
-                "as a channel of their own"
-            )
-        try:
-            found = pieces(form(expr, moving), moving, products=False)
-        except NotExact as fault:
-            raise SpecError(
-                f"{what}: the term {text!r} is not the derivative of a signal: {said(fault.term)} has none; "
-                "leave it out, or measure the derivative as a channel of its own"
-            ) from None
-        own = _terms(k, found, moving)
-        if not own:
-            raise SpecError(f"{what}: the term {text!r} is zero; leave it out")
-        terms += own
-        forms.append(str(sympy.expand(expr)))
-        derivatives.append(max((order(s) for s in moving.symbols(expr)), default=0))
+    read = [read_term(text, outputs, inputs, what) for text in texts]
+    if fault := next((one.fault for one in read if one.fault), None):
+        raise SpecError(fault)
+    terms = [replace(term, equation=k) for k, one in enumerate(read) for term in one.terms]
+    forms = tuple(one.form for one in read)
+    derivatives = tuple(one.derivative for one in read)
     compiled = Compiled(outputs, inputs, (), {}, tuple(terms))
     made = formulas(compiled, "gregory", intersample, outputs, False, True)
     parts = np.zeros((len(texts), 1 + max(t.order for t in terms), len(made.words["signals"])))
     for (text, signal, times), term in zip(made.words["terms"], terms, strict=True):
         parts[text, times, signal] += float(term.coefficient)
-    return Columns(tuple(texts), tuple(forms), tuple(derivatives), made, parts)
+    return Columns(tuple(texts), forms, derivatives, made, parts)
 
-
-def _terms(at: int, found: Sequence[Any], moving: Moving) -> list[Term]:
-    own = []
-    for piece in found:
-        for part in sympy.Add.make_args(sympy.expand(piece.signal)):
-            number, signal = moving.split(part)
-            if number != 0 and not (signal == 1 and piece.order):
-                own.append(Term(at, number, piece.order, signal))
-    return own
