@@ -144,24 +144,28 @@ class Lines:
 
     def at(self, theta: F64) -> tuple[Quadratic, F64]:
         """The cost at θ, its slope and curvature, and the outputs with the smoothed noise taken away."""
+        from scipy.linalg import solve_triangular
+
         coefficients = self.targets.copy()
         np.subtract.at(coefficients, self.equation, theta[:, None, None] * self.candidates)
         through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
         factor = self._factor(through) if np.all(np.isfinite(through)) else None
         if factor is None:
             return self._lost()
-        whiten = np.linalg.inv(factor)
         residual = self.target_lines.copy()
         np.subtract.at(residual, self.equation, theta[:, None] * self.candidate_lines)
         rows = self._rows(residual, range(len(self.orders))).sum(axis=1)
-        basis = np.linalg.qr(whiten @ self.transient)[0]
-        white = _off(basis, whiten @ rows)
-        noise = self._noise(through, whiten.T @ white)
+        solved = solve_triangular(factor, np.column_stack([self.transient, rows]), lower=True)
+        basis = np.linalg.qr(solved[:, :-1])[0]
+        white = _off(basis, solved[:, -1])
+        noise = self._noise(through, solve_triangular(factor, white, lower=True, trans=1))
+        if not np.all(np.isfinite(noise)):
+            return self._lost()
         inside = np.einsum("sct,ct->st", self.slopes, noise)
         denoised = self.candidate_lines - self._columns(
             self.candidates, self._lines(inside, ["gregory"] * len(inside))
         )
-        columns = _off(basis, whiten @ self._rows(denoised, self.equation))
+        columns = _off(basis, solve_triangular(factor, self._rows(denoised, self.equation), lower=True))
         gram, slope = columns.T @ columns, columns.T @ white
         cost = float(white @ white)
         right = gram @ theta + slope
