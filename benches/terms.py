@@ -97,7 +97,7 @@ SYSTEMS = {
         ["x", "z"], [{"x**3": -0.1, "z**3": 2.0}, {"x**3": -2.0, "z**3": -0.1}], [2.0, 0.0], 10.0
     ),
     "logistic growth": lambda: System(["x"], [{"x": 1.0, "x**2": -1.0}], [0.01], 10.0, degree=5),
-    "pendulum, quadratic drag": lambda: System(
+    "pendulum with quadratic drag": lambda: System(
         ["q", "v"],
         [{"v": 1.0}, {"sin(q)": -4.0, "v*abs(v)": -0.3, "u": 1.0}],
         [1.0, 0.0],

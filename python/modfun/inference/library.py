@@ -47,6 +47,11 @@ class Library:
     columns: Columns
     left_out: tuple[str, ...]
 
+    @property
+    def degrees(self) -> tuple[int, ...]:
+        """Of the candidates."""
+        return self.columns.degrees[len(self.targets) :]
+
     def texts(self, chosen: Any, names: Sequence[str]) -> list[str]:
         """The equations with the chosen candidates, each with its coefficient."""
         sides: list[list[str]] = [[] for _ in self.targets]

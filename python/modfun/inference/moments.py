@@ -150,7 +150,7 @@ class Lines:
         np.subtract.at(coefficients, self.equation, theta[:, None, None] * self.candidates)
         through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
         factor = self._factor(through) if np.all(np.isfinite(through)) else None
-        if factor is None:
+        if factor is None or not np.all(np.isfinite(factor)):
             return self._lost()
         residual = self.target_lines.copy()
         np.subtract.at(residual, self.equation, theta[:, None] * self.candidate_lines)
@@ -209,6 +209,8 @@ class Lines:
                 )
                 full[e * count : (e + 1) * count, f * count : (f + 1) * count] = block / 2
                 full[f * count : (f + 1) * count, e * count : (e + 1) * count] = block.T / 2
+        if not np.all(np.isfinite(full)):
+            return None
         size = np.diag(full).copy()
         for e in range(own):
             part = slice(e * count, (e + 1) * count)

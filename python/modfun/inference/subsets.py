@@ -12,6 +12,7 @@ from ..base.arrays import F64
 __all__ = ["Subsets"]
 
 COLLINEAR = 1e-9  # part of a column that is left beside the chosen ones
+SAME = 1e-9  # of a penalty: a smaller change is none
 RIDGE = 1e-13  # of columns of unit size
 WIDTH = 16  # subsets of each size that are followed
 PATIENCE = 4  # sizes without a better subset before the forward beam ends
@@ -19,7 +20,7 @@ POLISHED = 4  # best subsets that are tried for exchanges
 
 
 class Subsets:
-    """Subsets by cost + penalty·size, the cost being constant − rᵀG⁻¹r over the subset.
+    """Subsets by cost + penalties, the cost being constant − rᵀG⁻¹r over the subset.
 
     Parameters
     ----------
@@ -27,13 +28,13 @@ class Subsets:
         Of columns of any size.
     constant : float
         Cost of no candidate.
-    penalty : float
+    penalty : ndarray, shape (candidate,)
         Of each candidate, in units of the cost.
     keep : ndarray of bool, shape (candidate,)
         What always stays.
     """
 
-    def __init__(self, gram: F64, right: F64, constant: float, penalty: float, keep: Any) -> None:
+    def __init__(self, gram: F64, right: F64, constant: float, penalty: F64, keep: Any) -> None:
         self.root = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         self.gram, self.right = gram / self.root[:, None] / self.root, right / self.root
         self.constant, self.penalty, self.keep = constant, penalty, np.asarray(keep, dtype=bool)
@@ -82,7 +83,7 @@ class Subsets:
                 tried.append(self._next(without, add=True))
             masks = np.vstack([m for m, _ in tried])
             values = np.concatenate([v for _, v in tried])
-            if not values.size or values.min() >= value - 1e-9 * abs(self.penalty):
+            if not values.size or values.min() >= value - SAME * max(self.penalty.max(), 1e-300):
                 return
             chosen, value = masks[values.argmin()], values.min()
 
@@ -92,7 +93,7 @@ class Subsets:
         size = at.shape[1]
         inverse = np.linalg.inv(self.gram[at[:, :, None], at[:, None, :]] + RIDGE * np.eye(size))
         theta = np.einsum("bij,bj->bi", inverse, self.right[at])
-        value = self.constant - np.einsum("bi,bi->b", self.right[at], theta) + self.penalty * size
+        value = self.constant - np.einsum("bi,bi->b", self.right[at], theta) + self.penalty[at].sum(axis=1)
         cross = self.gram[:, at].transpose(1, 0, 2)
         left = 1.0 - np.einsum("bpi,bpi->bp", cross @ inverse, cross)
         slope = self.right - np.einsum("bpi,bi->bp", cross, theta)
@@ -104,7 +105,8 @@ class Subsets:
         rise[:, self.keep] = np.inf
         for mask, own in zip(masks, value, strict=True):
             self.found.setdefault(mask.tobytes(), float(own))
-        return value, value[:, None] - gain + self.penalty, value[:, None] + rise - self.penalty
+        more = value[:, None] - gain + self.penalty
+        return value, more, value[:, None] + rise - self.penalty
 
     def _next(self, masks: Any, *, add: bool) -> tuple[Any, F64]:
         """The best subsets with one candidate more, or less."""

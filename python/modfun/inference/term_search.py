@@ -12,7 +12,7 @@ from ..base.arrays import F64
 from .moments import Estimate, Lines, estimate
 from .subsets import Subsets
 
-__all__ = ["FALSE_ALARM", "Search", "Searched", "weights"]
+__all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
 
 FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
 ROUNDS = 12  # of likelihood and subsets
@@ -49,26 +49,40 @@ class Searched:
     freedom: int
 
 
+def penalties(keep: Any, degrees: Sequence[int]) -> F64:
+    """What each candidate must lower chi-squared by to come in.
+
+    A superfluous one lowers it by more than its penalty with probability FALSE_ALARM/(2^(d+1) n), n the number
+    of candidates of its degree d that are not kept. All probabilities together are below FALSE_ALARM, and
+    simple terms come in more easily than those of high degree.
+    """
+    from scipy.special import chdtri
+
+    degree, free = np.asarray(degrees), ~np.asarray(keep, dtype=bool)
+    count = np.bincount(degree[free], minlength=int(degree.max()) + 1)
+    share = FALSE_ALARM / (2.0 ** (degree + 1) * np.maximum(count[degree], 1))
+    return np.asarray(chdtri(1.0, share))
+
+
 class Search:
-    """Looks for the subset of candidates with the lowest cost/scale + penalty·size.
+    """Looks for the subset of candidates with the lowest cost/scale + penalties.
 
     Parameters
     ----------
     lines : sequence of Lines
-        One a record.
+        One per record.
     keep : ndarray of bool
         Candidates that stay.
+    degrees : sequence of int
+        Of the candidates, as `penalties` has them.
     """
 
-    def __init__(self, lines: Sequence[Lines], keep: Any) -> None:
-        from scipy.special import chdtri
-
+    def __init__(self, lines: Sequence[Lines], keep: Any, degrees: Sequence[int]) -> None:
         self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
         self.count = self.keep.size
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
         self.freedom = rows - self.count
-        free = max(int(np.sum(~self.keep)), 1)
-        self.penalty = float(chdtri(1.0, FALSE_ALARM / free))
+        self.penalty = penalties(self.keep, degrees)
 
     def run(self) -> Searched:
         """Walks from a first guess and from the whole library; goes on from the better end."""
@@ -93,7 +107,7 @@ class Search:
         found = [one.rough() for one in self.lines]
         gram, right = (np.sum(parts, axis=0) for parts in zip(*found, strict=True))
         total = float(sum(len(one.orders) for one in self.lines))
-        subsets = Subsets(gram, right, total, 0.0, self.keep)
+        subsets = Subsets(gram, right, total, self.penalty, self.keep)
         left = total - right @ subsets.estimate(np.ones(self.count, dtype=bool))
         subsets.penalty = self.penalty * max(left / self.freedom, 1e-12)
         chosen = subsets.search()[0][0]
@@ -128,7 +142,7 @@ class Search:
     def _better(self, ends: Sequence[Searched]) -> Searched:
         """The end of the lowest criterion, all in units of the same noise."""
         scale = min((end.scale for end in ends if np.isfinite(end.estimate.cost)), default=1.0)
-        return min(ends, key=lambda end: end.estimate.cost / scale + self.penalty * int(end.chosen.sum()))
+        return min(ends, key=lambda end: end.estimate.cost / scale + self.penalty[end.chosen].sum())
 
 
 def weights(subsets: Sequence[tuple[Any, float]]) -> F64:

@@ -55,15 +55,14 @@ class TermSelection:
         rise (over the lowest criterion), chosen, and with `test` records fit_percent, the mean over their
         outputs of how well a fit simulates them.
     inclusion : Table
-        Probability of each candidate: the average over all subsets seen, weighted by exp(-criterion/2).
+        Each candidate: term, probability (the average over all subsets seen, weighted by exp(-criterion/2)),
+        penalty, chosen, kept.
     alike : tuple of str
         Which terms the records do not tell apart, in words.
     band : (float, float)
         That all subsets were compared on, rad/s.
     noise_sd : dict of str to float
         Noise level of each output.
-    penalty : float
-        Of each term, in the criterion chi2 + penalty·(number of terms).
     notes : tuple of str
         What was done and what to look at, in sentences.
 
@@ -94,7 +93,6 @@ class TermSelection:
     alike: tuple[str, ...]
     band: tuple[float, float]
     noise_sd: Mapping[str, float]
-    penalty: float
     notes: tuple[str, ...]
     records: tuple[Record, ...]
     options: Options
@@ -155,9 +153,10 @@ def select_terms(
     subset (beams forward and backward, then exchanges); the best subset is fitted by maximum likelihood,
     and so on until the best subset stays.
 
-    The criterion is chi2 + penalty·(number of terms), chi2 the weighted squares of the residuals and the
-    penalty the quantile of chi-squared that no superfluous term of the library exceeds with a probability
-    of 99 %. There is no threshold to tune.
+    The criterion is chi2, the weighted squares of the residuals in units of the noise, plus a penalty for each
+    term: the quantile of chi-squared that a superfluous term exceeds with probability 0.01/(2^(d+1) n), n the
+    number of candidates of its degree d. All together come in with a probability of at most 1 %, and simple
+    terms more easily than those of high degree. There is no threshold to tune.
 
     Parameters
     ----------
@@ -227,7 +226,7 @@ def select_terms(
         for rec, sd, top in zip(records, levels, tops, strict=True)
     ]
     with np.errstate(all="ignore"):  # of candidates that overflow on the way
-        searched = Search(lines, found.kept).run()
+        searched = Search(lines, found.kept, found.degrees).run()
     if not np.isfinite(searched.estimate.cost):
         raise FitError(
             "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave out "
@@ -302,6 +301,7 @@ def _selection(
         {
             "term": labels,
             "probability": by_weight @ masks,
+            "penalty": searched.moments.penalty,
             "chosen": searched.chosen,
             "kept": np.array(library.kept),
         }
@@ -323,7 +323,6 @@ def _selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        penalty=searched.moments.penalty,
         notes=_notes(library, searched),
         records=records,
         options=options,
@@ -376,7 +375,7 @@ def _path(
     columns: dict[str, Any] = {
         "terms": sizes,
         "which": [", ".join(label for on, label in zip(mask, labels, strict=True) if on) for mask, _ in rows],
-        "chi2": values - searched.moments.penalty * sizes,
+        "chi2": values - np.array([searched.moments.penalty[mask].sum() for mask, _ in rows]),
         "criterion": values,
         "rise": values - np.nanmin(values),
         "chosen": sizes == size,
@@ -420,8 +419,8 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
 def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
-        f"Compared by chi2 + {searched.moments.penalty:.1f} per term: a superfluous one of {free} comes in "
-        f"with a probability of {100 * FALSE_ALARM:g} %."
+        f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of at "
+        f"most {100 * FALSE_ALARM:g} %."
     ]
     if searched.excess - 1 > FAR * sqrt(2 / searched.freedom):
         notes.append(

@@ -16,7 +16,7 @@ from ...language.parser import expression
 from .compiled import Compiled, Term
 from .exact import NotExact, form, pieces
 from .formulas import Formulas, formulas
-from .jets import Moving, order
+from .jets import Moving
 from .meaning import meaning
 from .words import said
 
@@ -34,8 +34,8 @@ class Columns:
     texts : tuple of str
     forms : tuple of str
         Each text multiplied out, the same for texts that mean the same.
-    derivatives : tuple of int
-        Highest derivative that stands in each text.
+    degrees : tuple of int
+        Factors of each text, powers counted: 2 of y*y', sin(y)*y and y**2.
     formulas : Formulas
         Signals and their slopes with respect to the noisy channels; a text is an equation of it.
     parts : ndarray, shape (text, derivative, signal)
@@ -44,7 +44,7 @@ class Columns:
 
     texts: tuple[str, ...]
     forms: tuple[str, ...]
-    derivatives: tuple[int, ...]
+    degrees: tuple[int, ...]
     formulas: Formulas
     parts: F64
 
@@ -81,8 +81,8 @@ class ReadTerm:
     ----------
     form : str
         The text multiplied out.
-    derivative : int
-        Highest derivative that stands in it.
+    degree : int
+        Number of factors, powers counted.
     terms : tuple of Term
         Derivatives of signals that it is the sum of.
     fault : str
@@ -90,7 +90,7 @@ class ReadTerm:
     """
 
     form: str
-    derivative: int
+    degree: int
     terms: tuple[Term, ...]
     fault: str = ""
 
@@ -117,13 +117,14 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             f"{what}: the term {text!r} has a delayed signal; add the shifted samples to the record as a "
             "channel of their own"
         )
-    shape, derivative = str(sympy.expand(expr)), max((order(s) for s in moving.symbols(expr)), default=0)
+    whole = sympy.expand(expr)
+    shape, degree = str(whole), _degree(whole)
     try:
         found = pieces(form(expr, moving), moving, products=False)
     except NotExact as fault:
         return ReadTerm(
             shape,
-            derivative,
+            degree,
             (),
             f"{what}: the term {text!r} cannot be used: {said(fault.term)} is no derivative of a signal; leave "
             "it out, or measure the derivative as a channel of its own",
@@ -135,7 +136,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             if number != 0 and not (signal == 1 and piece.order):
                 terms.append(Term(0, number, piece.order, signal))
     fault = "" if terms else f"{what}: the term {text!r} is zero; leave it out"
-    return ReadTerm(shape, derivative, tuple(terms), fault)
+    return ReadTerm(shape, degree, tuple(terms), fault)
 
 
 @lru_cache(KEPT)
@@ -166,11 +167,21 @@ def columns_of(
         raise SpecError(fault)
     terms = [replace(term, equation=k) for k, one in enumerate(read) for term in one.terms]
     forms = tuple(one.form for one in read)
-    derivatives = tuple(one.derivative for one in read)
+    degrees = tuple(one.degree for one in read)
     compiled = Compiled(outputs, inputs, (), {}, tuple(terms))
     made = formulas(compiled, "gregory", intersample, outputs, False, True)
     parts = np.zeros((len(texts), 1 + max(t.order for t in terms), len(made.words["signals"])))
     for (text, signal, times), term in zip(made.words["terms"], terms, strict=True):
         parts[text, times, signal] += float(term.coefficient)
-    return Columns(tuple(texts), forms, derivatives, made, parts)
+    return Columns(tuple(texts), forms, degrees, made, parts)
 
+
+
+def _degree(expr: sympy.Expr) -> int:
+    """Number of factors of a term, those inside of functions included; of a sum the most."""
+    if expr.is_Symbol:
+        return 1
+    if expr.is_Pow and expr.exp.is_Integer:
+        return abs(int(expr.exp)) * _degree(expr.base)
+    parts = [_degree(part) for part in expr.args]
+    return sum(parts) if expr.is_Mul else max(parts, default=0)
