@@ -116,10 +116,13 @@ def ours(system, rec):
     found = mf.select_terms(rec, ", ".join([library, *system.more]))
     spent = time.perf_counter() - start
     theta = np.zeros_like(system.theta)
-    values = iter(found.fit.params) if any(found.terms.values()) else iter(())
-    for row, own in zip(theta, found.terms.values(), strict=True):
-        for term in own:
-            row[system.terms.index(term)] = next(values)
+    chosen = [(e, system.terms.index(term)) for e, own in enumerate(found.terms.values()) for term in own]
+    try:
+        values = found.fit.params
+    except mf.ModfunError:
+        values = np.full(len(chosen), np.inf)  # a wrong choice that cannot be fitted
+    for place, value in zip(chosen, values, strict=True):
+        theta[place] = value
     return theta, spent
 
 

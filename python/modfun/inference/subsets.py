@@ -49,6 +49,7 @@ class Subsets:
 
     def search(self, seeds: Iterable[Any] = ()) -> list[tuple[Any, float]]:
         """Every subset seen with its criterion, best first; `seeds` are tried for exchanges as well."""
+        self._judge(self.keep[None, :])
         self._forward()
         self._backward()
         best = sorted(self.found, key=self.found.__getitem__)[:POLISHED]

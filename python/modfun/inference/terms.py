@@ -241,7 +241,12 @@ def select_terms(
 def _levels(rec: Record, noise: str | Noise, order: int) -> F64:
     """Noise level of each output, as given or as the high band shows it."""
     outputs = len(rec.outputs)
-    least = SILENT * np.max(np.abs(rec.y), axis=1) + np.finfo(float).tiny
+    if still := [name for name, row in zip(rec.outputs, rec.y, strict=True) if np.ptp(row) == 0]:
+        raise DataError(
+            f"select_terms: the output {still[0]!r} of a record never changes; leave it out, "
+            "rec.select(outputs=[...])"
+        )
+    least = SILENT * np.max(np.abs(rec.y), axis=1)
     if isinstance(noise, Noise):
         if noise.y is None or noise.u is not None:
             raise SpecError("select_terms: noise=mf.Noise(y=...) gives levels of outputs; inputs are known")

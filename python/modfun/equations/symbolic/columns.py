@@ -11,8 +11,8 @@ import numpy as np
 import sympy
 
 from ...base.arrays import F64
-from ...errors import SpecError
-from ...language.parser import expression
+from ...errors import DataError, SpecError
+from ...language.parser import CONSTANTS, expression
 from .compiled import Compiled, Term
 from .exact import NotExact, form, pieces
 from .formulas import Formulas, formulas
@@ -54,21 +54,40 @@ class Columns:
         return [kind for kind, _, _ in self.formulas.words["signals"]]
 
     def values(self, y: F64, u: F64, t: F64, variances: F64) -> tuple[F64, F64]:
-        """Signals (signal, time), noise bias taken out, and slopes (signal, noisy channel, time)."""
+        """Signals (signal, time), noise bias taken out, and slopes (signal, noisy channel, time).
+
+        Raises
+        ------
+        DataError
+            A term without a finite value, as log(y) where y is negative.
+        """
         rows = self.formulas.rows(y, u, t)
-        found = self._evaluate(*rows, *variances)
+        with np.errstate(all="ignore"):
+            found = self._evaluate(*rows, *variances)
         count, noisy = len(self.kinds), len(self.formulas.noisy)
         signals = np.array([np.broadcast_to(one, t.shape) for one in found[:count]], dtype=np.float64)
         slopes = np.zeros((count, noisy, t.size))
         for (signal, channel), one in zip(self.formulas.words["sensitivities"], found[count:], strict=True):
             slopes[signal, channel] = one
+        sound = np.all(np.isfinite(signals), axis=1) & np.all(np.isfinite(slopes), axis=(1, 2))
+        if not sound.all():
+            at = int(np.argmin(sound))
+            text = self.texts[int(np.argmax(np.any(self.parts[:, :, at] != 0, axis=1)))]
+            bad = ~(np.isfinite(signals[at]) & np.all(np.isfinite(slopes[at]), axis=0))
+            raise DataError(
+                f"select_terms: the term {text!r} or its slope has no finite value at sample {np.argmax(bad)}; "
+                "leave it out, or cut the record"
+            )
         return signals, slopes
 
     @cached_property
     def _evaluate(self) -> Callable[..., Any]:
         results, symbols = self.formulas.expressions
         plain = [sympy.Dummy() for _ in symbols]
-        named = [expr.xreplace(dict(zip(symbols, plain, strict=True))) for expr in results]
+        to = dict(zip(symbols, plain, strict=True))
+        # A kink lies between the samples.
+        smooth = [expr.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0)) for expr in results]
+        named = [expr.xreplace(to) for expr in smooth]
         found: Callable[..., Any] = sympy.lambdify(plain, named, "numpy", cse=True)
         return found
 
@@ -104,14 +123,16 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
     SpecError
         A text outside the language, with a name that is no channel, or with a delay.
     """
-    moving = Moving({*outputs, *inputs})
-    expr = meaning(expression(text, "term"), moving)
-    if strangers := sorted(s.name for s in moving.parameters(expr)):
+    moving, parsed = Moving({*outputs, *inputs}), expression(text, "term")
+    known = (*outputs, *inputs, "t", *CONSTANTS)
+    named = [str(node.value) for node in parsed.tree.walk() if node.kind == "name"]
+    if strangers := [name for name in named if name not in known]:
         channels = ", ".join((*outputs, *inputs))
         raise SpecError(
             f"{what}: the term {text!r} has {strangers[0]!r}, which is no channel of the record "
             f"({channels}); terms have no parameters inside, so write a number"
         )
+    expr = meaning(parsed, moving)
     if moving.delays:
         raise SpecError(
             f"{what}: the term {text!r} has a delayed signal; add the shifted samples to the record as a "
