@@ -21,7 +21,7 @@ from fit_studies import response
 
 LEVELS = (0.01, 0.05, 0.1, 0.2)
 WIDTHS = (0.05, 0.1, 0.2)  # half widths of the test functions over the record
-THRESHOLDS = np.geomspace(1e-3, 10, 25)
+THRESHOLDS = np.geomspace(1e-3, 10, 13)
 DOMAINS = 200
 
 
@@ -77,7 +77,9 @@ SYSTEMS = {
     "Duffing": lambda: System(
         ["y", "v"], [{"v": 1.0}, {"v": -0.3, "y": -1.0, "y**3": -0.5, "u": 1.0}], [0.5, 0], 20.0
     ),
-    "van der Pol": lambda: System(["y", "v"], [{"v": 1.0}, {"v": 1.0, "y": -1.0, "y**2*v": -1.0}], [0.5, 0], 20.0),
+    "van der Pol": lambda: System(
+        ["y", "v"], [{"v": 1.0}, {"v": 1.0, "y": -1.0, "y**2*v": -1.0}], [0.5, 0], 20.0
+    ),
     "Lotka–Volterra": lambda: System(
         ["x", "z"], [{"x": 1.0, "x*z": -0.5}, {"z": -0.8, "x*z": 0.4}], [2.0, 1.0], 20.0
     ),
@@ -251,7 +253,9 @@ def main():
             f"--page {options.page}`)."
         )
         block = "\n".join(["<!-- rates -->", "", *rows, "", words, "", "<!-- end of rates -->"])
-        text = re.sub(r"<!-- rates -->.*?<!-- end of rates -->", lambda _: block, page.read_text(), flags=re.S)
+        text = re.sub(
+            r"<!-- rates -->.*?<!-- end of rates -->", lambda _: block, page.read_text(), flags=re.S
+        )
         page.write_text(text)
 
 

@@ -183,7 +183,7 @@ def _polynomials(names: str, degree: int) -> list[str]:
     factors = [one.strip() for one in re.split(r",|\band\b", names) if one.strip()]
     if wrong := [one for one in factors if not _FACTOR.fullmatch(one)]:
         raise SpecError(
-            f"{WHAT}: polynomials are of channels and their derivatives, as \"polynomials of y, y' up to 3\", "
+            f'{WHAT}: polynomials are of channels and their derivatives, as "polynomials of y, y\' up to 3", '
             f"not of {wrong[0]!r}"
         )
     if degree > HIGHEST:

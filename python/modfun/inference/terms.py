@@ -131,7 +131,11 @@ class TermSelection:
         return "\n".join([*self.equation.texts, "", repr(self.path), "", *self.alike, *self.notes])
 
     def _repr_html_(self) -> str:
-        return html.listing(self.equation.texts) + self.path._repr_html_() + html.listing((*self.alike, *self.notes))
+        return (
+            html.listing(self.equation.texts)
+            + self.path._repr_html_()
+            + html.listing((*self.alike, *self.notes))
+        )
 
 
 @public
@@ -338,7 +342,8 @@ def _equation(library: Library, chosen: Any, rec: Record) -> Equation:
     """The equation of a subset, its parameters named as no channel is."""
     names = (*rec.outputs, *rec.inputs)
     letter = next(
-        one for one in ("c", "k", "p", "theta", "coefficient")
+        one
+        for one in ("c", "k", "p", "theta", "coefficient")
         if not any(re.fullmatch(rf"{one}\d*", name) for name in names)
     )
     count = iter(range(1, len(library.terms) + 1))

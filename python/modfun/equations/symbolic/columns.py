@@ -197,7 +197,6 @@ def columns_of(
     return Columns(tuple(texts), forms, degrees, made, parts)
 
 
-
 def _degree(expr: sympy.Expr) -> int:
     """Number of factors of a term, those inside of functions included; of a sum the most."""
     if expr.is_Symbol:
