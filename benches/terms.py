@@ -3,9 +3,9 @@
     python benches/terms.py [--records 50] [--systems duffing,lorenz] [--no-rival] [--page docs/terms.md]
 
 Every state is measured with white noise; the library has all monomials of states and inputs up to degree 3
-(5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rival is given the best of its settings (width
-of the test functions, threshold, normalised columns or not) for each cell by the truth: no user can choose so
-well. `pip install pysindy` for it.
+(5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rival is given the best of its settings
+(width of the test functions, threshold, normalised columns or not) for each cell by the truth: no user can
+choose so well. `pip install pysindy` for it.
 """
 
 import argparse
@@ -143,7 +143,7 @@ class Weak:
         duration = system.t[-1]
         self.libraries = []
         for width in WIDTHS:
-            np.random.seed(0)  # of its domains
+            np.random.seed(0)  # noqa: NPY002, of its domains
             self.libraries.append(
                 pysindy.WeakPDELibrary(
                     function_library=pysindy.CustomLibrary(library_functions=functions),
@@ -211,7 +211,10 @@ def main():
     given.add_argument("--no-rival", action="store_true")
     given.add_argument("--page")
     options = given.parse_args()
-    head = "system | noise, % | least t | exact, % | superfluous, % | error, % | s | weak form: exact, % | error, % |"
+    head = (
+        "system | noise, % | least t | exact, % | superfluous, % | error, % | s "
+        "| weak form: exact, % | error, % |"
+    )
     rows = [f"| {head}", "|" + "---|" * (head.count("|"))]
     print("\n".join(rows), flush=True)
     for name in options.systems.split(","):

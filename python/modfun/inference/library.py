@@ -99,7 +99,7 @@ def library_of(
             own = read[text].form
             if own == read[left].form:
                 raise SpecError(
-                    f"{WHAT}: the term {text!r} is the left side of its own equation; leave it out of the library"
+                    f"{WHAT}: the term {text!r} is the left side of its own equation; leave it out"
                 )
             if own not in seen:
                 seen.add(own)
@@ -113,7 +113,8 @@ def library_of(
             )
     if len(terms) > MOST:
         raise SpecError(
-            f"{WHAT}: the library has {len(terms)} terms in all, at most {MOST} are searched; lower the degree"
+            f"{WHAT}: the library has {len(terms)} terms in all, "
+            f"at most {MOST} are searched; lower the degree"
         )
     columns = columns_of((*targets, *terms), outputs, inputs, intersample, WHAT)
     return Library(targets, tuple(terms), tuple(equation), tuple(kept), columns, tuple(left_out))
@@ -125,7 +126,8 @@ def _targets(target: Any, outputs: tuple[str, ...]) -> tuple[str, ...]:
     found = (target,) if isinstance(target, str) else tuple(target)
     if not found or not all(isinstance(one, str) and one.strip() for one in found):
         raise SpecError(
-            f"{WHAT}: target={target!r} must be the left side of an equation as text, \"y''\", or a list of these"
+            f"{WHAT}: target={target!r} must be the left side of an equation as text, \"y''\", or a "
+            "list of these"
         )
     if len(set(found)) < len(found):
         raise SpecError(f"{WHAT}: target={target!r} names one left side twice; give each once")
@@ -195,8 +197,8 @@ def _polynomials(names: str, degree: int) -> list[str]:
             found.append("*".join(name if n == 1 else f"{name}**{n}" for name, n in powers.items()))
         if len(found) > MOST:
             raise SpecError(
-                f"{WHAT}: polynomials of {', '.join(factors)} up to {degree} are more than {MOST} terms; lower "
-                "the degree"
+                f"{WHAT}: polynomials of {', '.join(factors)} up to {degree} are more than {MOST} "
+                "terms; lower the degree"
             )
     return found
 

@@ -125,7 +125,7 @@ class Lines:
         return rows
 
     def _transient(self) -> F64:
-        """What the ends of the record add: a real polynomial in s, of as many terms as an equation's order."""
+        """What the ends of the record add: a real polynomial in s with as many terms as the order."""
         found = []
         for e, order in enumerate(self.orders):
             if order:
@@ -133,7 +133,7 @@ class Lines:
         return np.hstack(found) if found else np.zeros(((2 * self.top + 1) * len(self.orders), 0))
 
     def rough(self) -> tuple[F64, F64]:
-        """Gram matrix and right side with equal weights on all lines, each equation in units of its target."""
+        """Gram matrix and right side with equal weights, each equation in units of its target."""
         targets = self._rows(self.target_lines, range(len(self.orders)))
         free = _without(self.transient, targets)
         power = np.maximum(np.sum(free**2, axis=0), 1e-300)

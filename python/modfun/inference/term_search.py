@@ -48,13 +48,18 @@ class Searched:
     excess: float
     freedom: int
 
+    @property
+    def criterion(self) -> float:
+        """Of the chosen candidates."""
+        return self.moments.found.get(np.asarray(self.chosen).tobytes(), np.inf)
+
 
 def penalties(keep: Any, degrees: Sequence[int]) -> F64:
     """What each candidate must lower chi-squared by to come in.
 
-    A superfluous one lowers it by more than its penalty with probability FALSE_ALARM/(2^(d+1) n), n the number
-    of candidates of its degree d that are not kept. All probabilities together are below FALSE_ALARM, and
-    simple terms come in more easily than those of high degree.
+    A superfluous one lowers it by more than its penalty with probability FALSE_ALARM/(2^(d+1) n), n the
+    number of candidates of its degree d that are not kept. All probabilities together are below
+    FALSE_ALARM, and simple terms come in more easily than those of high degree.
     """
     from scipy.special import chdtri
 

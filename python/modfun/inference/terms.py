@@ -157,10 +157,10 @@ def select_terms(
     subset (beams forward and backward, then exchanges); the best subset is fitted by maximum likelihood,
     and so on until the best subset stays.
 
-    The criterion is chi2, the weighted squares of the residuals in units of the noise, plus a penalty for each
-    term: the quantile of chi-squared that a superfluous term exceeds with probability 0.01/(2^(d+1) n), n the
-    number of candidates of its degree d. All together come in with a probability of at most 1 %, and simple
-    terms more easily than those of high degree. There is no threshold to tune.
+    The criterion is chi2, the weighted squares of the residuals in units of the noise, plus a penalty for
+    each term: the quantile of chi-squared that a superfluous term exceeds with probability
+    0.01/(2^(d+1) n), n the number of candidates of its degree d. All together come in with a probability of
+    at most 1 %, and simple terms more easily than those of high degree. There is no threshold to tune.
 
     Parameters
     ----------
@@ -233,8 +233,8 @@ def select_terms(
         searched = Search(lines, found.kept, found.degrees).run()
     if not np.isfinite(searched.estimate.cost):
         raise FitError(
-            "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave out "
-            "terms that grow fast"
+            "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave "
+            "out terms that grow fast"
         )
     return _selection(records, tests, found, searched, levels, edge, noise)
 
@@ -258,7 +258,8 @@ def _levels(rec: Record, noise: str | Noise, order: int) -> F64:
             given = np.broadcast_to(np.asarray(noise.y, dtype=float), (outputs,))
         except (TypeError, ValueError):
             raise SpecError(
-                f"select_terms: noise=mf.Noise(y=...) takes standard deviations, one or one per output ({outputs})"
+                f"select_terms: noise=mf.Noise(y=...) takes standard deviations, one or one per "
+                f"output ({outputs})"
             ) from None
         return np.maximum(given, least)
     return np.maximum(rec.noise_level(order)["noise_sd"][:outputs], least)
@@ -282,8 +283,9 @@ def _band(records: Sequence[Record], levels: Sequence[F64], found: Library) -> t
     rows = sum((2 * top + 1) - order for top in tops)
     if rows <= most:
         raise DataError(
-            f"select_terms: the records give {rows} real equations up to {edge:.4g} rad/s, and the library has "
-            f"{most - order} terms in an equation; take longer or faster sampled records, or a smaller library"
+            f"select_terms: the records give {rows} real equations up to {edge:.4g} rad/s, and the library "
+            f"has {most - order} terms in an equation; take longer or faster sampled records, or a smaller "
+            "library"
         )
     return tops, edge
 
@@ -378,7 +380,7 @@ def _path(
     best: dict[int, tuple[Any, float]] = {}
     for mask, value in searched.subsets:
         best.setdefault(int(mask.sum()), (mask, value))
-    best[size] = (searched.chosen, min(best[size][1], searched.subsets[0][1]) if size in best else np.nan)
+    best[size] = (searched.chosen, searched.criterion)
     rows = [best[k] for k in sorted(best) if 0 < k <= size + LARGER]
     values = np.array([value for _, value in rows])
     sizes = np.array([int(mask.sum()) for mask, _ in rows])
@@ -413,7 +415,7 @@ def _simulated(
 
 def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
     """Exchanges of one chosen term for another that hardly change the criterion."""
-    value = searched.subsets[0][1]
+    value = searched.criterion
     found = []
     for mask, other in searched.subsets:
         gone, come = searched.chosen & ~mask, mask & ~searched.chosen
@@ -429,13 +431,13 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
 def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
-        f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of at "
-        f"most {100 * FALSE_ALARM:g} %."
+        f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
+        f"at most {100 * FALSE_ALARM:g} %."
     ]
     if searched.excess - 1 > FAR * sqrt(2 / searched.freedom):
         notes.append(
-            f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the high "
-            "band: the noise is not white, or a term is missing from the library."
+            f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the "
+            "high band: the noise is not white, or a term is missing from the library."
         )
     if library.left_out:
         notes.append(f"Left out, being no derivative of a signal: {', '.join(library.left_out)}.")

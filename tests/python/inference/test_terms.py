@@ -1,4 +1,4 @@
-"""Selected terms: the true ones of known systems, rates with their false-alarm rates, messages, and moments."""
+"""Selected terms: the true ones of known systems, rates and messages."""
 
 from itertools import combinations
 
@@ -226,11 +226,9 @@ def test_records_that_do_not_serve_are_refused():
 
 
 @pytest.mark.parametrize("samples", [np.zeros(200), np.ones(200), 1e150 * np.sin(np.arange(200.0))])
-def test_records_of_no_use_have_an_answer_or_an_error_in_words(samples):
-    try:
+def test_records_of_no_use_are_refused(samples):
+    with pytest.raises(mf.DataError, match="select_terms"):
         mf.select_terms(mf.Record(samples, dt=0.1), "polynomials of y up to 5")
-    except mf.ModfunError as error:
-        assert "select_terms" in str(error)
 
 
 def test_a_term_without_a_value_is_named():

@@ -75,8 +75,8 @@ class Columns:
             text = self.texts[int(np.argmax(np.any(self.parts[:, :, at] != 0, axis=1)))]
             bad = ~(np.isfinite(signals[at]) & np.all(np.isfinite(slopes[at]), axis=0))
             raise DataError(
-                f"select_terms: the term {text!r} or its slope has no finite value at sample {np.argmax(bad)}; "
-                "leave it out, or cut the record"
+                f"select_terms: the term {text!r} or its slope has no finite value at sample "
+                f"{np.argmax(bad)}; leave it out, or cut the record"
             )
         return signals, slopes
 
@@ -147,8 +147,8 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             shape,
             degree,
             (),
-            f"{what}: the term {text!r} cannot be used: {said(fault.term)} is no derivative of a signal; leave "
-            "it out, or measure the derivative as a channel of its own",
+            f"{what}: the term {text!r} cannot be used: {said(fault.term)} is no derivative of a signal; "
+            "leave it out, or measure the derivative as a channel of its own",
         )
     terms = []
     for piece in found:
