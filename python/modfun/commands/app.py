@@ -329,9 +329,9 @@ def terms(
     )
     if json_to != "-":
         print(f"{found.summary()}\n\n{found.fit}")
-    answer = {"terms": {left: list(own) for left, own in found.terms.items()}, "path": found.path.to_dict()}
-    answer |= {"inclusion": found.inclusion.to_dict(), "alike": found.alike, "band": found.band}
-    write_json(json_to, answer | {"notes": found.notes, "fit": found.fit.to_dict()})
+    answer = {"terms": dict(found.terms), "alike": found.alike, "band": found.band, "notes": found.notes}
+    tables = {"path": found.path.to_dict(), "inclusion": found.inclusion.to_dict()}
+    write_json(json_to, answer | tables | {"fit": found.fit.to_dict()})
     if plot is not None:
         _save(plot, lambda pyplot: _figure(found.plot()))
     if not found.fit.success:

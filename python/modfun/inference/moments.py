@@ -94,7 +94,7 @@ class Lines:
             own = int(max(np.nonzero(np.any(p != 0, axis=1))[0]))
             self.orders[e] = max(self.orders[e], own)
         self.s = 1j * np.arange(top + 1) * omega0 / unit
-        self.powers = self.s[None, :] ** np.arange(parts.shape[1])[:, None]
+        self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
         signals, slopes = columns.values(record.y, record.u, record.t, variances)
         self.signals = self._lines(signals, columns.kinds)
         self.slopes = slopes
@@ -113,7 +113,7 @@ class Lines:
 
     def _columns(self, parts: F64, lines: C128) -> C128:
         """Σ_p s^p Σ parts·lines: (part, line)."""
-        return np.einsum("jps,pm,sm->jm", parts, self.powers, lines, optimize=True)
+        return np.asarray(np.einsum("jps,pm,sm->jm", parts, self.powers, lines, optimize=True))
 
     def _rows(self, lines: C128, equation: Any) -> F64:
         """Lines (column, line) of equations as real rows (row, column)."""
@@ -169,7 +169,7 @@ class Lines:
         gram, slope = columns.T @ columns, columns.T @ white
         cost = float(white @ white)
         right = gram @ theta + slope
-        constant = cost + theta @ gram @ theta + 2 * float(slope @ theta)
+        constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
         return Quadratic(cost, gram, right, constant), self.record.y - noise
 
     def _lost(self) -> tuple[Quadratic, F64]:
@@ -219,9 +219,10 @@ class Lines:
         full = full / root[:, None] / root[None, :]
         for more in (1.0, 1e2, 1e4, 1e6):
             try:
-                return root[:, None] * np.linalg.cholesky(full + more * ROUNDING * np.eye(len(full)))
+                factor = np.linalg.cholesky(full + more * ROUNDING * np.eye(len(full)))
             except np.linalg.LinAlgError:
                 continue
+            return np.asarray(root[:, None] * factor)
         return None
 
     def _noise(self, through: F64, rows: F64) -> F64:
@@ -256,7 +257,7 @@ def cost_of(lines: Sequence[Lines], theta: F64) -> tuple[Quadratic, list[F64]]:
     found = [one.at(theta) for one in lines]
     quadratic = Quadratic(
         sum(q.cost for q, _ in found),
-        np.sum([q.gram for q, _ in found], axis=0),
+        np.asarray(np.sum([q.gram for q, _ in found], axis=0)),
         np.sum([q.right for q, _ in found], axis=0),
         sum(q.constant for q, _ in found),
     )

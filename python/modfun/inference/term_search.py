@@ -120,7 +120,7 @@ class Search:
 
     def _walk(self, start: Estimate) -> Searched:
         """From the moments of one estimate to the best subset, to its estimate, until it stays."""
-        now, seen = start, set()
+        now, seen = start, set[bytes]()
         while True:
             found = self._at(now)
             best = found.subsets[0][0]

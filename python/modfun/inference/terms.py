@@ -65,6 +65,10 @@ class TermSelection:
         Noise level of each output.
     notes : tuple of str
         What was done and what to look at, in sentences.
+    records : tuple of Record
+        The data.
+    options : Options
+        Of `fit`: the common band, and the noise.
 
     See Also
     --------
@@ -261,8 +265,8 @@ def _levels(rec: Record, noise: str | Noise, order: int) -> F64:
                 f"select_terms: noise=mf.Noise(y=...) takes standard deviations, one or one per "
                 f"output ({outputs})"
             ) from None
-        return np.maximum(given, least)
-    return np.maximum(rec.noise_level(order)["noise_sd"][:outputs], least)
+        return np.asarray(np.maximum(given, least))
+    return np.asarray(np.maximum(rec.noise_level(order)["noise_sd"][:outputs], least))
 
 
 def _band(records: Sequence[Record], levels: Sequence[F64], found: Library) -> tuple[list[int], float]:

@@ -156,8 +156,8 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             number, signal = moving.split(part)
             if number != 0 and not (signal == 1 and piece.order):
                 terms.append(Term(0, number, piece.order, signal))
-    fault = "" if terms else f"{what}: the term {text!r} is zero; leave it out"
-    return ReadTerm(shape, degree, tuple(terms), fault)
+    empty = "" if terms else f"{what}: the term {text!r} is zero; leave it out"
+    return ReadTerm(shape, degree, tuple(terms), empty)
 
 
 @lru_cache(KEPT)
