@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..base.arrays import F64
 
 __all__ = ["Subsets"]
 
-COLLINEAR = 1e-9  # part of a column that is left beside the chosen ones
+COLLINEAR = 1e-8  # least part of a column's power that the chosen ones leave
 SAME = 1e-9  # of a penalty: a smaller change is none
 RIDGE = 1e-13  # of columns of unit size
 WIDTH = 16  # subsets of each size that are followed
@@ -39,6 +40,20 @@ class Subsets:
         self.gram, self.right = gram / self.root[:, None] / self.root, right / self.root
         self.constant, self.penalty, self.keep = constant, penalty, np.asarray(keep, dtype=bool)
         self.found: dict[bytes, float] = {}
+
+    @cached_property
+    def independent(self) -> Any:
+        """A largest subset of columns that can be told apart: by pivots, those that stay first."""
+        left, factor = self.gram.copy(), np.zeros(self.right.size, dtype=bool)
+        for first in (self.keep, ~self.keep):
+            while True:
+                pivots = np.where(first & ~factor, np.diag(left), 0.0)
+                j = int(np.argmax(pivots))
+                if pivots[j] <= COLLINEAR:
+                    break
+                factor[j] = True
+                left = left - np.outer(left[:, j], left[j]) / left[j, j]
+        return factor | self.keep
 
     def estimate(self, chosen: Any) -> F64:
         """Least squares of a subset; the other candidates are zero."""
@@ -68,7 +83,7 @@ class Subsets:
             best, since = (lowest, 0) if lowest < best else (best, since + 1)
 
     def _backward(self) -> None:
-        level = np.ones((1, self.keep.size), dtype=bool)
+        level = self.independent[None, :]
         while level.shape[0] and (level[0] & ~self.keep).any():
             level, _ = self._next(level, add=False)
 
@@ -104,8 +119,10 @@ class Subsets:
         lost = theta**2 / np.maximum(np.einsum("bii->bi", inverse), 1e-300)
         np.put_along_axis(rise, at, lost, axis=1)
         rise[:, self.keep] = np.inf
+        # A negative cost is one of rounding.
+        value = np.where(value < self.penalty[at].sum(axis=1), np.inf, value)
         for mask, own in zip(masks, value, strict=True):
-            self.found.setdefault(mask.tobytes(), float(own))
+            self.found[mask.tobytes()] = float(own)
         more = value[:, None] - gain + self.penalty
         return value, more, value[:, None] + rise - self.penalty
 

@@ -86,14 +86,13 @@ class Search:
         self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
         self.count = self.keep.size
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
-        self.freedom = rows - self.count
+        self.rows = rows
         self.penalty = penalties(self.keep, degrees)
 
     def run(self) -> Searched:
         """Walks from a first guess and from the whole library; goes on from the better end."""
-        every = np.ones(self.count, dtype=bool)
-        first = self._guess()
-        ends = [self._walk(first)]
+        ends = [self._walk(self._guess())]
+        every = ends[0].moments.independent
         whole = estimate(self.lines, every, ends[0].estimate.theta)
         if np.isfinite(whole.cost):
             ends.append(self._walk(whole))
@@ -113,8 +112,9 @@ class Search:
         gram, right = (np.sum(parts, axis=0) for parts in zip(*found, strict=True))
         total = float(sum(len(one.orders) for one in self.lines))
         subsets = Subsets(gram, right, total, self.penalty, self.keep)
-        left = total - right @ subsets.estimate(np.ones(self.count, dtype=bool))
-        subsets.penalty = self.penalty * max(left / self.freedom, 1e-12)
+        every = subsets.independent
+        left = (total - right @ subsets.estimate(every)) / (self.rows - every.sum())
+        subsets.penalty = self.penalty * max(left, 1e-12)
         chosen = subsets.search()[0][0]
         return estimate(self.lines, chosen, subsets.estimate(chosen))
 
@@ -136,13 +136,14 @@ class Search:
         chosen = chosen | self.keep
         if not np.isfinite(q.cost):
             moments = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
-            return Searched(chosen, now, [(chosen, np.inf)], moments, 1.0, 1.0, self.freedom)
+            return Searched(chosen, now, [(chosen, np.inf)], moments, 1.0, 1.0, self.rows)
         plain = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
-        every = np.ones(self.count, dtype=bool)
-        excess = float(q.constant - q.right @ plain.estimate(every)) / self.freedom
+        every = plain.independent
+        freedom = self.rows - int(every.sum())
+        excess = float(q.constant - q.right @ plain.estimate(every)) / freedom
         scale = max(excess, 1.0)
         moments = Subsets(q.gram / scale, q.right / scale, q.constant / scale, self.penalty, self.keep)
-        return Searched(chosen, now, moments.search([chosen]), moments, scale, excess, self.freedom)
+        return Searched(chosen, now, moments.search([chosen]), moments, scale, excess, freedom)
 
     def _better(self, ends: Sequence[Searched]) -> Searched:
         """The end of the lowest criterion, all in units of the same noise."""

@@ -152,6 +152,18 @@ def test_kept_terms_stay():
     assert found.inclusion["probability"][found.inclusion["kept"]].tolist() == pytest.approx([1.0])
 
 
+def test_large_libraries_of_nearly_dependent_terms_are_searched():
+    library = "polynomials of y, u up to 8, y', y*y', y**2*y', sin(y), cos(y), exp(-y**2), abs(y), y*abs(y)"
+    found = mf.select_terms(duffing(0.05), library, target="y''")
+    assert len(found.inclusion) == 53
+    assert set(found.terms["y''"]) == {"y", "y'", "y**3", "u"}
+
+
+def test_equal_terms_are_one_candidate():
+    found = mf.select_terms(duffing(), "y, y**3, y*y**2, u, y', (y**2)'/2, y*y'", target="y''")
+    assert found.inclusion["term"].tolist() == ["y", "y**3", "u", "y'", "(y**2)'/2"]
+
+
 def test_terms_that_look_alike_are_named():
     found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
     assert any("sin(y)" in words for words in found.alike)
