@@ -35,7 +35,7 @@ class Columns:
     forms : tuple of str
         Each text multiplied out, the same for texts that mean the same.
     degrees : tuple of int
-        Factors of each text, powers counted: 2 of y*y', sin(y)*y and y**2.
+        Factors of each text, powers and functions counted: 2 of y*y', y**2 and sin(y).
     formulas : Formulas
         Signals and their slopes with respect to the noisy channels; a text is an equation of it.
     parts : ndarray, shape (text, derivative, signal)
@@ -101,7 +101,7 @@ class ReadTerm:
     form : str
         The text multiplied out.
     degree : int
-        Number of factors, powers counted.
+        Number of factors, powers and functions counted.
     terms : tuple of Term
         Derivatives of signals that it is the sum of.
     fault : str
@@ -198,10 +198,12 @@ def columns_of(
 
 
 def _degree(expr: sympy.Expr) -> int:
-    """Number of factors of a term, those inside of functions included; of a sum the most."""
+    """Number of factors of a term, with one more for each function; of a sum the most."""
+    if not expr.free_symbols:
+        return 0
     if expr.is_Symbol:
         return 1
     if expr.is_Pow and expr.exp.is_Integer:
         return abs(int(expr.exp)) * _degree(expr.base)
     parts = [_degree(part) for part in expr.args]
-    return sum(parts) if expr.is_Mul else max(parts, default=0)
+    return sum(parts) if expr.is_Mul else max(parts) + (not expr.is_Add)
