@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .inference.comparison import Comparison, CrossValidation, compare, cross_validate
     from .inference.order import OrderSelection, select_order
     from .inference.rank import rank_test
+    from .inference.terms import TermSelection, select_terms
     from .models.free import Free
     from .models.noise import Noise
     from .models.transfer_function import TransferFunction
@@ -61,6 +62,7 @@ _NAMES = {
     ".inference.comparison": ("Comparison", "CrossValidation", "compare", "cross_validate"),
     ".inference.order": ("OrderSelection", "select_order"),
     ".inference.rank": ("rank_test",),
+    ".inference.terms": ("TermSelection", "select_terms"),
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
     ".models.transfer_function": ("TransferFunction",),
@@ -90,11 +92,11 @@ __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
     "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "Record", "Reduction",
-    "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table", "Track",
-    "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity", "columns", "common_poles",
-    "compare", "crlb", "cross_validate", "fit", "fit_many", "frf", "load", "plot", "rank_test", "read",
-    "reduce", "regressors", "rivals", "select_order", "signals", "simulate", "sinusoids", "ss", "tf",
-    "timelag",
+    "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table", "TermSelection",
+    "Track", "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity", "columns",
+    "common_poles", "compare", "crlb", "cross_validate", "fit", "fit_many", "frf", "load", "plot",
+    "rank_test", "read", "reduce", "regressors", "rivals", "select_order", "select_terms", "signals",
+    "simulate", "sinusoids", "ss", "tf", "timelag",
 ]  # fmt: skip
 
 

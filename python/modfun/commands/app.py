@@ -296,6 +296,49 @@ def order(
 
 
 @app.command()
+def terms(
+    files: Files,
+    output: Outputs = None,
+    input: Inputs = None,
+    library: Annotated[
+        str | None, typer.Option(help='Candidates, such as "y, y**3, u" or "polynomials of y, u up to 3".')
+    ] = None,
+    target: Annotated[
+        list[str] | None, typer.Option(help="Left side, y''; repeat for several. Default: y' of each output.")
+    ] = None,
+    keep: Annotated[str | None, typer.Option(help="Terms that are known to belong.")] = None,
+    time: Time = None,
+    dt: Step = None,
+    intersample: Between = None,
+    part: Part = None,
+    on: On = None,
+    only: Only = None,
+    json_to: Json = None,
+    plot: Picture = None,
+) -> None:
+    """Find the terms of differential equations among candidates, on one file or several as one problem."""
+    from ..inference.terms import select_terms
+
+    if not output or not library:
+        raise SpecError("terms: give --output, the measured states, and --library, the candidate terms")
+    found = select_terms(
+        _records(files, output, input, time, dt, intersample, part, on, only, "refuse"),
+        library,
+        target=target or None,
+        keep=keep,
+    )
+    if json_to != "-":
+        print(f"{found.summary()}\n\n{found.fit}")
+    answer = {"terms": dict(found.terms), "alike": found.alike, "band": found.band, "notes": found.notes}
+    tables = {"path": found.path.to_dict(), "inclusion": found.inclusion.to_dict()}
+    write_json(json_to, answer | tables | {"fit": found.fit.to_dict()})
+    if plot is not None:
+        _save(plot, lambda pyplot: _figure(found.plot()))
+    if not found.fit.success:
+        raise typer.Exit(1)
+
+
+@app.command()
 def frf(
     files: Files,
     output: Outputs = None,

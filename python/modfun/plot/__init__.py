@@ -10,6 +10,7 @@ from typing import Any
 from ..base.axes import drawing
 from ..inference.comparison import Comparison, CrossValidation
 from ..inference.order import OrderSelection
+from ..inference.terms import TermSelection
 from ..records.record import Record
 from ..reduction.reduction import Reduction
 from ..results.drawing import bode, correlation, poles, response
@@ -37,6 +38,7 @@ __all__ = [
     "sinusoids",
     "spectrum",
     "study",
+    "terms",
     "track",
 ]
 
@@ -369,5 +371,43 @@ def order(selection: OrderSelection, ax: Any = None) -> Any:
     >>> ax = mf.plot.order(orders)
     >>> [one.get_ylabel() for one in ax]
     ['residual level', 'calibrated BIC over its lowest']
+    """
+    return selection.plot(ax=ax)
+
+
+@drawing
+def terms(selection: TermSelection, ax: Any = None) -> Any:
+    """Draw the criterion over the number of terms, and the probability that each term belongs.
+
+    Parameters
+    ----------
+    selection : TermSelection
+    ax : Axes or sequence of two Axes, optional
+        A single Axes takes the criterion alone; new ones by default.
+
+    Returns
+    -------
+    Axes or ndarray of Axes
+        Above the lowest criterion of each size over the lowest of all, the chosen size ringed; below the
+        probabilities of the likeliest candidates, the chosen ones in red.
+
+    See Also
+    --------
+    modfun.select_terms : Makes the selection.
+
+    References
+    ----------
+    J. D. Hunter, Matplotlib: A 2D graphics environment, Comput. Sci. Eng. 9, 2007.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> duffing = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
+    >>> rec = mf.simulate(duffing.model({}), input="2*sin(1.1*t) + 1.5*sin(2.3*t)", duration=20.0,
+    ...                   intervals=1024, nsr=0.05)
+    >>> found = mf.select_terms(rec, "y, y**2, y**3, y', u", target="y''")
+    >>> ax = mf.plot.terms(found)
+    >>> [one.get_xlabel() for one in ax]
+    ['number of terms', 'probability that a term belongs']
     """
     return selection.plot(ax=ax)

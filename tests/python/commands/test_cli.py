@@ -234,6 +234,23 @@ def test_orders_are_compared(table, tmp_path, capsys):
     assert (tmp_path / "order.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_terms_are_selected(tmp_path, capsys):
+    spring = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
+    rec = mf.simulate(
+        spring.model({}), input="2*sin(1.1*t) + 1.5*sin(2.3*t)", duration=20.0, intervals=512, nsr=0.05
+    )
+    rec.to_csv(tmp_path / "spring.csv")
+    words = ["terms", str(tmp_path / "spring.csv"), "--output", "y", "--input", "u", "--target", "y''"]
+    library = ["--library", "y, y**2, y**3, y', u", "--keep", "u"]
+    assert main([*words, *library, "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert sorted(printed["terms"]["y''"]) == ["u", "y", "y'", "y**3"]
+    assert main([*words, *library]) == 0
+    assert "Probability" in capsys.readouterr().out
+    assert main(words) == 2
+    assert "--library" in capsys.readouterr().err
+
+
 def test_fits_are_compared_on_a_record(table, tmp_path, capsys):
     one, two = tmp_path / "one.json", tmp_path / "two.json"
     assert main(["fit", str(table), *FIT, "--json", str(two)]) == 0

@@ -61,12 +61,15 @@ class Formulas:
     channels : tuple of Channel
     noisy : tuple of str
         Names of the noisy channels.
+    expressions : tuple of list
+        Signals and slopes as expressions, and the symbols in them: channels, variances and parameters.
     """
 
     compiled: Compiled
     words: dict[str, Any]
     channels: tuple[Channel, ...]
     noisy: tuple[str, ...]
+    expressions: tuple[list[sympy.Expr], list[sympy.Symbol]]
 
     def rows(self, y: F64, u: F64, t: F64, own: bool | None = None) -> F64:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
@@ -329,7 +332,7 @@ class _Writer:
             "linear": linear,
             "levels_matter": uses_variance or len(noise) > 1,
         }
-        return Formulas(compiled, words, channels, self.noisy)
+        return Formulas(compiled, words, channels, self.noisy, (results, inputs))
 
     def _channels(self) -> tuple[Channel, ...]:
         used: set[sympy.Symbol] = set().union(*(expr.free_symbols for expr, _, _ in self.signals))

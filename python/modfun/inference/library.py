@@ -1,0 +1,212 @@
+"""Libraries of candidate terms: texts and families of polynomials, for one equation or several."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Any
+
+from ..equations.symbolic.columns import Columns, columns_of, read_term
+from ..errors import SpecError
+
+__all__ = ["Library", "library_of"]
+
+MOST = 400  # candidates of all equations together
+HIGHEST = 10  # degree of polynomials
+_FAMILY = re.compile(r"polynomials\s+of\s+(?P<names>.+?)\s+up\s+to\s+(?P<degree>\d+)\s*(?=,|$)")
+_FACTOR = re.compile(r"[A-Za-z][A-Za-z0-9_]*'*")
+WHAT = "select_terms"
+
+
+@dataclass(frozen=True)
+class Library:
+    """Candidates of every equation, on columns for the core.
+
+    Attributes
+    ----------
+    targets : tuple of str
+        What each equation explains: its left side.
+    terms : tuple of str
+        Candidates of the first equation, then of the second, ….
+    equation : tuple of int
+        The equation of each candidate.
+    kept : tuple of bool
+        Whether each candidate stays whatever the data say.
+    columns : Columns
+        Of the targets, followed by the candidates.
+    left_out : tuple of str
+        Polynomials that are no derivative of a signal.
+    """
+
+    targets: tuple[str, ...]
+    terms: tuple[str, ...]
+    equation: tuple[int, ...]
+    kept: tuple[bool, ...]
+    columns: Columns
+    left_out: tuple[str, ...]
+
+    @property
+    def degrees(self) -> tuple[int, ...]:
+        """Of the candidates."""
+        return self.columns.degrees[len(self.targets) :]
+
+    def texts(self, chosen: Any, names: Sequence[str]) -> list[str]:
+        """The equations with the chosen candidates, each with its coefficient."""
+        sides: list[list[str]] = [[] for _ in self.targets]
+        for on, e, term, name in zip(chosen, self.equation, self.terms, names, strict=True):
+            if on:
+                factor = f"({term})" if _is_sum(term) else term
+                sides[e].append(name if term == "1" else f"{name}*{factor}")
+        return [f"{left} = {' + '.join(side) or '0'}" for left, side in zip(self.targets, sides, strict=True)]
+
+    def labels(self) -> list[str]:
+        """Each candidate with its equation, where there are several."""
+        if len(self.targets) == 1:
+            return list(self.terms)
+        return [f"{self.targets[e]}: {term}" for e, term in zip(self.equation, self.terms, strict=True)]
+
+
+def library_of(
+    library: Any,
+    target: Any,
+    keep: Any,
+    outputs: tuple[str, ...],
+    inputs: tuple[str, ...],
+    intersample: tuple[str, ...],
+) -> Library:
+    """The candidates that a user lists.
+
+    Raises
+    ------
+    SpecError
+        Text outside the language, no candidate, too many, or a target among its own candidates.
+    """
+    targets = _targets(target, outputs)
+    terms: list[str] = []
+    equation: list[int] = []
+    kept: list[bool] = []
+    left_out: dict[str, None] = {}
+    for e, left in enumerate(targets):
+        given, doubtful = _terms(_own(library, left, targets, "library"), "library")
+        always = _terms(_own(keep, left, targets, "keep"), "keep")[0] if keep is not None else []
+        read = {text: read_term(text, outputs, inputs, WHAT) for text in (left, *always, *given)}
+        sound = [text for text in given if text not in doubtful or not read[text].fault]
+        left_out.update(dict.fromkeys(text for text in given if text not in sound))
+        seen: set[str] = set()
+        for k, text in enumerate([*always, *sound]):
+            own = read[text].form
+            if own == read[left].form:
+                raise SpecError(
+                    f"{WHAT}: the term {text!r} is the left side of its own equation; leave it out"
+                )
+            if own not in seen:
+                seen.add(own)
+                terms.append(text)
+                equation.append(e)
+                kept.append(k < len(always))
+        if not seen:
+            raise SpecError(
+                f'{WHAT}: the library has no term for {left!r}; list some, as "y, y**2, u", or a family, '
+                'as "polynomials of y, u up to 3"'
+            )
+    if len(terms) > MOST:
+        raise SpecError(
+            f"{WHAT}: the library has {len(terms)} terms in all, "
+            f"at most {MOST} are searched; lower the degree"
+        )
+    columns = columns_of((*targets, *terms), outputs, inputs, intersample, WHAT)
+    return Library(targets, tuple(terms), tuple(equation), tuple(kept), columns, tuple(left_out))
+
+
+def _targets(target: Any, outputs: tuple[str, ...]) -> tuple[str, ...]:
+    if target is None:
+        return tuple(f"{name}'" for name in outputs)
+    found = (target,) if isinstance(target, str) else tuple(target)
+    if not found or not all(isinstance(one, str) and one.strip() for one in found):
+        raise SpecError(
+            f"{WHAT}: target={target!r} must be the left side of an equation as text, \"y''\", or a "
+            "list of these"
+        )
+    if len(set(found)) < len(found):
+        raise SpecError(f"{WHAT}: target={target!r} names one left side twice; give each once")
+    return found
+
+
+def _own(given: Any, left: str, targets: tuple[str, ...], name: str) -> Any:
+    """What an argument lists for one equation."""
+    if not isinstance(given, Mapping):
+        return given
+    if strangers := [key for key in given if key not in targets]:
+        raise SpecError(
+            f"{WHAT}: {name}= has terms for {strangers[0]!r}, which is no left side; these are "
+            f"{', '.join(targets)}"
+        )
+    if left not in given and name == "library":
+        raise SpecError(f"{WHAT}: library= has no terms for {left!r}; add them")
+    return given.get(left, ())
+
+
+def _terms(given: Any, name: str) -> tuple[list[str], set[str]]:
+    """Texts of single terms, and which of them come from a family of polynomials."""
+    if not isinstance(given, str | Sequence) or not all(isinstance(one, str) for one in given):
+        raise SpecError(
+            f'{WHAT}: {name}={given!r} must list terms as text, "y, y**2, u", or as a list of texts, or map '
+            "left sides to these"
+        )
+    found: list[str] = []
+    family: set[str] = set()
+    for text in [given] if isinstance(given, str) else given:
+        place = 0
+        for match in _FAMILY.finditer(text):
+            found += _split(text[place : match.start()])
+            own = _polynomials(match["names"], int(match["degree"]))
+            found += own
+            family.update(own)
+            place = match.end()
+        found += _split(text[place:])
+    return found, family
+
+
+def _split(text: str) -> list[str]:
+    """Terms between commas outside of parentheses."""
+    found, depth, start = [], 0, 0
+    for k, sign in enumerate(text):
+        depth += (sign == "(") - (sign == ")")
+        if sign == "," and depth == 0:
+            found.append(text[start:k])
+            start = k + 1
+    return [one.strip() for one in (*found, text[start:]) if one.strip()]
+
+
+def _polynomials(names: str, degree: int) -> list[str]:
+    """Monomials of names up to a degree, the constant included."""
+    factors = [one.strip() for one in re.split(r",|\band\b", names) if one.strip()]
+    if wrong := [one for one in factors if not _FACTOR.fullmatch(one)]:
+        raise SpecError(
+            f'{WHAT}: polynomials are of channels and their derivatives, as "polynomials of y, y\' up to 3", '
+            f"not of {wrong[0]!r}"
+        )
+    if degree > HIGHEST:
+        raise SpecError(f"{WHAT}: polynomials up to {degree} are too many; at most {HIGHEST}")
+    found = ["1"]
+    for total in range(1, degree + 1):
+        for factor in combinations_with_replacement(dict.fromkeys(factors), total):
+            powers = {name: factor.count(name) for name in factor}
+            found.append("*".join(name if n == 1 else f"{name}**{n}" for name, n in powers.items()))
+        if len(found) > MOST:
+            raise SpecError(
+                f"{WHAT}: polynomials of {', '.join(factors)} up to {degree} are more than {MOST} "
+                "terms; lower the degree"
+            )
+    return found
+
+
+def _is_sum(term: str) -> bool:
+    depth = 0
+    for k, sign in enumerate(term):
+        depth += (sign == "(") - (sign == ")")
+        if sign in "+-/<>%" and depth == 0 and k:
+            return True
+    return False

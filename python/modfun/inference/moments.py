@@ -1,0 +1,318 @@
+"""Candidate terms of equations on the lines of records: covariance of the noise, maximum likelihood, moments.
+
+The residual of equation e on line m is Σ_p s^p E_p − θ-weighted candidates, with E_p any signals. White noise
+of the outputs enters it through the slopes of the signals, so that the covariance of all lines and equations
+depends on θ. The gradient of the likelihood takes from each candidate what the smoothed noise puts into it
+(`Moments.at`), which makes the candidates' Gram matrix that of the likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .._core import coefficients as core_coefficients
+from .._core import quadrature_weights
+from ..base.arrays import C128, F64
+from ..records.record import Record
+
+__all__ = ["Estimate", "Lines", "Quadratic", "cost_of", "estimate", "signal_edge"]
+
+LOUD, SPREAD = 6.0, 4  # power over that of noise, and half the lines it is averaged over
+ROUNDING = 1e-10  # of the covariance, for lines that noise does not reach
+STEPS, SETTLED = 25, 1e-4  # of the likelihood; squared step in standard errors
+FREE, HALVINGS = 2, 6  # first steps, which may raise the cost; halvings of a later one
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Cost near an estimate, cost + (θ − θ₀)ᵀG(θ − θ₀) − 2 gᵀ(θ − θ₀), over all candidates.
+
+    Attributes
+    ----------
+    cost : float
+    gram : ndarray, shape (candidate, candidate)
+    right : ndarray, shape (candidate,)
+        G θ₀ + g: the estimate of a subset S solves G_SS θ = right_S.
+    """
+
+    cost: float
+    gram: F64
+    right: F64
+    constant: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Maximum-likelihood estimate of some candidates; the others are zero."""
+
+    theta: F64
+    quadratic: Quadratic
+    settled: bool
+    smooth: list[F64]
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares."""
+        return self.quadratic.cost
+
+
+class Lines:
+    """One record on its lines 0 … top.
+
+    Parameters
+    ----------
+    record : Record
+    columns : Columns
+        Of the targets, followed by the candidates.
+    equation : ndarray of int, shape (candidate,)
+        Which target each candidate belongs to.
+    variances : ndarray, shape (output,)
+    top : int
+    unit : float
+        rad/s that frequencies are measured in.
+    """
+
+    def __init__(
+        self, record: Record, columns: Any, equation: Any, variances: F64, top: int, unit: float
+    ) -> None:
+        assert record.dt is not None
+        self.record, self.columns, self.equation = record, columns, np.asarray(equation)
+        self.variances, self.top = variances, top
+        n = record.intervals
+        omega0 = 2 * np.pi / record.duration
+        self.weights = quadrature_weights("gregory", n, None) / n
+        scale = unit ** np.arange(columns.parts.shape[1])
+        parts = columns.parts * scale[None, :, None]
+        count = len(columns.texts) - self.equation.size
+        self.targets, self.candidates = parts[:count], parts[count:]
+        self.orders = [int(max(np.nonzero(np.any(p != 0, axis=1))[0])) for p in parts[:count]]
+        for e, p in zip(self.equation, self.candidates, strict=True):
+            own = int(max(np.nonzero(np.any(p != 0, axis=1))[0]))
+            self.orders[e] = max(self.orders[e], own)
+        self.s = 1j * np.arange(top + 1) * omega0 / unit
+        self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
+        signals, slopes = columns.values(record.y, record.u, record.t, variances)
+        self.signals = self._lines(signals, columns.kinds)
+        self.slopes = slopes
+        self.target_lines = self._columns(self.targets, self.signals)
+        self.candidate_lines = self._columns(self.candidates, self.signals)
+        self.transient = self._transient()
+
+    def bend(self, y: F64) -> None:
+        """Take slopes at outputs without noise."""
+        self.slopes = self.columns.values(y, self.record.u, self.record.t, 0 * self.variances)[1]
+
+    def _lines(self, rows: F64, kinds: Sequence[str]) -> C128:
+        return core_coefficients(
+            np.ascontiguousarray(rows), self.top, list(kinds), [0.0] * len(rows), 0, None
+        )
+
+    def _columns(self, parts: F64, lines: C128) -> C128:
+        """Σ_p s^p Σ parts·lines: (part, line)."""
+        return np.asarray(np.einsum("jps,pm,sm->jm", parts, self.powers, lines, optimize=True))
+
+    def _rows(self, lines: C128, equation: Any) -> F64:
+        """Lines (column, line) of equations as real rows (row, column)."""
+        count, own = 2 * self.top + 1, len(self.orders)
+        rows = np.zeros((own * count, len(lines)))
+        for k, e in enumerate(equation):
+            rows[e * count : e * count + self.top + 1, k] = lines[k].real
+            rows[e * count + self.top + 1 : (e + 1) * count, k] = lines[k].imag[1:]
+        return rows
+
+    def _transient(self) -> F64:
+        """What the ends of the record add: a real polynomial in s with as many terms as the order."""
+        found = []
+        for e, order in enumerate(self.orders):
+            if order:
+                found.append(self._rows(self.powers[:order], [e] * order))
+        return np.hstack(found) if found else np.zeros(((2 * self.top + 1) * len(self.orders), 0))
+
+    def rough(self) -> tuple[F64, F64]:
+        """Gram matrix and right side with equal weights, each equation in units of its target."""
+        targets = self._rows(self.target_lines, range(len(self.orders)))
+        free = _without(self.transient, targets)
+        power = np.maximum(np.sum(free**2, axis=0), 1e-300)
+        columns = _without(self.transient, self._rows(self.candidate_lines, self.equation))
+        columns /= np.sqrt(power[self.equation])
+        total = np.sum(free / np.sqrt(power), axis=1)
+        return columns.T @ columns, columns.T @ total
+
+    def at(self, theta: F64) -> tuple[Quadratic, F64]:
+        """The cost at θ, its slope and curvature, and the outputs with the smoothed noise taken away."""
+        from scipy.linalg import solve_triangular
+
+        coefficients = self.targets.copy()
+        np.subtract.at(coefficients, self.equation, theta[:, None, None] * self.candidates)
+        through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
+        factor = self._factor(through) if np.all(np.isfinite(through)) else None
+        if factor is None or not np.all(np.isfinite(factor)):
+            return self._lost()
+        residual = self.target_lines.copy()
+        np.subtract.at(residual, self.equation, theta[:, None] * self.candidate_lines)
+        rows = self._rows(residual, range(len(self.orders))).sum(axis=1)
+        solved = solve_triangular(factor, np.column_stack([self.transient, rows]), lower=True)
+        basis = np.linalg.qr(solved[:, :-1])[0]
+        white = _off(basis, solved[:, -1])
+        noise = self._noise(through, solve_triangular(factor, white, lower=True, trans=1))
+        if not np.all(np.isfinite(noise)):
+            return self._lost()
+        inside = np.einsum("sct,ct->st", self.slopes, noise)
+        denoised = self.candidate_lines - self._columns(
+            self.candidates, self._lines(inside, ["gregory"] * len(inside))
+        )
+        columns = _off(basis, solve_triangular(factor, self._rows(denoised, self.equation), lower=True))
+        gram, slope = columns.T @ columns, columns.T @ white
+        cost = float(white @ white)
+        right = gram @ theta + slope
+        constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
+        return Quadratic(cost, gram, right, constant), self.record.y - noise
+
+    def _lost(self) -> tuple[Quadratic, F64]:
+        count = self.equation.size
+        lost = Quadratic(np.inf, np.eye(count), np.zeros(count), np.inf)
+        return lost, self.record.y
+
+    def _factor(self, through: F64) -> F64 | None:
+        """Cholesky factor of the covariance of the rows; None where numbers overflow."""
+        count, own, most = 2 * self.top + 1, len(self.orders), through.shape[1]
+        n = self.record.intervals
+        m = np.arange(self.top + 1)
+        minus, plus = m[:, None] - m[None, :], m[:, None] + m[None, :]
+        scaled = through * (self.weights * np.sqrt(self.variances)[:, None])
+        full = np.zeros((own * count, own * count))
+        used = [[p for p in range(most) if np.any(through[e, p])] for e in range(own)]
+        for e in range(own):
+            for f in range(e, own):
+                a = np.zeros((self.top + 1, self.top + 1), dtype=complex)
+                b = np.zeros_like(a)
+                for p in used[e]:
+                    for q in used[f]:
+                        product = np.sum(scaled[e, p] * scaled[f, q], axis=0)
+                        product[0] += product[-1]
+                        h = np.fft.rfft(product[:-1], n)
+                        both = self.powers[p][:, None] * self.powers[q][None, :]
+                        conj = (-1) ** q * both  # s is imaginary
+                        toeplitz = h[np.abs(minus)]
+                        toeplitz = np.where(minus < 0, toeplitz.conj(), toeplitz)
+                        a += conj * toeplitz
+                        b += both * h[plus]
+                block = np.block(
+                    [
+                        [(a + b).real, (b - a).imag[:, 1:]],
+                        [(a + b).imag[1:], (a - b).real[1:, 1:]],
+                    ]
+                )
+                full[e * count : (e + 1) * count, f * count : (f + 1) * count] = block / 2
+                full[f * count : (f + 1) * count, e * count : (e + 1) * count] = block.T / 2
+        if not np.all(np.isfinite(full)):
+            return None
+        size = np.diag(full).copy()
+        for e in range(own):
+            part = slice(e * count, (e + 1) * count)
+            size[part] = np.maximum(size[part], ROUNDING * max(size[part].max(), 1e-300))
+        root = np.sqrt(size)
+        full = full / root[:, None] / root[None, :]
+        for more in (1.0, 1e2, 1e4, 1e6):
+            try:
+                factor = np.linalg.cholesky(full + more * ROUNDING * np.eye(len(full)))
+            except np.linalg.LinAlgError:
+                continue
+            return np.asarray(root[:, None] * factor)
+        return None
+
+    def _noise(self, through: F64, rows: F64) -> F64:
+        """Smoothed noise (output, time) of weighted residual rows."""
+        count, n = 2 * self.top + 1, self.record.intervals
+        found = np.zeros_like(self.record.y)
+        for e in range(len(self.orders)):
+            own = rows[e * count : (e + 1) * count]
+            lines = own[: self.top + 1].astype(complex)
+            lines[1:] += 1j * own[self.top + 1 :]
+            for p in range(through.shape[1]):
+                if not np.any(through[e, p]):
+                    continue
+                padded = np.zeros(n, dtype=complex)
+                padded[: self.top + 1] = self.powers[p].conj() * lines
+                wave = np.fft.ifft(padded).real * n
+                wave = np.append(wave, wave[0])
+                found += through[e, p] * wave
+        return found * self.weights * self.variances[:, None]
+
+
+def _off(basis: F64, columns: F64) -> F64:
+    return columns - basis @ (basis.T @ columns)
+
+
+def _without(transient: F64, columns: F64) -> F64:
+    return _off(np.linalg.qr(transient)[0], columns) if transient.shape[1] else columns
+
+
+def cost_of(lines: Sequence[Lines], theta: F64) -> tuple[Quadratic, list[F64]]:
+    """The cost of all records together."""
+    found = [one.at(theta) for one in lines]
+    quadratic = Quadratic(
+        sum(q.cost for q, _ in found),
+        np.asarray(np.sum([q.gram for q, _ in found], axis=0)),
+        np.sum([q.right for q, _ in found], axis=0),
+        sum(q.constant for q, _ in found),
+    )
+    return quadratic, [y for _, y in found]
+
+
+def estimate(lines: Sequence[Lines], chosen: Any, start: F64, steps: int = STEPS) -> Estimate:
+    """Maximum likelihood of the chosen candidates, slopes held."""
+    at = np.flatnonzero(chosen)
+    theta = np.where(chosen, start, 0.0)
+    now, smooth = cost_of(lines, theta)
+    settled = False
+    for step in range(steps):
+        gram = now.gram[np.ix_(at, at)]
+        slope = (now.right - now.gram @ theta)[at]
+        move = np.zeros_like(theta)
+        move[at] = _solve(gram, slope)
+        size = float(move[at] @ gram @ move[at])
+        if size < SETTLED:
+            settled = True
+            break
+        trial, denoised = cost_of(lines, theta + move)
+        for _ in range(HALVINGS):
+            if trial.cost <= now.cost + SETTLED or (step < FREE and np.isfinite(trial.cost)):
+                break
+            move /= 2
+            trial, denoised = cost_of(lines, theta + move)
+        else:
+            break
+        theta, now, smooth = theta + move, trial, denoised
+    return Estimate(theta, now, settled, smooth)
+
+
+def _solve(gram: F64, right: F64) -> F64:
+    """Least squares of a Gram matrix, columns of unit size."""
+    if not right.size:
+        return right
+    root = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / root[:, None] / root[None, :]
+    return np.linalg.lstsq(scaled, right / root, rcond=1e-13)[0] / root
+
+
+def signal_edge(record: Record, variances: F64, order: int, wide: int) -> int:
+    """The highest harmonic up to `wide` at which an output shows more than white noise.
+
+    Lines are differenced `order` + 2 times, which takes away what the ends of the record leak.
+    """
+    q, n = order + 2, record.intervals
+    top = min(wide + q + SPREAD, n // 2)
+    lines = core_coefficients(record.y, top, ["trapezoid"] * len(record.y), [0.0] * len(record.y), 0, None)
+    weights = quadrature_weights("trapezoid", n, None)
+    choose = np.prod([(q + i) / i for i in range(1, q + 1)])
+    noise = choose * np.sum(weights**2) / n**2 * variances
+    power = np.abs(np.diff(lines, q, axis=1)) ** 2 / noise[:, None]
+    width = 2 * SPREAD + 1
+    level = np.array([np.convolve(row, np.ones(width) / width, "valid") for row in power])
+    loud = np.flatnonzero(np.any(level > LOUD, axis=0))
+    return int(loud[-1]) + q // 2 + 2 * SPREAD if loud.size else 0

@@ -1,0 +1,158 @@
+"""The search for terms: likelihood of a subset, best subsets of its moments, and so on until both agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F64
+from .moments import Estimate, Lines, estimate
+from .subsets import Subsets
+
+__all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
+
+FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
+ROUNDS = 12  # of likelihood and subsets
+FINALISTS, NEAR = 4, 4.0  # refitted by likelihood: how many, and how far above the best criterion
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search found.
+
+    Attributes
+    ----------
+    chosen : ndarray of bool
+    estimate : Estimate
+        Maximum likelihood of the chosen candidates.
+    subsets : list of (ndarray of bool, float)
+        Those seen with their criteria, best first.
+    moments : Subsets
+        Of the chosen estimate; its costs are in units of the noise.
+    scale : float
+        Residual variance of the whole library over that of the noise levels, at least 1.
+    excess : float
+        The same, however small.
+    freedom : int
+        Real equations less transient coefficients and candidates.
+    """
+
+    chosen: Any
+    estimate: Estimate
+    subsets: list[tuple[Any, float]]
+    moments: Subsets
+    scale: float
+    excess: float
+    freedom: int
+
+    @property
+    def criterion(self) -> float:
+        """Of the chosen candidates."""
+        return self.moments.found.get(np.asarray(self.chosen).tobytes(), np.inf)
+
+
+def penalties(keep: Any, degrees: Sequence[int]) -> F64:
+    """What each candidate must lower chi-squared by to come in.
+
+    A superfluous one lowers it by more than its penalty with probability FALSE_ALARM/(2^(d+1) n), n the
+    number of candidates of its degree d that are not kept. All probabilities together are below
+    FALSE_ALARM, and simple terms come in more easily than those of high degree.
+    """
+    from scipy.special import chdtri
+
+    degree, free = np.asarray(degrees), ~np.asarray(keep, dtype=bool)
+    count = np.bincount(degree[free], minlength=int(degree.max()) + 1)
+    share = FALSE_ALARM / (2.0 ** (degree + 1) * np.maximum(count[degree], 1))
+    return np.asarray(chdtri(1.0, share))
+
+
+class Search:
+    """Looks for the subset of candidates with the lowest cost/scale + penalties.
+
+    Parameters
+    ----------
+    lines : sequence of Lines
+        One per record.
+    keep : ndarray of bool
+        Candidates that stay.
+    degrees : sequence of int
+        Of the candidates, as `penalties` has them.
+    """
+
+    def __init__(self, lines: Sequence[Lines], keep: Any, degrees: Sequence[int]) -> None:
+        self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
+        self.count = self.keep.size
+        rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
+        self.rows = rows
+        self.penalty = penalties(self.keep, degrees)
+
+    def run(self) -> Searched:
+        """Walks from a first guess and from the whole library; goes on from the better end."""
+        ends = [self._walk(self._guess())]
+        every = ends[0].moments.independent
+        whole = estimate(self.lines, every, ends[0].estimate.theta)
+        if np.isfinite(whole.cost):
+            ends.append(self._walk(whole))
+        best = self._better(ends)
+        for one, y in zip(self.lines, best.estimate.smooth, strict=True):
+            one.bend(y)
+        best = self._walk(estimate(self.lines, best.chosen, best.estimate.theta))
+        rivals = [best]
+        for chosen, value in best.subsets[1 : FINALISTS + 1]:
+            if value < best.subsets[0][1] + NEAR:
+                rivals.append(self._at(estimate(self.lines, chosen, best.moments.estimate(chosen))))
+        return self._better(rivals)
+
+    def _guess(self) -> Estimate:
+        """Equal weights on all lines, the noise as large as what the whole library leaves."""
+        found = [one.rough() for one in self.lines]
+        gram, right = (np.sum(parts, axis=0) for parts in zip(*found, strict=True))
+        total = float(sum(len(one.orders) for one in self.lines))
+        subsets = Subsets(gram, right, total, self.penalty, self.keep)
+        every = subsets.independent
+        left = (total - right @ subsets.estimate(every)) / (self.rows - every.sum())
+        subsets.penalty = self.penalty * max(left, 1e-12)
+        chosen = subsets.search()[0][0]
+        return estimate(self.lines, chosen, subsets.estimate(chosen))
+
+    def _walk(self, start: Estimate) -> Searched:
+        """From the moments of one estimate to the best subset, to its estimate, until it stays."""
+        now, seen = start, set[bytes]()
+        while True:
+            found = self._at(now)
+            best = found.subsets[0][0]
+            if (best == found.chosen).all() or best.tobytes() in seen or len(seen) == ROUNDS:
+                return found
+            seen.add(best.tobytes())
+            now = estimate(self.lines, best, found.moments.estimate(best))
+
+    def _at(self, now: Estimate) -> Searched:
+        """The best subsets by the moments of an estimate."""
+        q = now.quadratic
+        chosen = now.theta != 0
+        chosen = chosen | self.keep
+        if not np.isfinite(q.cost):
+            moments = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
+            return Searched(chosen, now, [(chosen, np.inf)], moments, 1.0, 1.0, self.rows)
+        plain = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
+        every = plain.independent
+        freedom = self.rows - int(every.sum())
+        excess = float(q.constant - q.right @ plain.estimate(every)) / freedom
+        scale = max(excess, 1.0)
+        moments = Subsets(q.gram / scale, q.right / scale, q.constant / scale, self.penalty, self.keep)
+        return Searched(chosen, now, moments.search([chosen]), moments, scale, excess, freedom)
+
+    def _better(self, ends: Sequence[Searched]) -> Searched:
+        """The end of the lowest criterion, all in units of the same noise."""
+        scale = min((end.scale for end in ends if np.isfinite(end.estimate.cost)), default=1.0)
+        return min(ends, key=lambda end: end.estimate.cost / scale + self.penalty[end.chosen].sum())
+
+
+def weights(subsets: Sequence[tuple[Any, float]]) -> F64:
+    """Weights of subsets in an average: exp(−½ criterion), of sum 1."""
+    values = np.array([value for _, value in subsets])
+    found = np.exp(-0.5 * (values - values.min()))
+    return np.asarray(found / found.sum())

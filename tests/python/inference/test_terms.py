@@ -1,0 +1,254 @@
+"""Selected terms: the true ones of known systems, rates and messages."""
+
+from itertools import combinations
+
+import modfun as mf
+import numpy as np
+import pytest
+from modfun.inference.library import library_of
+from modfun.inference.moments import Lines, estimate
+from modfun.inference.subsets import Subsets
+from modfun.inference.term_search import FALSE_ALARM, penalties
+
+INPUT = "2*sin(1.1*t) + 1.5*sin(2.3*t + 1) + sin(0.45*t)"
+DUFFING = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
+VAN_DER_POL = mf.Equation("y'' - (1 - y**2)*y' + y = 0")
+PREY = mf.Equation(["x' = x - 0.5*x*z", "z' = -0.8*z + 0.4*x*z"], outputs=["x", "z"])
+LORENZ = mf.Equation(["x' = 10*z - 10*x", "z' = 28*x - x*w - z", "w' = x*z - 2.5*w"], outputs=["x", "z", "w"])
+
+
+def record(equation, start, duration, nsr, seed=1, intervals=1024):
+    """A simulated record."""
+    return mf.simulate(
+        equation.model({}),
+        input=INPUT if equation.inputs else None,
+        duration=duration,
+        intervals=intervals,
+        nsr=nsr,
+        seed=seed,
+        initial_state=start,
+    )
+
+
+def duffing(nsr=0.05, seed=1):
+    """A record of a driven cubic spring."""
+    return record(DUFFING, [0.5, 0.0], 20.0, nsr, seed)
+
+
+CASES = {
+    "Duffing": (
+        DUFFING, [0.5, 0.0], 20.0, "polynomials of y, y' up to 3, u, u*y", "y''",
+        {"y''": {"y", "y'", "y**3", "u"}},
+    ),
+    "van der Pol": (
+        VAN_DER_POL, [0.5, 0.0], 20.0, "polynomials of y, y' up to 3, sin(y)", "y''",
+        {"y''": {"y", "y'", "y**2*y'"}},
+    ),
+    "Lotka–Volterra": (
+        PREY, [2.0, 1.0], 20.0, "polynomials of x, z up to 3", None,
+        {"x'": {"x", "x*z"}, "z'": {"z", "x*z"}},
+    ),
+    "Lorenz": (
+        LORENZ, [-8.0, 7.0, 27.0], 10.0, "polynomials of x, z, w up to 2", None,
+        {"x'": {"x", "z"}, "z'": {"x", "z", "x*w"}, "w'": {"w", "x*z"}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("nsr", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize("name", CASES)
+def test_exactly_the_true_terms_are_found(name, nsr):
+    equation, start, duration, library, target, true = CASES[name]
+    found = mf.select_terms(record(equation, start, duration, nsr), library, target=target)
+    assert {left: set(own) for left, own in found.terms.items()} == true
+
+
+@pytest.mark.statistics
+def test_superfluous_terms_come_in_no_more_often_than_stated():
+    """40 records at a rate of at most 1 %: three or more with probability 0.7 %."""
+    library = "1, y, y**2, y**3, y**4, y', y*y', y**2*y', u, u*y, u**2"
+    true = {"y", "y'", "y**3", "u"}
+    wrong = [
+        seed
+        for seed in range(40)
+        if set(mf.select_terms(duffing(0.1, seed), library, target="y''").terms["y''"]) != true
+    ]
+    assert len(wrong) < 3, wrong
+
+
+def test_penalties_share_one_false_alarm_rate():
+    from scipy.stats import chi2
+
+    keep, degrees = np.array([False] * 6 + [True]), [0, 1, 1, 2, 2, 3, 1]
+    found = penalties(keep, degrees)
+    alarms = chi2.sf(found, 1)
+    assert alarms[~keep].sum() < FALSE_ALARM
+    np.testing.assert_allclose(alarms[:6] * 2.0 ** (np.array(degrees[:6]) + 1) * [1, 2, 2, 2, 2, 1], 0.01)
+
+
+def test_the_best_subsets_are_those_of_all_subsets():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        x = rng.standard_normal((40, 8)) @ (np.eye(8) + 0.4 * rng.standard_normal((8, 8)))
+        y = x[:, [1, 4]] @ [1.0, -1.0] + rng.standard_normal(40)
+        penalty = np.full(8, 6.0)
+        subsets = Subsets(x.T @ x, x.T @ y, y @ y, penalty, np.zeros(8, bool))
+        best = min(
+            (np.sum((y - x[:, own] @ np.linalg.lstsq(x[:, own], y)[0]) ** 2) + 6.0 * len(own), own)
+            for size in range(9)
+            for own in map(list, combinations(range(8), size))
+        )
+        mask, value = subsets.search()[0]
+        assert np.flatnonzero(mask).tolist() == best[1]
+        assert value == pytest.approx(best[0])
+
+
+def test_moments_are_those_of_the_likelihood():
+    """Estimate and cost against the fit of the core on the same band, levels given."""
+    rec, level = duffing(), 0.05
+    fit = mf.fit(
+        rec, mf.Equation("y'' = c1*y' + c2*y + c3*y**3 + c4*u"), harmonics=20, noise=mf.Noise(y=[level])
+    )
+    library = library_of("y', y, y**3, u", "y''", None, rec.outputs, rec.inputs, rec.intersample)
+    edge = 2 * np.pi / rec.duration * fit.lines[0][1]
+    lines = [Lines(rec, library.columns, library.equation, np.array([level**2]), fit.lines[0][1], edge)]
+    every = np.ones(4, bool)
+    found = estimate(lines, every, np.array([-0.3, -1.0, -0.5, 1.0]))
+    lines[0].bend(found.smooth[0])
+    found = estimate(lines, every, found.theta)
+    assert np.all(np.abs(found.theta - fit.params) < 0.03 * fit.bse)
+    assert found.cost == pytest.approx(fit.cost / level**2, rel=0.01)
+    classical = np.sqrt(np.diag(np.linalg.inv(found.quadratic.gram)) * found.cost / fit.df_resid)
+    np.testing.assert_allclose(classical, np.sqrt(np.diag(fit.cov_nonrobust)), rtol=0.03)
+
+
+def test_the_fit_is_that_of_the_equation_on_the_common_band():
+    found = mf.select_terms(duffing(), "y, y**2, y**3, y', u", target="y''")
+    assert found.fit.success
+    assert found.fit.band[1] == pytest.approx(found.band[1])
+    np.testing.assert_allclose(sorted(found.fit.params), sorted([-1.0, -0.5, -0.3, 1.0]), atol=0.05)
+
+
+def test_several_records_are_one_problem():
+    records = [duffing(0.1, seed) for seed in range(2)]
+    library = "1, y, y**2, y**3, y', u"
+    found = mf.select_terms(records, library, target="y''")
+    assert set(found.terms["y''"]) == {"y", "y**3", "y'", "u"}
+    alone = mf.select_terms(records[0], library, target="y''")
+    ratio = found.fit.bse / alone.fit.bse
+    assert np.all(ratio < 0.95)
+
+
+def test_records_not_used_are_simulated():
+    found = mf.select_terms(duffing(), "y, y**3, y', u, u*y", target="y''", test=duffing(seed=7))
+    percent = found.path["fit_percent"]
+    assert percent[found.path["chosen"]][0] > 90
+    assert percent[0] < 80
+
+
+def test_kept_terms_stay():
+    found = mf.select_terms(duffing(), "y, y**3, y', u", keep="y**2", target="y''")
+    assert "y**2" in found.terms["y''"]
+    assert found.inclusion["probability"][found.inclusion["kept"]].tolist() == pytest.approx([1.0])
+
+
+def test_large_libraries_of_nearly_dependent_terms_are_searched():
+    library = "polynomials of y, u up to 8, y', y*y', y**2*y', sin(y), cos(y), exp(-y**2), abs(y), y*abs(y)"
+    found = mf.select_terms(duffing(0.01), library, target="y''")
+    assert len(found.inclusion) == 53
+    assert set(found.terms["y''"]) == {"y", "y'", "y**3", "u"}
+
+
+def test_equal_terms_are_one_candidate():
+    found = mf.select_terms(duffing(), "y, y**3, y*y**2, u, y', (y**2)'/2, y*y'", target="y''")
+    assert found.inclusion["term"].tolist() == ["y", "y**3", "u", "y'", "(y**2)'/2"]
+
+
+def test_terms_that_look_alike_are_named():
+    found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
+    assert any("sin(y)" in words for words in found.alike)
+
+
+def test_a_library_without_a_true_term_is_noted():
+    found = mf.select_terms(duffing(0.01), "y, y**2, y', u", target="y''")
+    assert any("missing from the library" in note for note in found.notes)
+    assert not any(
+        "missing" in note for note in mf.select_terms(duffing(), "y, y**3, y', u", target="y''").notes
+    )
+
+
+def test_each_equation_may_have_a_library_of_its_own():
+    rec = record(PREY, [2.0, 1.0], 20.0, 0.05)
+    found = mf.select_terms(rec, {"x'": "x, x*z, 1", "z'": ["z", "x*z"]})
+    assert found.equation.texts == ("x' = c1*x + c2*x*z", "z' = c3*z + c4*x*z")
+
+
+def test_parameters_take_names_that_no_channel_has():
+    rec = mf.Record(duffing().y, u=duffing().u, dt=20.0 / 1024, outputs=["y"], inputs=["c1"])
+    found = mf.select_terms(rec, "y, y**3, y', c1", target="y''")
+    assert found.equation.inputs == ("c1",)
+    assert set(found.equation.param_names()) == {"k1", "k2", "k3", "k4"}
+
+
+def test_what_is_shown():
+    pytest.importorskip("matplotlib").use("Agg")
+    found = mf.select_terms(duffing(), "y, y**2, y**3, y', u", target="y''")
+    assert "y'' = " in repr(found)
+    assert "<table" in found._repr_html_()
+    assert "Probability" in found.summary()
+    upper, lower = found.plot()
+    assert upper.get_xlabel() == "number of terms"
+    assert lower.get_xlim() == (0.0, 1.0)
+
+
+REFUSED = {
+    "no term": (lambda rec: mf.select_terms(rec, ""), 'no term for "y\'"'),
+    "a stranger": (lambda rec: mf.select_terms(rec, "y, z"), "'z', which is no channel"),
+    "no number": (lambda rec: mf.select_terms(rec, 3), "SpecError"),
+    "its left side": (lambda rec: mf.select_terms(rec, "y, y'"), "left side of its own equation"),
+    "not exact": (lambda rec: mf.select_terms(rec, "y, sin(y')", target="y''"), "no derivative of a signal"),
+    "zero": (lambda rec: mf.select_terms(rec, "y, y - y"), "is zero"),
+    "a power": (lambda rec: mf.select_terms(rec, "y^2"), "a power is written"),
+    "a delay": (lambda rec: mf.select_terms(rec, "y(t - 0.1)"), "delayed signal"),
+    "twice": (lambda rec: mf.select_terms(rec, "y", target=["y'", "y'"]), "twice"),
+    "a wrong key": (lambda rec: mf.select_terms(rec, {"z'": "y"}), "no left side"),
+    "no such left side": (lambda rec: mf.select_terms(rec, "y", target="q''"), "no channel"),
+    "too many": (lambda rec: mf.select_terms(rec, "polynomials of y, u up to 99"), "at most 10"),
+    "a family of sums": (lambda rec: mf.select_terms(rec, "polynomials of y+u up to 2"), "not of 'y+u'"),
+    "noise": (lambda rec: mf.select_terms(rec, "y", noise="coloured"), "mf.Noise"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_bad_libraries_are_refused_in_words(name):
+    call, words = REFUSED[name]
+    with pytest.raises(mf.SpecError) as caught:
+        call(duffing())
+    assert words == "SpecError" or words in str(caught.value)
+
+
+def test_records_that_do_not_serve_are_refused():
+    rec = duffing()
+    masked = np.ones(rec.y.shape[1], bool)
+    masked[5] = False
+    with pytest.raises(mf.DataError):
+        mf.select_terms(rec.weigh(mask=masked), "y")
+    with pytest.raises(mf.DataError, match="smaller library"):
+        mf.select_terms(mf.Record(rec.y[:, :40], u=rec.u[:, :40], dt=0.02), "polynomials of y, u up to 6")
+
+
+@pytest.mark.parametrize("samples", [np.zeros(200), np.ones(200), 1e150 * np.sin(np.arange(200.0))])
+def test_records_of_no_use_are_refused(samples):
+    with pytest.raises(mf.DataError, match="select_terms"):
+        mf.select_terms(mf.Record(samples, dt=0.1), "polynomials of y up to 5")
+
+
+def test_a_term_without_a_value_is_named():
+    with pytest.raises(mf.DataError, match="log"):
+        mf.select_terms(duffing(), "y, log(y), u")
+
+
+def test_a_silent_record_has_an_answer():
+    rec = record(DUFFING, [0.5, 0.0], 20.0, 0.0)
+    found = mf.select_terms(rec, "y, y**2, y**3, y', u", target="y''")
+    assert {"y", "y**3", "y'", "u"} <= set(found.terms["y''"])
