@@ -101,7 +101,7 @@ def _sound(fit: Fit) -> Fit:
         raise ValueError(f"status is {fit.status!r}")
     if fit.success and not np.all(np.isfinite(fit.params)):
         raise ValueError(f"status is {fit.status!r} and params are {fit.params}")
-    Options.checked("load", method=fit.options.method)
+    Options.checked("load", method=fit.options.method, cov_type=fit.options.cov_type)
     return fit
 
 

@@ -2,6 +2,7 @@
 
 use super::design::Design;
 use super::outcome::{lost_lanes, statuses};
+use super::spectral::Finish;
 use super::workspace::Workspace;
 use super::{straight, uncertainty};
 use crate::error::Status;
@@ -17,6 +18,10 @@ pub(super) fn complete(
 ) {
     if !straight::finish(isa, d, w, live, covariance) {
         uncertainty::finish(isa, d, w, live, covariance);
+    }
+    if covariance && w.kinds.spectral {
+        let (spectral, by) = (&mut w.spectral, 1.0 / d.degrees_of_freedom() as f64);
+        isa.run(Finish { spectral, bins: &d.bins, cost: &w.progress.cost, by });
     }
 }
 

@@ -10,7 +10,7 @@
 //! with Chebyshev polynomials T_j. The c are those of a gamma regression, E e_i² = (1 − h_i) s with 1 − h_i degrees of
 //! freedom, with normal priors that leave c₀ free and let the spectrum fall or rise by many powers of ten, but not from
 //! line to line. The curvature of its likelihood does not depend on c: half the degrees of freedom of each line times
-//! T Tᵀ. So three scoring steps with one factor suffice from where the logarithms of the squares lead, and the
+//! T Tᵀ. So four scoring steps with one factor suffice from where the logarithms of the squares lead, and the
 //! variance of log(g s gᵀ) follows: it makes the degrees of freedom of Student's t, ν = 2/var, for each parameter.
 //!
 //! Lines are put together in bins no wider than an eighth of their frequency. A line of the spectrum that stands alone,
@@ -25,8 +25,8 @@ use crate::simd::{Isa, Kernel, Lanes, Wide};
 pub(crate) const TERMS: usize = 6;
 /// 1/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one.
 const PRECISION: [f64; TERMS] = [0.0, 0.0625, 0.25, 1.0 / 2.25, 1.0, 1.0 / 0.49];
-/// Scoring steps behind the start; two more change no standard error by more than a few thousandths.
-const STEPS: usize = 3;
+/// Scoring steps behind the start; more change standard errors by a few thousandths.
+const STEPS: usize = 4;
 /// No coefficient changes by more in one step.
 const LONGEST: f64 = 1.5;
 /// Least level of a bin over that of all that the start believes.
@@ -189,13 +189,14 @@ impl Spectral {
             for (square, freedom) in square.iter().zip(freedom) {
                 total = (total.0 + L::load(square), total.1 + L::load(freedom));
             }
-            // The start: a regression of logarithms, whose mean is 1/freedom too low.
+            // The start: a regression of logarithms, whose mean is about 1/freedom too low.
             let least = (total.0 * unit / total.1 * L::splat(LEAST)).max(L::splat(1e-30));
             let mut slope = [L::splat(0.0); TERMS];
             for ((t, square), freedom) in bins.iter().zip(square).zip(freedom) {
                 let freedom = L::load(freedom);
                 let seen = ln((L::load(square) * unit / freedom).max(least));
-                along(&mut slope, t, seen.mul_add(freedom, L::splat(1.0)));
+                let low = -(-freedom).max(L::splat(-1.0));
+                along(&mut slope, t, seen.mul_add(freedom, low));
             }
             let mut c = stepped(inverse, &slope, L::splat(f64::MAX));
             for _ in 0..STEPS {
@@ -282,6 +283,24 @@ impl Spectral {
     }
 }
 
+/// Spectra and covariances of what was summed, of a noise variance of `cost` times `by`.
+pub(crate) struct Finish<'a> {
+    pub spectral: &'a mut Spectral,
+    pub bins: &'a Bins,
+    pub cost: &'a Wide,
+    pub by: f64,
+}
+
+impl Kernel for Finish<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let variance = L::load(self.cost) * L::splat(self.by);
+        self.spectral.regress::<L>(&self.bins.terms, variance);
+        self.spectral.covariance::<L>(&self.bins.terms, variance);
+    }
+}
+
 /// One estimate, whose rows come one after the other.
 impl Spectral {
     /// Takes in a row of a channel and bin: its whitened residual, what its leverage leaves of it, and its influence.
@@ -298,17 +317,8 @@ impl Spectral {
 
     /// Covariance, degrees of freedom and spectra of what was taken in.
     pub fn finish(mut self, bins: &Bins, variance: f64) -> (Vec<f64>, Vec<f64>, NoiseSpectrum) {
-        struct Finish<'a>(&'a mut Spectral, &'a Bins, f64);
-        impl Kernel for Finish<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn run<L: Lanes>(self) {
-                let Finish(spectral, bins, variance) = self;
-                spectral.regress::<L>(&bins.terms, L::splat(variance));
-                spectral.covariance::<L>(&bins.terms, L::splat(variance));
-            }
-        }
-        Isa::One.run(Finish(&mut self, bins, variance));
+        let cost = Wide::splat(variance);
+        Isa::One.run(Finish { spectral: &mut self, bins, cost: &cost, by: 1.0 });
         let numbers = |all: &[Wide]| all.iter().map(|v| v.0[0]).collect();
         (numbers(&self.cov), numbers(&self.degrees), self.told(bins, 0))
     }
@@ -409,15 +419,6 @@ mod tests {
 
     #[test]
     fn eight_estimates_have_the_bits_of_one() {
-        struct Finish<'a>(&'a mut Spectral, &'a Bins);
-        impl Kernel for Finish<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn run<L: Lanes>(self) {
-                self.0.regress::<L>(&self.1.terms, L::splat(2.0));
-                self.0.covariance::<L>(&self.1.terms, L::splat(2.0));
-            }
-        }
         let bins = Bins::new(&[lines(0, 20, 1.0)]);
         let one = expected(&bins, |m| 1.0 + (m % 5) as f64);
         let (cov, degrees, _) = one.clone().finish(&bins, 2.0);
@@ -426,7 +427,8 @@ mod tests {
             for sums in [&mut all.square, &mut all.freedom, &mut all.influence] {
                 sums.iter_mut().for_each(|v| *v = Wide([v.0[0]; LANES]));
             }
-            isa.run(Finish(&mut all, &bins));
+            let cost = Wide::splat(2.0);
+            isa.run(Finish { spectral: &mut all, bins: &bins, cost: &cost, by: 1.0 });
             for lane in 0..LANES {
                 assert_eq!(all.cov[0].0[lane].to_bits(), cov[0].to_bits(), "{isa:?}");
                 assert_eq!(all.degrees[0].0[lane].to_bits(), degrees[0].to_bits(), "{isa:?}");

@@ -273,10 +273,6 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     } else {
         scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust);
     }
-    if spectral {
-        w.spectral.regress::<L>(&d.bins.terms, variance);
-        w.spectral.covariance::<L>(&d.bins.terms, variance);
-    }
 }
 
 /// A covariance for noise of another variance than 1.

@@ -80,7 +80,7 @@ def test_ml_is_scipys_fit_with_an_explicit_transient(order, zeros, options):
     assert standard_errors(found) == pytest.approx(np.sqrt(np.diag(expected.cov)), rel=1e-4)
     assert standard_errors(found, "hc3") == pytest.approx(np.sqrt(np.diag(expected.cov_hc3)), rel=1e-4)
     spectral = np.sqrt(np.diag(expected.cov_spectral))
-    assert standard_errors(found, "spectral") == pytest.approx(spectral, rel=2e-3)  # six steps, not all
+    assert standard_errors(found, "spectral") == pytest.approx(spectral, rel=5e-3)  # four steps, not all
     assert found["df_spectral"] == pytest.approx(expected.df_spectral, rel=1e-2)
     # and it is the right minimum: SciPy's own start finds nothing lower
     own = lines.result(problem, lines.ml(problem))

@@ -136,10 +136,6 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             true => mirror(p, &mut w.cov_nonrobust),
             false => scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust),
         }
-        if kinds.spectral {
-            w.spectral.regress::<L>(&bins.terms, variance);
-            w.spectral.covariance::<L>(&bins.terms, variance);
-        }
         true
     }
 }
