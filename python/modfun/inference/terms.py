@@ -175,7 +175,7 @@ def select_terms(
         Candidates: terms, ``"y, y**2, sin(y), y*y', u, u*y, 1"``, and families, ``"polynomials of y, u up to
         3"`` (all monomials, with 1), separated by commas. Each must be a function of channels and time,
         or a derivative of one. One library serves all equations unless a mapping gives each its own.
-        Monomials of a family that are no derivative of a signal, such as y'**2, are left out.
+        Monomials of a family that are no derivative of a signal, such as ``y'**2``, are left out.
     target : str or sequence of str, optional
         Left sides, ``"y''"``. Default: the first derivative of each output.
     keep : like `library`, optional
