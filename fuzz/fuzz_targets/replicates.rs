@@ -4,6 +4,7 @@
 use libfuzzer_sys::fuzz_target;
 use modfun::monte_carlo::{Contender, Draw, Group, Plan, Run, Told};
 use modfun::simd::Isa;
+use modfun::structure::CovType;
 use modfun::threads::Control;
 use modfun_fuzz::{Bytes, same, told};
 
@@ -30,7 +31,12 @@ fuzz_target!(|bytes: &[u8]| {
     let contender = Contender {
         options: told_of,
         truth: b.many(parameters, |b| b.near(1.0)),
-        intervals: b.of(&[None, Some(CovType::Nonrobust), Some(CovType::Hc3)]),
+        intervals: b.of(&[
+            None,
+            Some(CovType::Nonrobust),
+            Some(CovType::Hc3),
+            Some(CovType::Spectral),
+        ]),
     };
     let record = b.channels(outputs + inputs, n);
     let (states, levels) = (b.below(2), b.below(3));

@@ -26,6 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
         band: b.band(n as f64 * dt),
         levels: b.flag().then(|| b.many(noisy, |b| b.near(0.01))),
         levels_matter: b.flag(),
+        learn: b.flag(),
         options: b.iteration(),
         equations,
     };

@@ -62,6 +62,8 @@ impl Bins {
         let unit = lines.iter().fold(f64::INFINITY, |unit, l| unit.min(l.omega0));
         let place = |l: &Lines, m: usize| m as f64 * l.omega0 / unit;
         let highest = lines.iter().fold(1.0, |top: f64, l| top.max(place(l, l.last)));
+        // Records whose lengths no number compares.
+        let highest = highest.min(f64::MAX);
         let mut edges = vec![0.5];
         while let Some(edge) = edges.last().copied().filter(|edge| *edge <= highest) {
             edges.push(edge + (edge * WIDTH).round().max(1.0));
@@ -386,6 +388,8 @@ mod tests {
             assert!(bins.terms[k][1].abs() <= 1.0 && (bins.terms[k][0] - 1.0).abs() < 1e-15);
         }
         assert!(bins.terms.windows(2).all(|pair| pair[0][1] < pair[1][1]));
+        let far = Bins::new(&[lines(0, 5, 1e-200), lines(0, 5, 1e200)]);
+        assert!(far.terms.len() < 20, "{}", far.terms.len());
     }
 
     /// Rows whose squares are what is expected of this spectrum, two a line, one parameter.
