@@ -22,7 +22,7 @@ use crate::modulation::Lines;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Terms of the logarithm of the spectrum.
-pub(crate) const TERMS: usize = 6;
+const TERMS: usize = 6;
 /// 1/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one.
 const PRECISION: [f64; TERMS] = [0.0, 0.0625, 0.25, 1.0 / 2.25, 1.0, 1.0 / 0.49];
 /// Scoring steps behind the start; more change standard errors by a few thousandths.
@@ -72,8 +72,8 @@ impl Bins {
         let mut found = vec![(0.0, 0.0, 0.0); edges.len() + 1];
         for l in lines {
             for m in l.first..=l.last {
-                let own = &mut found[bin(place(l, m))];
                 let x = place(l, m);
+                let own = &mut found[bin(x)];
                 *own = (own.0 + 1.0, own.1 + ln_1(1.0 + x), own.2 + x);
             }
         }
@@ -116,9 +116,9 @@ pub(crate) struct Spectral {
     /// Σ g gᵀ, upper triangles.
     influence: Vec<Wide>,
     /// s of each channel and bin.
-    pub spectrum: Vec<Wide>,
+    spectrum: Vec<Wide>,
     /// Of each channel the covariance of its coefficients.
-    pub uncertainty: Vec<Wide>,
+    uncertainty: Vec<Wide>,
     work: Vec<Wide>,
     /// Covariance of θ, and the degrees of freedom of each variance.
     pub cov: Vec<Wide>,
@@ -166,9 +166,23 @@ impl Spectral {
         &mut self.influence[at * size..(at + 1) * size]
     }
 
+    /// Takes in the influences of the real and the imaginary row of a line, their products times `v`.
+    #[inline(always)]
+    pub fn add_products<L: Lanes>(&mut self, at: usize, (re, im): (&[Wide], &[Wide]), v: L) {
+        let p = self.parameters;
+        let mut to = self.influence(at).iter_mut();
+        for i in 0..p {
+            let (a, b) = (L::load(&re[i]) * v, L::load(&im[i]) * v);
+            for (j, to) in (i..p).zip(to.by_ref()) {
+                let own = b.mul_add(L::load(&im[j]), L::load(to));
+                a.mul_add(L::load(&re[j]), own).store(to);
+            }
+        }
+    }
+
     /// The spectra of all channels, in units of `variance`.
     #[inline(always)]
-    pub fn regress<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
+    fn regress<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
         let unit = L::splat(1.0) / variance.max(L::splat(f64::MIN_POSITIVE));
         let channels = self.square.len() / self.bins;
         for channel in 0..channels {
@@ -224,7 +238,7 @@ impl Spectral {
 
     /// Covariance and degrees of freedom from spectra and influences.
     #[inline(always)]
-    pub fn covariance<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
+    fn covariance<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
         let p = self.parameters;
         let size = p * (p + 1) / 2;
         let mut at = 0;

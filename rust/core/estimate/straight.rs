@@ -62,7 +62,7 @@ pub(super) fn finish(
         ($n:literal, $i:literal, $z:literal, $s:literal) => {
             isa.run(Errors::<$n, $i, $z, $s> {
                 tables,
-                bins: &d.bins,
+                bins: &d.bins.of[0],
                 space: w,
                 live,
                 degrees_of_freedom,

@@ -258,8 +258,7 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                 let square = e_im.mul_add(e_im, e_re * e_re) * weight;
                 let left = if d.records[k].lines.first + m == 0 { left.0 } else { left.0 + left.1 };
                 w.spectral.add(bin, square, left);
-                let sum = w.spectral.influence(bin);
-                packed::<L>(&w.influence_re, &w.influence_im, v, p, sum);
+                w.spectral.add_products(bin, (&w.influence_re, &w.influence_im), v);
             }
         }
     }
@@ -429,20 +428,6 @@ fn outer<L: Lanes>(re: &[Wide], im: &[Wide], f: (L, L), size: usize, sum: &mut [
             let s = &mut sum[i * size + j];
             let own = b.mul_add(L::load(&im[j]), L::load(s));
             a.mul_add(L::load(&re[j]), own).store(s);
-        }
-    }
-}
-
-/// sum += (s sᵀ + s' s'ᵀ) v of the real and the imaginary row, upper triangle without gaps.
-#[inline(always)]
-fn packed<L: Lanes>(re: &[Wide], im: &[Wide], v: L, size: usize, sum: &mut [Wide]) {
-    let mut at = 0;
-    for i in 0..size {
-        let (a, b) = (L::load(&re[i]) * v, L::load(&im[i]) * v);
-        for j in i..size {
-            let own = b.mul_add(L::load(&im[j]), L::load(&sum[at]));
-            a.mul_add(L::load(&re[j]), own).store(&mut sum[at]);
-            at += 1;
         }
     }
 }

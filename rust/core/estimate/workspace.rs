@@ -20,9 +20,13 @@ pub(crate) struct Kinds {
     pub spectral: bool,
 }
 
-impl Kinds {
-    pub const ALL: Kinds = Kinds { hc3: true, spectral: true };
+impl Default for Kinds {
+    fn default() -> Kinds {
+        Kinds { hc3: true, spectral: true }
+    }
+}
 
+impl Kinds {
     /// What is needed for one kind.
     pub fn only(kind: CovType) -> Kinds {
         Kinds { hc3: kind == CovType::Hc3, spectral: kind == CovType::Spectral }
@@ -149,7 +153,7 @@ impl Workspace {
             work: wide(size.max(extra) * (size.max(extra) + 1)),
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
-            kinds: Kinds::ALL,
+            kinds: Kinds::default(),
             spectral: Spectral::new(d.bins.terms.len(), 1, p),
             gram: wide(p * p),
             row_re: wide(extra + 1),

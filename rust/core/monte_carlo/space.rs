@@ -28,7 +28,7 @@ impl Space {
                 if let Some(known) = d.known_start.as_ref().filter(|known| !known.periodic()) {
                     space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
-                space.kinds = task.intervals.map_or(space.kinds, Kinds::only);
+                space.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
                 Space::Plain(Box::new(space))
             }
             Problem::Joint(shared) => {
@@ -37,7 +37,7 @@ impl Space {
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     shared.load(&mut space, outputs + k, &splat(re), &splat(im));
                 }
-                space.kinds = task.intervals.map(Kinds::only);
+                space.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
                 Space::Joint(Box::new(space))
             }
         }

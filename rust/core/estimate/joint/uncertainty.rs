@@ -19,6 +19,7 @@ use super::step::{clear, pair, record_system};
 use super::workspace::JointSpace;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
+use crate::estimate::spectral::Finish;
 use crate::estimate::workspace::Kinds;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
@@ -60,6 +61,11 @@ pub(crate) fn finish(
         }
     }
     isa.run(Covariances { design: d, space: w });
+    if w.kinds.spectral {
+        let freedom = d.freedom(w.records.iter().map(|r| r.limit)).max(1);
+        let (spectral, by) = (&mut w.spectral, 1.0 / freedom as f64);
+        isa.run(Finish { spectral, bins: &d.bins, cost: &w.progress.cost, by });
+    }
 }
 
 /// T of every record by least squares at the current θ.
@@ -172,7 +178,7 @@ impl Kernel for Covariances<'_> {
         let (weights, factors) = (d.final_weights(), d.final_factors());
         clear::<L>(&mut w.meat);
         w.spectral.clear();
-        let Kinds { spectral, .. } = w.kinds.unwrap_or(Kinds::ALL);
+        let Kinds { spectral, .. } = w.kinds;
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
                 // Denoised on both sides, or data: `right` holds them.
@@ -213,10 +219,6 @@ impl Kernel for Covariances<'_> {
                 sum.store(&mut w.cov_hc3[i * p + j]);
                 (L::load(&w.inverse[i * p + j]) * variance).store(&mut w.cov_nonrobust[i * p + j]);
             }
-        }
-        if spectral {
-            w.spectral.regress::<L>(&d.bins.terms, variance);
-            w.spectral.covariance::<L>(&d.bins.terms, variance);
         }
     }
 }
@@ -270,20 +272,13 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
 /// Takes the two rows of an output, as `row` left them, into its noise spectrum.
 #[inline(always)]
 fn count<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, (m, output): (usize, usize)) {
-    let (p, r) = (d.parameters(), &d.records[k]);
+    let r = &d.records[k];
     let at = output * d.bins.terms.len() + d.bins.of[k][m];
-    let weight = L::splat(r.weight[m]);
     // Line 0 is real.
     let parts = if r.lines.first + m == 0 { 1 } else { 2 };
     for part in 0..parts {
-        let (square, left) = (L::load(&w.squares[part]), L::load(&w.left_over[part]));
-        w.spectral.add(at, square, left);
-        let mut to = w.spectral.influence(at).iter_mut();
-        for a in 0..p {
-            let own = L::load(&w.influence[part][a]) * weight;
-            for (b, to) in (a..p).zip(to.by_ref()) {
-                own.mul_add(L::load(&w.influence[part][b]), L::load(to)).store(to);
-            }
-        }
+        w.spectral.add(at, L::load(&w.squares[part]), L::load(&w.left_over[part]));
     }
+    let [re, im] = &w.influence;
+    w.spectral.add_products(at, (re, im), L::splat(r.weight[m]));
 }

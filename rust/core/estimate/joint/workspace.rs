@@ -119,7 +119,7 @@ pub struct JointSpace {
     pub(crate) cov_hc3: Vec<Wide>,
     pub(crate) cov_nonrobust: Vec<Wide>,
     /// What is computed of them.
-    pub(crate) kinds: Option<Kinds>,
+    pub(crate) kinds: Kinds,
     /// What is known of the noise spectra of the outputs, and the covariance that follows.
     pub(crate) spectral: Spectral,
     /// Influence of the two rows of an output and line on θ.

@@ -8,7 +8,7 @@ use super::steps::read;
 use super::sums::{Lines, Signals, accumulate, prepare, products};
 use super::tables::{Space, Tables};
 use super::weights::weigh;
-use crate::estimate::spectral::{Bins, Spectral};
+use crate::estimate::spectral::Spectral;
 use crate::estimate::uncertainty::{
     LEVERAGE, OBLIQUE_LEVERAGE, deleted, freedom, mirror, project, scale,
 };
@@ -20,7 +20,8 @@ use crate::structure::Method;
 /// T and cost at an estimate, and with `covariance` both covariances of θ.
 pub(super) struct Errors<'a, const N: usize, const I: usize, const Z: usize, const S: usize> {
     pub tables: &'a Tables,
-    pub bins: &'a Bins,
+    /// Bin of the noise spectrum of each line.
+    pub bins: &'a [usize],
     pub space: &'a mut Workspace,
     /// 1 in the lanes whose pivots matter.
     pub live: Wide,
@@ -107,7 +108,7 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             transient_inverse: &r.transient_inverse,
             inverse: &w.inverse,
             instruments: &r.instruments,
-            bins: &bins.of[0],
+            bins,
         };
         w.spectral.clear();
         let (spectral, kinds) = (&mut w.spectral, w.kinds);

@@ -206,6 +206,8 @@ impl Single<'_> {
         let (mut residuals, mut from) = (Vec::new(), 0);
         let bins = d.bins.terms.len();
         let mut spectral = Spectral::new(bins, q, m);
+        let transposed: Vec<f64> =
+            (0..m * m).map(|at| found.inverse[at % m * m + at / m]).collect();
         let records = columns.iter().zip(&limits).zip(&found.spans).enumerate();
         for (k, ((own, limit), (span, rows))) in records {
             let mut leverage = vec![0.0; *rows];
@@ -217,9 +219,7 @@ impl Single<'_> {
             let height = *rows;
             // Influence of each row on θ: R⁻¹ times the rows behind those of the transient.
             let mut influence = vec![0.0; *rows * m];
-            let turned: Vec<f64> =
-                (0..m * m).map(|at| found.inverse[at % m * m + at / m]).collect();
-            product(&span[nt * *rows..], &turned, (*rows, m, m), &mut influence);
+            product(&span[nt * *rows..], &transposed, (*rows, m, m), &mut influence);
             let mut one = vec![0.0; m];
             let mut record = vec![vec![(0.0, 0.0); *limit]; q];
             for part in 0..2 * q {
