@@ -101,6 +101,8 @@ pub enum Noise {
     Output,
     /// White in the differential equation (report, section 4.4).
     Equation,
+    /// Both, of levels that are estimated.
+    Process,
 }
 
 /// How θ is found.

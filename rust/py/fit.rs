@@ -147,7 +147,7 @@ impl Given {
             ("rest", Initial::Rest),
             ("periodic", Initial::Periodic),
         ];
-        let noises = [("output", Noise::Output), ("equation", Noise::Equation)];
+        let noises = [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
         Ok(FitOptions {
             structure: {
                 let structure = Structure::new(self.order, self.numerators.clone())?;
@@ -342,9 +342,15 @@ fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
 
 /// What a fit of one output answers.
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
+    let parameters = f.answer.theta.len();
     let out = answered(py, f.answer)?;
     out.set_item("sigma", f.sigma)?;
     out.set_item("free_cost", f.free_cost)?;
+    if let Some(levels) = f.levels {
+        let size = parameters + levels.values.len();
+        out.set_item("levels", vector(py, levels.values.to_vec()))?;
+        out.set_item("cov_levels", matrix(py, levels.cov, size)?)?;
+    }
     out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {

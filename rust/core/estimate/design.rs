@@ -91,7 +91,7 @@ impl Design {
         let target = target_column(structure);
         let band_edge = lines.iter().fold(0.0, |edge: f64, l| edge.max(l.last as f64 * l.omega0));
 
-        let by_model = method == Method::Ml && noise == Noise::Output;
+        let by_model = method == Method::Ml && noise != Noise::Equation;
         let (products, symmetric, instrument) =
             plan_sums(&columns, target, structure.numerators.len(), by_model);
 
@@ -224,7 +224,7 @@ impl Design {
     /// The weights that belong to the noise, once θ is known.
     pub(crate) fn final_weights(&self) -> super::normal_equations::RowWeights {
         match self.noise {
-            Noise::Output => super::normal_equations::RowWeights::Adapted,
+            Noise::Output | Noise::Process => super::normal_equations::RowWeights::Adapted,
             Noise::Equation => super::normal_equations::RowWeights::Flat,
         }
     }
@@ -232,7 +232,7 @@ impl Design {
     /// Unit of a weighted residual: that of the output, or of the equation for equation noise.
     pub(crate) fn cost_unit(&self) -> f64 {
         match self.noise {
-            Noise::Output => self.unit,
+            Noise::Output | Noise::Process => self.unit,
             Noise::Equation => (0..self.structure.order).fold(self.unit, |p, _| p * self.band_edge),
         }
     }
@@ -240,19 +240,24 @@ impl Design {
     /// Columns of the information at the estimate: the model's own response for `ml`.
     pub(crate) fn final_factors(&self) -> super::normal_equations::LeftColumns {
         match (self.method, self.noise) {
-            (Method::Ml, Noise::Output) => super::normal_equations::LeftColumns::Denoised,
+            (Method::Ml, Noise::Output | Noise::Process) => super::normal_equations::LeftColumns::Denoised,
             _ => super::normal_equations::LeftColumns::Data,
         }
     }
 
     /// `wls` under output noise: estimated with weights that are not those of its noise.
     pub(crate) fn keeps_flat_weights(&self) -> bool {
-        self.method == Method::Wls && self.noise == Noise::Output
+        self.method == Method::Wls && self.noise != Noise::Equation
     }
 
     /// Whether the weight depends on θ.
     pub(crate) fn adapts(&self) -> bool {
-        self.noise == Noise::Output && matches!(self.method, Method::Awls | Method::Ml)
+        self.noise != Noise::Equation && matches!(self.method, Method::Awls | Method::Ml)
+    }
+
+    /// Whether noise drives the system itself and `ml` counts how its spectrum depends on θ.
+    pub(crate) fn driven(&self) -> bool {
+        self.noise != Noise::Output && self.method == Method::Ml
     }
 }
 

@@ -4,6 +4,7 @@ use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
 use super::options::Options;
+use super::process::Levels;
 use super::rest::Initial;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
@@ -67,6 +68,8 @@ pub struct Fit {
     pub sigma: f64,
     /// Noise of each record over σ, of geometric mean 1 weighted by rows.
     pub record_levels: Vec<f64>,
+    /// Where noise drives the system: what of it, and what of the measurement.
+    pub levels: Option<Levels>,
     /// Where the initial state is known: the cost with a free one.
     pub free_cost: Option<f64>,
     /// Residuals on the lines of each record over its noise: unit variance in Re and Im.
@@ -87,7 +90,19 @@ impl FitOptions {
                 self.intersample.len()
             )));
         }
+        if self.noise == Noise::Process && self.method != Method::Ml {
+            return Err(Error::Spec(
+                "fitting with process noise: its level is estimated by likelihood; take method=\"ml\"".into(),
+            ));
+        }
         if self.initial != Initial::Unknown {
+            if self.noise != Noise::Output && self.method == Method::Ml {
+                return Err(Error::Spec(
+                    "fitting with a known initial state: noise inside the system moves the states, too; take \
+                     noise=\"output\", or initial_state=\"unknown\""
+                        .into(),
+                ));
+            }
             if self.method == Method::Ls {
                 return Err(Error::Spec(
                     "fitting with a known initial state: \"ls\" differences it away; take another method".into(),

@@ -24,7 +24,7 @@ use crate::modulation::Lines;
 use crate::quadrature::Hold;
 use crate::simd::{Isa, LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
-use crate::structure::Method;
+use crate::structure::{Method, Noise};
 
 /// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
 const PROBLEMS: usize = 4;
@@ -304,7 +304,7 @@ impl Fitter {
     /// Whether records have noise levels of their own.
     fn learns_levels(&self) -> bool {
         let adapts = matches!(self.o.method, Method::Awls | Method::Ml);
-        self.o.own_levels && self.records.len() > 1 && adapts
+        self.o.own_levels && self.o.noise != Noise::Process && self.records.len() > 1 && adapts
     }
 
     /// The fit with noise levels of the records that its residuals have.
@@ -517,8 +517,12 @@ impl Fitter {
             },
             sigma: plain_sigma * d.cost_unit(),
             free_cost: None,
+            levels: w.process.as_ref().map(|process| process.levels(d, lane)),
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
-            residuals: residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
+            residuals: match &w.process {
+                Some(process) => process.residuals(lane),
+                None => residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
+            },
         };
         fit.free_cost = self.free_cost(&mut problem, &fit.answer.theta, &options);
         desk.keep(problem);

@@ -8,6 +8,7 @@ use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::Outcome;
 use super::pass::prepare;
+use super::process::refine;
 use super::rest::{self, KnownStart};
 use super::rule::Rule;
 use super::second_start::go_again;
@@ -71,6 +72,9 @@ pub fn estimate(
     }
     if o.wanted != Wanted::Theta {
         complete(isa, d, w, live, asked);
+    }
+    if d.driven() && o.wanted != Wanted::Cost {
+        refine(isa, d, w, live, (o.tol, o.maxiter), asked);
     }
     let status = status(d, w, asked);
     if asked {

@@ -69,7 +69,7 @@ pub(crate) fn sizes(
         };
     }
     let sizes = (*order, numerators.len(), degree + 1);
-    let plain = extended && transient == order && noise == Noise::Output;
+    let plain = extended && transient == order && noise != Noise::Equation;
     (plain && trendless && alike && shapes!(sizes, known, false)).then_some(sizes)
 }
 
