@@ -348,8 +348,8 @@ pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("free_cost", f.free_cost)?;
     if let Some(levels) = f.levels {
         let size = parameters + levels.values.len();
-        out.set_item("levels", vector(py, levels.values.to_vec()))?;
-        out.set_item("cov_levels", matrix(py, levels.cov, size)?)?;
+        out.set_item("process_levels", vector(py, levels.values.to_vec()))?;
+        out.set_item("cov_process_levels", matrix(py, levels.cov, size)?)?;
     }
     out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);

@@ -20,7 +20,7 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
-from .prepared import KEPT, LONGEST, refuse_known_start
+from .prepared import KEPT, LONGEST, refuse_known_start, refuse_process_noise
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -69,6 +69,7 @@ def prepare_equation(
         As in `fit`.
     """
     refuse_known_start(options)
+    refuse_process_noise(options)
     first: Batch | Record
     sampling: tuple[tuple[int, Any], ...]
     if isinstance(data, Batch):

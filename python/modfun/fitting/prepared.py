@@ -23,7 +23,7 @@ from .weights import weighting
 
 __all__ = [
     "Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_known_start",
-    "refuse_standing", "spans",
+    "refuse_process_noise", "refuse_standing", "spans",
 ]  # fmt: skip
 
 KEPT = 32  # kinds of fits
@@ -127,6 +127,20 @@ def refuse_known_start(options: Options) -> None:
         )
 
 
+def refuse_process_noise(options: Options) -> None:
+    """Refuse noise inside the system where fits cannot tell it.
+
+    Raises
+    ------
+    SpecError
+    """
+    if options.noise == "process":
+        raise SpecError(
+            'fit: noise="process" is for transfer functions of one output, without free delays, held '
+            'coefficients, masks and sigma; take noise="output", or "equation" where sensors add next to nothing'
+        )
+
+
 def refuse_open_periods(names: tuple[str, ...], us: Sequence[F64]) -> None:
     """Refuse inputs (…, input, time) whose last sample is not where the first one is.
 
@@ -217,6 +231,7 @@ def _joint(
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     refuse_known_start(options)
+    refuse_process_noise(options)
     intervals = _intervals(layout, sampling)
     if isinstance(data, Batch):
         # Some of its records say how much noise there is; where that is told, one stands for all.

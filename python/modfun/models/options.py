@@ -19,7 +19,7 @@ __all__ = ["MOST", "MOST_THREADS", "WORDS", "Choices", "Options"]
 
 WORDS: dict[str, tuple[str, ...]] = {
     "method": ("ls", "wls", "awls", "ml"),
-    "noise": ("output", "equation", "coloured", "errors-in-variables", "log-normal"),
+    "noise": ("output", "process", "equation", "coloured", "errors-in-variables", "log-normal"),
     "cov_type": ("spectral", "HC3", "nonrobust"),
     "initial_state": ("unknown", "zero", "rest", "periodic"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
@@ -117,8 +117,8 @@ class Options:
 
     @property
     def plain_noise(self) -> bool:
-        """Whether the noise is white on one output, or in its equation: what the fastest path fits."""
-        return self.noise in ("output", "equation") and self.output_weights is None
+        """Whether the noise is white on one output, in its equation, or both: what the fastest path fits."""
+        return self.noise in ("output", "process", "equation") and self.output_weights is None
 
 
 def _checked(what: str, **given: Any) -> Options:
@@ -143,6 +143,11 @@ def _checked(what: str, **given: Any) -> Options:
             raise SpecError(
                 f'{what}: output_weights= goes with noise="output"; noise= says the weights itself'
             )
+    if given.get("noise") == "process" and given.get("method", "ml") != "ml":
+        raise SpecError(
+            f'{what}: noise="process" estimates two levels by likelihood, which method={given["method"]!r} has '
+            'not; take method="ml"'
+        )
     if given.get("harmonics") is not None:
         if checked.get("band") is not None:
             raise SpecError(

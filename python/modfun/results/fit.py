@@ -24,6 +24,7 @@ from ..records.record import Record
 from . import check, derived, drawing, drawing_lines, scores
 from .estimates import Estimates
 from .noise_spectrum import noise_spectrum
+from .process_noise import process_noise
 from .page import page_of
 from .page_records import Content, of_records
 from .prediction import InitialState, observe_paths
@@ -395,6 +396,23 @@ class Fit(Estimates):
     def noise_spectrum(self, level: float = 0.95) -> Table:
         """Noise level over the band, which standard errors rest on; 1 in white noise."""
         return noise_spectrum(self, level)
+
+    def process_noise(self, level: float = 0.95) -> Table:
+        """Levels of the noise that drives the system and of that on its samples, with noise="process".
+
+        Parameters
+        ----------
+        level : float, default 0.95
+            Of the intervals, which are those of the logarithms.
+
+        Returns
+        -------
+        Table
+            A row a kind. "measurement": standard deviation on a sample. "process": root of the power spectral
+            density (two-sided, of hertz) of the white noise on the right of the equation, A(p) y = B(p) u + w.
+            share: part of the noise power on the lines used.
+        """
+        return process_noise(self, level)
 
     def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""

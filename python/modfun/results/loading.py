@@ -66,6 +66,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["free_cost"] = float(values.get("free_cost", "nan"))
     if "spectrum" in values:
         fields["spectrum"] = tuple(_array(own) for own in values["spectrum"])
+    if "process_levels" in values:
+        fields["process_levels"] = tuple(_array(own) for own in values["process_levels"])
     if "record_levels" in values:  # files of old have none
         fields["record_levels"] = _array(values["record_levels"])
     fields["lines"] = tuple((int(lo), int(hi)) for lo, hi in values["lines"])

@@ -16,6 +16,11 @@ __all__ = ["noise_spectrum"]
 def noise_spectrum(fit: Any, level: float) -> Table:
     """Noise level of each row over the band, with intervals; see `Fit.noise_spectrum`."""
     level = probability("noise_spectrum", level)
+    if fit.process_levels is not None:
+        raise SpecError(
+            f"noise_spectrum: with noise={fit.options.noise!r} standard errors rest on its levels, "
+            "fit.process_noise()"
+        )
     if fit.spectrum is None:
         raise SpecError("noise_spectrum: this fit holds no residual lines; fit a record")
     omega, power, log_error = fit.spectrum

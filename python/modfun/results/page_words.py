@@ -103,12 +103,15 @@ def assumption(fit: Estimates) -> str:
         noise = {
             "output": "white noise on the outputs, of unknown level",
             "equation": "white noise in the equation",
+            "process": "white noise that drives the system, and white noise on the output",
             "coloured": "noise of the fitted colour on the outputs",
             "errors-in-variables": "white noise on outputs and inputs",
             "log-normal": "white noise on the logarithms of the outputs",
         }[kind]
+    whole = noise if fit.process_levels is not None else None
     rest = {
-        "spectral": f"{noise.replace('white noise', 'noise of any smooth spectrum')}; that spectrum is "
+        "spectral": whole
+        or f"{noise.replace('white noise', 'noise of any smooth spectrum')}; that spectrum is "
         "estimated from the residual lines",
         "HC3": "residual lines that are independent, and nothing about the colour of the noise",
         "nonrobust": noise,

@@ -71,6 +71,11 @@ def _refuse(fit: Any) -> None:
             "stable: this is for transfer functions fitted to records; of a StateSpace or an Equation bound "
             "the parameters that decide, params={...: mf.Free(max=0)}"
         )
+    if fit.process_levels is not None:
+        raise SpecError(
+            f"stable: the criterion of noise={fit.options.noise!r} counts poles by their distance from the axis "
+            'alone; fit with noise="output"'
+        )
     if not fit.inputs:
         raise SpecError("stable: free motion has no numerator that could follow; bound its coefficients")
     dens = {

@@ -51,6 +51,8 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values["tail"] = fit.tail
     if np.isfinite(fit.free_cost):
         values["free_cost"] = fit.free_cost
+    if fit.process_levels is not None:
+        values["process_levels"] = [own.tolist() for own in fit.process_levels]
     if fit.record_levels is not None:
         values["record_levels"] = fit.record_levels.tolist()
     values |= fit.own_values()

@@ -173,7 +173,7 @@ class Stream:
             )
         self._made: Prepared | None = None
         self._core: Any
-        if layout is not None and _slides(layout, options.noise):
+        if layout is not None and _slides(layout, options):
             _refuse_options(options, len(self.weights))
             self._prepare()
         else:
@@ -451,9 +451,13 @@ class Stream:
         )
 
 
-def _slides(layout: Layout, noise: Any) -> bool:
+def _slides(layout: Layout, options: Options) -> bool:
     """Whether the coefficients of fixed lines are all that a fit needs."""
-    white = noise.white if isinstance(noise, Noise) else noise in ("output", "equation")
+    noise = options.noise
+    if noise == "equation":
+        # The likelihood of noise in the system knows no records that count less.
+        return options.method != "ml" and not layout.free_delays
+    white = noise.white if isinstance(noise, Noise) else noise == "output"
     return white and not layout.free_delays
 
 

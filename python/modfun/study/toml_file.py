@@ -309,7 +309,7 @@ OPTIONS: dict[str, Reader] = {
 ESTIMATOR = OPTIONS | {
     "model": _structure,
     "method": values.plain('"ls", "wls", "awls" or "ml"', str),
-    "noise": values.plain('"output", "equation", "coloured" or "errors-in-variables"', str),
+    "noise": values.plain('"output", "process", "equation", "coloured" or "errors-in-variables"', str),
 }
 RIVALS: dict[str, Callable[..., Any]] = {
     "output_error": rivals.output_error,
