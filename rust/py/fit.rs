@@ -147,7 +147,8 @@ impl Given {
             ("rest", Initial::Rest),
             ("periodic", Initial::Periodic),
         ];
-        let noises = [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
+        let noises =
+            [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
         Ok(FitOptions {
             structure: {
                 let structure = Structure::new(self.order, self.numerators.clone())?;

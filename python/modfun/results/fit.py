@@ -398,19 +398,10 @@ class Fit(Estimates):
         return noise_spectrum(self, level)
 
     def process_noise(self, level: float = 0.95) -> Table:
-        """Levels of the noise that drives the system and of that on its samples, with noise="process".
+        """Both levels of noise="process" with intervals, and the share of each on the lines used.
 
-        Parameters
-        ----------
-        level : float, default 0.95
-            Of the intervals, which are those of the logarithms.
-
-        Returns
-        -------
-        Table
-            A row a kind. "measurement": standard deviation on a sample. "process": root of the power spectral
-            density (two-sided, of hertz) of the white noise on the right of the equation, A(p) y = B(p) u + w.
-            share: part of the noise power on the lines used.
+        "measurement": standard deviation on a sample. "process": root of the power spectral density (two-sided,
+        of hertz) of the white noise w that drives the system, A(p) y = B(p) u + w.
         """
         return process_noise(self, level)
 

@@ -42,7 +42,8 @@ def contradicted_p(fit: Estimates) -> float:
 def gain_of_start(fit: Estimates) -> str | None:
     """That the records plainly begin at rest, or hold whole periods, where saying so would pay."""
     options = fit.options
-    asks = options.initial_state == "unknown" and options.noise == "output" and options.method in ("ml", "awls")
+    asks = (options.initial_state, options.noise) == ("unknown", "output")
+    asks = asks and options.method in ("ml", "awls")
     if not (asks and fit.again and fit.records and fit.layout.rational and fit.layout.plain):
         return None
     odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]

@@ -148,6 +148,8 @@ def _band(fit: Estimates) -> str:
         return f"{text}: given as band"
     if fit.options.harmonics is not None:
         return f"{text}: given as harmonics M = {fit.options.harmonics}"
+    if fit.options.method in ("ml", "awls"):
+        return f"{text}: down to eight samples a period"
     return f"{text}: M = 3 times the number of unknowns"
 
 

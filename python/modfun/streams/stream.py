@@ -453,11 +453,8 @@ class Stream:
 
 def _slides(layout: Layout, options: Options) -> bool:
     """Whether the coefficients of fixed lines are all that a fit needs."""
-    noise = options.noise
-    if noise == "equation":
-        # The likelihood of noise in the system knows no records that count less.
-        return options.method != "ml" and not layout.free_delays
-    white = noise.white if isinstance(noise, Noise) else noise == "output"
+    noise, words = options.noise, ("output",) if options.method == "ml" else ("output", "equation")
+    white = noise.white if isinstance(noise, Noise) else noise in words
     return white and not layout.free_delays
 
 

@@ -240,7 +240,9 @@ impl Design {
     /// Columns of the information at the estimate: the model's own response for `ml`.
     pub(crate) fn final_factors(&self) -> super::normal_equations::LeftColumns {
         match (self.method, self.noise) {
-            (Method::Ml, Noise::Output | Noise::Process) => super::normal_equations::LeftColumns::Denoised,
+            (Method::Ml, Noise::Output | Noise::Process) => {
+                super::normal_equations::LeftColumns::Denoised
+            }
             _ => super::normal_equations::LeftColumns::Data,
         }
     }

@@ -3,8 +3,8 @@
 use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
+use super::driven::Levels;
 use super::options::Options;
-use super::process::Levels;
 use super::rest::Initial;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};

@@ -517,10 +517,10 @@ impl Fitter {
             },
             sigma: plain_sigma * d.cost_unit(),
             free_cost: None,
-            levels: w.process.as_ref().map(|process| process.levels(d, lane)),
+            levels: w.driven.as_ref().map(|driven| driven.levels(d, lane)),
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
-            residuals: match &w.process {
-                Some(process) => process.residuals(lane),
+            residuals: match &w.driven {
+                Some(driven) => driven.residuals(lane),
                 None => residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
             },
         };

@@ -8,7 +8,7 @@ use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::Outcome;
 use super::pass::prepare;
-use super::process::refine;
+use super::refine::refine;
 use super::rest::{self, KnownStart};
 use super::rule::Rule;
 use super::second_start::go_again;

@@ -31,7 +31,6 @@
 
 use super::design::Design;
 use super::record_space::RecordSpace;
-use super::workspace::Workspace;
 use crate::covariance::FLOOR;
 use crate::linalg::columns::Columns;
 use crate::math::ln_1;
@@ -45,6 +44,9 @@ const LEVELS: usize = 2;
 const CLOSE: f64 = 1e-3;
 /// Halvings of a step before the search ends.
 const HALVINGS: usize = 14;
+/// Cosine of steps that lie along each other, and the most that one is multiplied by.
+const ALONG: f64 = 0.9;
+const LONGEST: f64 = 4.0;
 /// Rise of the criterion that rounding explains.
 const ROUNDING: f64 = 1e-12;
 /// Least of a line's rows that leverage leaves.
@@ -87,7 +89,7 @@ struct Block {
 
 /// Memory of one estimate, and what was found in each lane.
 #[derive(Debug, Clone)]
-pub(crate) struct Process {
+pub(crate) struct Driven {
     blocks: Vec<Block>,
     /// Whitened columns of θ without the transient: made orthonormal, and as they are.
     mean: Columns,
@@ -102,6 +104,8 @@ pub(crate) struct Process {
     coefficients: Vec<f64>,
     lines: Vec<Line>,
     step: Vec<f64>,
+    /// The step before.
+    last: Vec<f64>,
     inverse: Vec<f64>,
     joint: Vec<f64>,
     sandwich: Vec<f64>,
@@ -135,10 +139,17 @@ struct Line {
 }
 
 /// The problem of one lane.
-struct Problem<'a> {
-    d: &'a Design,
-    records: &'a [RecordSpace],
-    lane: usize,
+pub(crate) struct Problem<'a> {
+    pub d: &'a Design,
+    pub records: &'a [RecordSpace],
+    pub lane: usize,
+}
+
+/// How a search ended.
+pub(crate) struct Sought {
+    pub steps: usize,
+    pub settled: bool,
+    pub cost: f64,
 }
 
 impl Problem<'_> {
@@ -195,9 +206,9 @@ fn power(x: f64, c: &Column) -> C {
     }
 }
 
-impl Process {
+impl Driven {
     /// Room for one design.
-    fn new(d: &Design, isa: Isa) -> Process {
+    pub fn new(d: &Design, isa: Isa) -> Driven {
         let (p, unknowns) = (d.parameters(), d.parameters() + LEVELS);
         let (mut row, mut line, mut blocks) = (0, 0, Vec::new());
         for r in &d.records {
@@ -213,7 +224,7 @@ impl Process {
             cov: vec![0.0; unknowns * unknowns],
             residual: vec![0.0; row],
         };
-        Process {
+        Driven {
             blocks,
             mean: Columns::new(isa, row, p),
             jacobian: vec![0.0; row * p],
@@ -224,6 +235,7 @@ impl Process {
             coefficients: vec![0.0; unknowns.max(d.transient)],
             lines: vec![Line::default(); line],
             step: vec![0.0; unknowns],
+            last: vec![0.0; unknowns],
             inverse: vec![0.0; unknowns * unknowns],
             joint: vec![0.0; unknowns * unknowns],
             sandwich: vec![0.0; unknowns * unknowns],
@@ -367,13 +379,50 @@ impl Process {
         length
     }
 
-    /// Seeks the estimate of a lane from `theta`. Returns steps, and whether it has settled.
-    fn seek(&mut self, at: &Problem<'_>, lane: usize, tol: f64, most: usize) -> (usize, bool) {
-        let mut here = std::mem::take(&mut self.found[lane]);
-        let answer = self.search(at, &mut here.theta, &mut here.levels, tol, most);
+    /// Seeks the estimate of a lane from these parameters.
+    pub fn seek(
+        &mut self,
+        at: &Problem<'_>,
+        theta: impl Iterator<Item = f64>,
+        tol: f64,
+        most: usize,
+    ) -> Sought {
+        let mut here = std::mem::take(&mut self.found[at.lane]);
+        here.theta.iter_mut().zip(theta).for_each(|(to, from)| *to = from);
+        let (steps, settled) = self.search(at, &mut here.theta, &mut here.levels, tol, most);
         here.residual.copy_from_slice(&self.residual);
-        self.found[lane] = here;
-        answer
+        here.cov.fill(f64::NAN);
+        let cost = self.cost(at, here.levels);
+        self.found[at.lane] = here;
+        Sought { steps, settled, cost }
+    }
+
+    /// Nothing was found in a lane.
+    pub fn forget(&mut self, lane: usize) {
+        let Found { levels, cov, residual, .. } = &mut self.found[lane];
+        levels.iter_mut().chain(cov).chain(residual).for_each(|x| *x = f64::NAN);
+    }
+
+    /// Parameters that were found in a lane.
+    pub fn theta(&self, lane: usize) -> &[f64] {
+        &self.found[lane].theta
+    }
+
+    /// Of equation noise the sum of squares. Of both kinds what it would be in white noise on the output of the same
+    /// likelihood, the geometric mean of P over the rows: so costs compare as likelihoods do.
+    fn cost(&self, at: &Problem<'_>, levels: [f64; LEVELS]) -> f64 {
+        if at.d.noise != Noise::Process {
+            return levels[1] * self.lines.iter().map(|own| own.misfit).sum::<f64>();
+        }
+        let (mut sum, mut all) = (0.0, 0.0);
+        for (k, block) in self.blocks.iter().enumerate() {
+            let unit = at.d.records[k].lines.unit_variance;
+            for (i, own) in self.lines[block.line..][..block.lines].iter().enumerate() {
+                let rows = at.rows(k, i);
+                (sum, all) = (sum + rows * ln_1(own.s / (own.size * unit)), all + rows);
+            }
+        }
+        libm::exp(sum / all) * at.d.degrees_of_freedom() as f64
     }
 
     fn search(
@@ -385,7 +434,7 @@ impl Process {
         most: usize,
     ) -> (usize, bool) {
         *levels = self.first_levels(at, theta);
-        let mut steps = 0;
+        let (mut steps, mut taken) = (0, 0.0);
         self.evaluate(at, theta, *levels);
         while steps < most {
             self.linearise(at, *levels);
@@ -394,10 +443,13 @@ impl Process {
                 return (steps, false);
             }
             steps += 1;
-            let Some(part) = self.advance(at, theta, levels) else {
+            let whole = self.relaxation(taken);
+            self.last.copy_from_slice(&self.step);
+            let Some(part) = self.advance(at, theta, levels, whole) else {
                 // Where noise is rounding, so is the criterion.
                 return (steps, length <= tol.sqrt());
             };
+            taken = part;
             if part * part * length <= CLOSE * tol {
                 return (steps, true);
             }
@@ -405,15 +457,36 @@ impl Process {
         (steps, false)
     }
 
-    /// Takes the step, or as much of it as lowers the criterion: which part. None where no part does.
+    /// What to multiply the step by: where it lies along the last one, of which the part `taken` was, the equations are
+    /// as good as linear on that line, and both steps say where they vanish. Expected information stands for the
+    /// slopes of the equations, and is too large or too small where noise is other than assumed.
+    fn relaxation(&self, taken: f64) -> f64 {
+        let unknowns = self.step.len();
+        let whitened = |step: &[f64], i: usize| -> f64 {
+            (i..unknowns).map(|j| self.scoring.r(i, j) * step[j]).sum()
+        };
+        let (mut own, mut other, mut both) = (0.0, 0.0, 0.0);
+        for i in 0..unknowns {
+            let (now, last) = (whitened(&self.step, i), whitened(&self.last, i));
+            (own, other, both) = (own + now * now, other + last * last, both + now * last);
+        }
+        if taken == 0.0 || both * both < ALONG * ALONG * own * other {
+            return 1.0;
+        }
+        let slope = (1.0 - both / other) / taken;
+        if slope > 1.0 / LONGEST { 1.0 / slope } else { LONGEST }
+    }
+
+    /// Takes the step times `whole`, or as much of that as lowers the criterion: which part. None where no part does.
     fn advance(
         &mut self,
         at: &Problem<'_>,
         theta: &mut [f64],
         levels: &mut [f64; LEVELS],
+        whole: f64,
     ) -> Option<f64> {
         let before = self.criterion();
-        let (p, mut part) = (theta.len(), 1.0);
+        let (p, mut part) = (theta.len(), whole);
         let step = std::mem::take(&mut self.step);
         let mut taken = None;
         for _ in 0..=HALVINGS {
@@ -454,9 +527,11 @@ impl Process {
         if at.seeks(0) { [one, one * libm::exp(ratio)] } else { [0.0, one] }
     }
 
-    /// Covariances of a lane at its estimate: the joint one from the information, and the parameters' own line by line.
-    fn uncertainty(&mut self, p: usize) {
-        let unknowns = p + LEVELS;
+    /// Covariances at the estimate that was found last: the joint one from the information, and that of the parameters
+    /// row by row.
+    pub fn uncertainty(&mut self, at: &Problem<'_>) {
+        self.linearise(at, self.found[at.lane].levels);
+        let (p, unknowns) = (self.parameters(), self.step.len());
         for j in 0..unknowns {
             let column = &mut self.inverse[j * unknowns..][..unknowns];
             column.fill(0.0);
@@ -488,7 +563,8 @@ impl Process {
                     }
                     for (unknown, score) in score.iter_mut().enumerate() {
                         let slope = self.slopes[unknown * self.lines.len() + block.line + i];
-                        let mean = if unknown < p { self.jacobian[unknown * all + row] } else { 0.0 };
+                        let mean =
+                            if unknown < p { self.jacobian[unknown * all + row] } else { 0.0 };
                         *score = mean * e / free + 0.5 * slope * (1.0 - e * e / free);
                     }
                     for (i, to) in influence.iter_mut().enumerate().take(p) {
@@ -504,18 +580,44 @@ impl Process {
             }
         }
         (self.step, self.coefficients) = (score, influence);
+        self.found[at.lane].cov.copy_from_slice(&self.joint);
+    }
+
+    fn parameters(&self) -> usize {
+        self.step.len() - LEVELS
+    }
+
+    /// Covariance of two parameters.
+    pub fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.joint[i * self.step.len() + j]
+    }
+
+    /// The same row by row.
+    pub fn sandwich(&self, i: usize, j: usize) -> f64 {
+        self.sandwich[i * self.parameters() + j]
+    }
+
+    /// Entry of the normal matrix of the whitened columns of θ.
+    pub fn gram(&self, i: usize, j: usize) -> f64 {
+        (0..=i.min(j)).map(|k| self.mean.r(k, i) * self.mean.r(k, j)).sum()
+    }
+
+    /// Whether the column of a parameter depends on those before it.
+    pub fn is_dependent(&self, parameter: usize) -> bool {
+        self.mean.r(parameter, parameter) == 0.0
     }
 
     /// Degrees of freedom of the variance of a parameter, from the scatter of the levels that it rests on.
-    fn degrees(&self, parameter: usize, p: usize) -> f64 {
-        let (unknowns, all) = (p + LEVELS, self.residual.len());
+    pub fn degrees(&self, parameter: usize) -> f64 {
+        let (p, unknowns, all) = (self.parameters(), self.step.len(), self.residual.len());
         let (mut total, mut share) = (0.0, [0.0; LEVELS]);
         for block in &self.blocks {
             for i in 0..block.lines {
                 let own = &self.lines[block.line + i];
                 for row in [block.row + i, block.row + block.lines + i] {
-                    let each = (0..p)
-                        .map(|k| self.joint[parameter * unknowns + k] * self.jacobian[k * all + row]);
+                    let each = (0..p).map(|k| {
+                        self.joint[parameter * unknowns + k] * self.jacobian[k * all + row]
+                    });
                     let influence: f64 = each.sum();
                     total += influence * influence;
                     for (share, unit) in share.iter_mut().zip(own.units) {
@@ -541,71 +643,7 @@ fn leverage(block: &Block, mean: &Columns, row: usize) -> f64 {
     square(&block.transient, row - block.row) + square(mean, row)
 }
 
-/// Carries on from the estimates that stand in the lanes, with their covariances where they are asked for.
-pub(super) fn refine(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    (tol, maxiter): (f64, usize),
-    covariance: bool,
-) {
-    let mut process = w.process.take().unwrap_or_else(|| Box::new(Process::new(d, isa)));
-    let p = d.parameters();
-    for lane in 0..LANES {
-        if !live[lane] || w.dependent[lane] {
-            continue;
-        }
-        for (to, from) in process.found[lane].theta.iter_mut().zip(&w.iterates.theta.now) {
-            *to = from.0[lane];
-        }
-        let at = Problem { d, records: &w.records, lane };
-        let (steps, settled) = process.seek(&at, lane, tol, maxiter);
-        for (to, from) in w.iterates.theta.now.iter_mut().zip(&process.found[lane].theta) {
-            to.0[lane] = *from;
-        }
-        w.progress.nit.0[lane] += steps as f64;
-        w.progress.active.0[lane] = f64::from(!settled);
-        let levels = process.found[lane].levels;
-        let (mut log, mut rows, mut misfit) = (0.0, 0.0, 0.0);
-        for (k, block) in process.blocks.iter().enumerate() {
-            for (i, own) in process.lines[block.line..][..block.lines].iter().enumerate() {
-                let r = at.rows(k, i);
-                log += r * ln_1(own.s / own.size / d.records[k].lines.unit_variance);
-                (rows, misfit) = (rows + r, misfit + own.misfit);
-            }
-        }
-        w.progress.cost.0[lane] = match d.noise {
-            Noise::Process => libm::exp(log / rows) * d.degrees_of_freedom() as f64,
-            Noise::Output | Noise::Equation => levels[1] * misfit,
-        };
-        if !covariance {
-            continue;
-        }
-        process.linearise(&at, levels);
-        process.uncertainty(p);
-        for i in 0..p {
-            for j in 0..p {
-                let at = i * p + j;
-                let own = process.joint[i * (p + LEVELS) + j];
-                w.cov_nonrobust[at].0[lane] = own;
-                w.spectral.cov[at].0[lane] = own;
-                w.cov_hc3[at].0[lane] = process.sandwich[at];
-                let r = |k: usize, j: usize| process.mean.r(k, j);
-                w.gram[at].0[lane] = (0..=i.min(j)).map(|k| r(k, i) * r(k, j)).sum();
-            }
-            w.spectral.degrees[i].0[lane] = process.degrees(i, p);
-            // Columns that depend on each other have no pivot.
-            w.dependent[lane] |= process.mean.r(i, i) == 0.0;
-        }
-        let joint = std::mem::take(&mut process.joint);
-        process.found[lane].cov.copy_from_slice(&joint);
-        process.joint = joint;
-    }
-    w.process = Some(process);
-}
-
-impl Process {
+impl Driven {
     /// Levels of a lane in the user's units.
     pub fn levels(&self, d: &Design, lane: usize) -> Levels {
         let p = d.parameters();
