@@ -10,6 +10,7 @@ from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
+from .origin import origin
 
 __all__ = ["UNLIKELY", "misfit", "of_residuals", "too_large", "too_small"]
 
@@ -66,15 +67,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
             )
         )
     if too_large(d.chi2_p):
-        found.append(
-            Doubt(
-                f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} "
-                f"for {fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g}). Either the model misses "
-                "something, or the record was low-pass filtered and the high band is empty of noise, as "
-                "flight records often are.",
-                sure=False,
-            )
-        )
+        found.append(_too_large(fit, d, alone=not said))
     elif too_small(d.chi2_p, d.level_ratio):
         found.append(
             Doubt(
@@ -94,6 +87,36 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
             )
         )
     return found
+
+
+def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool) -> Doubt:
+    """Residuals far above the high band's noise, and where their spectrum says that it comes from.
+
+    `alone`: nothing else explains them.
+    """
+    text = (
+        f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
+        f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
+    )
+    found = origin(fit) if alone else None
+    if found == "process":
+        text += (
+            " Their spectrum is that of noise which drives the system itself, such as turbulence or load. "
+            'First try noise="process".'
+        )
+        return Doubt(text, sure=d.chi2_p < SURE)
+    text += (
+        " Either the model misses something, or the record was low-pass filtered and the high band is empty "
+        "of noise, as flight records often are."
+    )
+    if found == "either":
+        text += (
+            " Noise that drives the system, such as turbulence, looks like this, too: compare "
+            'noise="process" with noise="coloured".'
+        )
+    if found == "coloured":
+        text += ' Coloured noise on the samples fits their spectrum: compare noise="coloured".'
+    return Doubt(text, sure=False)
 
 
 def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[tuple[Doubt, float]]:

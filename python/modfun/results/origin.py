@@ -1,0 +1,63 @@
+"""Where noise comes from, by the spectrum of the residuals: the sensors, or the system itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..errors import ModfunError
+from ..models.transfer_function import TransferFunction
+from .cures import WORTH
+from .estimates import Estimates
+
+__all__ = ["origin"]
+
+RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
+POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
+
+
+def origin(fit: Estimates) -> str | None:
+    """ "process", "coloured", "either" or None, by likelihoods of the residual lines up to an eighth of the rate.
+
+    Process noise beside white noise of the samples has the spectrum r + (1 - r)/|A|^2, coloured noise of
+    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. One is told from the other, and from white
+    noise, by ten units of -2 log likelihood.
+    """
+    plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
+    if not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
+        return None
+    steps = [rec.dt for rec in fit.records if rec.dt is not None and rec.mask is None and rec.sigma is None]
+    if len(steps) != len(fit.records):
+        return None
+    top = np.pi / 4 / max(steps)
+    if fit.band[0] >= top:
+        return None
+    try:
+        wide = fit.again(fit.records, fit.structure, fit.options.replace(band=(fit.band[0], top), harmonics=None))
+    except ModfunError:
+        return None
+    if not wide.usable:
+        return None
+    power, rows, driven, delay = [], [], [], []
+    for (low, high), omega0, (piece, *_), dt in zip(wide.lines, wide.omega0, wide.pieces, steps, strict=True):
+        m = np.arange(low, high + 1)
+        power.append(np.abs(piece) ** 2)
+        rows.append(np.where(m == 0, 1.0, 2.0))
+        a = np.polyval(wide.polynomials(0)[0], 1j * m * omega0)
+        driven.append(1 / np.maximum(np.abs(a) ** 2, np.finfo(float).tiny))
+        delay.append(np.exp(-1j * m * omega0 * dt))
+    k, squares, z = np.concatenate(rows), np.concatenate(power), np.concatenate(delay)
+    shape = np.concatenate(driven)
+
+    def deviance(spectrum: F64) -> float:
+        level = np.sum(squares / spectrum) / np.sum(k)
+        return float(np.sum(k * np.log(spectrum)) + np.sum(k) * np.log(level))
+
+    process = min(deviance((1 - r) * shape / np.mean(shape) + r) for r in RATIOS)
+    coloured = min(deviance(1 / np.abs(1 - c * z) ** 2) for c in POLES)
+    white = deviance(np.ones(k.size))
+    if min(process, coloured) > white - WORTH:
+        return None
+    if abs(process - coloured) <= WORTH:
+        return "either"
+    return "process" if process < coloured else "coloured"
