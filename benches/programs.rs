@@ -366,7 +366,7 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
         equations: duffing::equations(Rule::Gregory),
         rule: Rule::Gregory,
         method: Method::Ml,
-        flat: false,
+        noise: Noise::Output,
         trend: Trend::None,
         band: Band::Harmonics(harmonics),
         levels: Some(vec![0.2]),

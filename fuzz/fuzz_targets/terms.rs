@@ -7,6 +7,7 @@ use modfun::estimate::terms::{
 };
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
+use modfun::structure::Noise;
 use modfun::tape::{Tape, Written};
 use modfun_fuzz::{Bytes, Sampling, diagonal, same, sound, told, views};
 
@@ -21,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     let options = TermsOptions {
         rule: b.rule(),
         method: b.method(),
-        flat: b.rarely(),
+        noise: b.of(&[Noise::Output, Noise::Equation, Noise::Process]),
         trend: b.trend(),
         band: b.band(n as f64 * dt),
         levels: b.flag().then(|| b.many(noisy, |b| b.near(0.01))),

@@ -2,8 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Many, NoiseSpectrum,
-    Options, RecordView, Time, Wanted,
+    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Levels, Many,
+    NoiseSpectrum, Options, RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -147,8 +147,6 @@ impl Given {
             ("rest", Initial::Rest),
             ("periodic", Initial::Periodic),
         ];
-        let noises =
-            [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
         Ok(FitOptions {
             structure: {
                 let structure = Structure::new(self.order, self.numerators.clone())?;
@@ -159,7 +157,7 @@ impl Given {
             intersample: self.words.intersample()?,
             rule: self.words.rule()?,
             method: self.words.method()?,
-            noise: word("noise", &self.noise, &noises)?,
+            noise: noise(&self.noise)?,
             trend: self.words.trend()?,
             extended: self.words.extended,
             band: self.words.band()?,
@@ -341,17 +339,31 @@ fn set_lines(out: &Bound<'_, PyDict>, lines: &[Lines]) -> PyResult<()> {
     out.set_item("omega0", lines.iter().map(|l| l.omega0).collect::<Vec<_>>())
 }
 
+/// Where noise comes from, by its word.
+pub fn noise(given: &str) -> Result<Noise, Error> {
+    let noises =
+        [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
+    word("noise", given, &noises)
+}
+
+/// Levels of noise that drives the system and of the samples, where they were estimated.
+pub fn set_levels(out: &Bound<'_, PyDict>, levels: Option<Levels>) -> PyResult<()> {
+    let Some(Levels { values, cov, shares }) = levels else { return Ok(()) };
+    let py = out.py();
+    let size = cov.len().isqrt();
+    let count = shares.len();
+    out.set_item("process_levels", vector(py, values))?;
+    out.set_item("cov_process_levels", matrix(py, cov, size)?)?;
+    let both = shares.into_iter().flat_map(|(share, error)| [share, error]).collect();
+    out.set_item("process_shares", matrix(py, both, count)?)
+}
+
 /// What a fit of one output answers.
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
-    let parameters = f.answer.theta.len();
     let out = answered(py, f.answer)?;
     out.set_item("sigma", f.sigma)?;
     out.set_item("free_cost", f.free_cost)?;
-    if let Some(levels) = f.levels {
-        let size = parameters + levels.values.len();
-        out.set_item("process_levels", vector(py, levels.values.to_vec()))?;
-        out.set_item("cov_process_levels", matrix(py, levels.cov, size)?)?;
-    }
+    set_levels(&out, f.levels)?;
     out.set_item("record_levels", vector(py, f.record_levels))?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {

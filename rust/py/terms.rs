@@ -16,7 +16,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::arrays::{channels, complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{When, Words, answered, asked, many_dictionary, sampling};
+use crate::fit::{When, Words, answered, asked, many_dictionary, noise, sampling, set_levels};
 
 /// Operations and positions of results.
 type GivenTape = (Vec<Written>, Vec<usize>);
@@ -53,7 +53,7 @@ struct GivenTerms {
     #[pyo3(item)]
     linear: bool,
     #[pyo3(item)]
-    flat: bool,
+    noise: String,
     #[pyo3(item)]
     levels: Option<Vec<f64>>,
     #[pyo3(item)]
@@ -90,7 +90,7 @@ impl GivenTerms {
             },
             rule: words.rule()?,
             method: words.method()?,
-            flat: self.flat,
+            noise: noise(&self.noise)?,
             trend: words.trend()?,
             band: words.band()?,
             levels: self.levels,
@@ -179,6 +179,7 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
         residuals.append(matrix(py, complex(record.iter().flatten()), record.len())?)?;
     }
     out.set_item("residuals", residuals)?;
+    set_levels(&out, f.driven)?;
     Ok(out)
 }
 

@@ -20,7 +20,7 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
 from .gaps import bridged, variances
-from .prepared import KEPT, LONGEST, refuse_known_start, refuse_process_noise
+from .prepared import KEPT, LONGEST, refuse_known_start
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -69,7 +69,6 @@ def prepare_equation(
         As in `fit`.
     """
     refuse_known_start(options)
-    refuse_process_noise(options)
     first: Batch | Record
     sampling: tuple[tuple[int, Any], ...]
     if isinstance(data, Batch):
@@ -81,10 +80,10 @@ def prepare_equation(
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
-    words = options.core() | {"trend": trend, "intersample": (), "flat": options.noise == "equation"}
+    words = options.core() | {"trend": trend, "intersample": ()}
+    words["noise"] = options.noise if options.noise in ("equation", "process") else "output"
     # Noise of inputs and outputs cannot be told apart by how large the residuals are.
     words["learn"] = options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
-    del words["noise"]
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))

@@ -136,8 +136,9 @@ def refuse_process_noise(options: Options) -> None:
     """
     if options.noise == "process":
         raise SpecError(
-            'fit: noise="process" is for transfer functions of one output, without free delays, held '
-            'coefficients, masks and sigma; take noise="output", or "equation" where sensors add next to nothing'
+            'fit: noise="process" is for transfer functions of one output without free delays, held '
+            "coefficients, masks and sigma, and for an Equation or a StateSpace that measures all its states; write "
+            'several outputs so, or take noise="output"'
         )
 
 

@@ -76,7 +76,7 @@ class Estimates:
     record_levels: F64 | None = None
     stability_cost: float = nan
     free_cost: float = nan
-    process_levels: tuple[F64, F64] | None = None
+    process_levels: tuple[F64, F64, F64] | None = None
     tail: float = inf
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
@@ -102,7 +102,9 @@ class Estimates:
             # With noise inside the system the spectrum is that of its levels.
             "spectrum": None if "process_levels" in found else found.get("noise_spectrum"),
             "process_levels": (
-                (found["process_levels"], found["cov_process_levels"]) if "process_levels" in found else None
+                (found["process_levels"], found["cov_process_levels"], found["process_shares"])
+                if "process_levels" in found
+                else None
             ),
             "free_cost": nan if found.get("free_cost") is None else found["free_cost"],
             "lines": tuple(found["lines"]),

@@ -120,7 +120,7 @@ class EquationFit(Fit):
     @property
     def chi2(self) -> float:
         """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
-        weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
+        weighted = self.options.method in ("awls", "ml") and self.options.noise not in ("equation", "process")
         known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
         over = self.noise_scale * np.mean((self.levels / self.seen) ** 2)  # nothing but 1 where they agree
         return self.df_resid * float(over) if weighted and known else float("nan")

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.arrays import F64
 from ..base.student import normal_factor, probability, root
 from ..base.tables import Table
 from ..errors import SpecError
@@ -14,10 +13,7 @@ from ..errors import SpecError
 if TYPE_CHECKING:
     from .estimates import Estimates
 
-__all__ = ["process_noise", "share_of_process"]
-
-PARTS = ("measurement", "process")
-STEP = 1e-5  # of a parameter or level, in differences
+__all__ = ["in_words", "process_noise"]
 
 
 def process_noise(fit: Estimates, level: float) -> Table:
@@ -25,51 +21,50 @@ def process_noise(fit: Estimates, level: float) -> Table:
     level = probability("process_noise", level)
     if fit.process_levels is None:
         raise SpecError(
-            'process_noise: this fit takes all noise as that of the outputs; fit with noise="process"'
+            f"process_noise: with noise={fit.options.noise!r} all noise is taken as that of the samples; fit "
+            'with noise="process"'
         )
-    values, cov = fit.process_levels
-    shares, share_error = share_of_process(fit)
+    values, cov, shares = fit.process_levels
+    count = values.size // 2
     with np.errstate(divide="ignore", invalid="ignore"):
         sizes = np.sqrt(values)
-        errors = np.where(values > 0, root(np.diag(cov)[-2:]) / (2 * sizes), np.nan)
+        errors = np.where(values > 0, root(np.diag(cov)[-2 * count :]) / (2 * sizes), np.nan)
         half = normal_factor(level) * errors / sizes
         low, high = sizes * np.exp(-half), sizes * np.exp(half)
-    told = [k for k, name in enumerate(PARTS) if name == "process" or fit.options.noise == "process"]
+    # Of one output both parts are told; which of several equations moves an output is not told apart.
+    process = shares[:, 0] if count == 1 else np.full(count, np.nan)
+    columns = {
+        "noise": np.repeat(["measurement", "process"], count),
+        "of": np.array([*fit.outputs[:count], *fit.row_names]),
+        "level": sizes,
+        "se": errors,
+        "low": low,
+        "high": high,
+        "share": np.concatenate([1 - shares[:, 0], process]),
+        "share_se": np.concatenate([shares[:, 1], shares[:, 1] if count == 1 else process]),
+    }
+    told = slice(0 if fit.options.noise == "process" else count, None)
     return Table(
-        {
-            "noise": np.array(PARTS)[told],
-            "level": sizes[told],
-            "se": errors[told],
-            "low": low[told],
-            "high": high[told],
-            "share": np.array([1 - shares, shares])[told],
-            "share_se": np.full(len(told), share_error),
-        },
+        {name: column[told] for name, column in columns.items()},
         title="Standard deviation on a sample, and root of the density of what drives the system",
     )
 
 
-def share_of_process(fit: Estimates) -> tuple[float, float]:
-    """Part of the noise power on the lines used that the system's response to process noise is, and its error."""
+def in_words(fit: Estimates) -> str:
+    """Levels of process and measurement noise, and how much of the misfit is the first."""
     assert fit.process_levels is not None
-    values, cov = fit.process_levels
-    at, order = np.append(fit.params, values), fit.order
-    if not (np.isfinite(at).all() and (values > 0).all()):
-        return float(values[0] == 0), 0.0
-
-    def share(unknowns: F64) -> float:
-        measured, driven = 0.0, 0.0
-        for (low, high), omega0, intervals in zip(fit.lines, fit.omega0, fit.intervals, strict=True):
-            m = np.arange(low, high + 1)
-            a = np.polyval(np.append(1.0, unknowns[:order]), 1j * m * omega0)
-            measured += m.size * unknowns[-2] / intervals
-            driven += float(np.sum(omega0 / (2 * np.pi) * unknowns[-1] / np.abs(a) ** 2))
-        return driven / (measured + driven)
-
-    slopes = np.zeros(at.size)
-    for k in (*range(order), at.size - 2, at.size - 1):
-        step = np.zeros(at.size)
-        step[k] = STEP * abs(at[k])
-        if step[k]:
-            slopes[k] = (share(at + step) - share(at - step)) / (2 * step[k])
-    return share(at), float(np.sqrt(max(slopes @ cov @ slopes, 0.0)))
+    if not np.isfinite(fit.process_levels[0]).all():
+        return "white in the system and on the outputs; no levels"
+    rows, shares = process_noise(fit, 0.95), fit.process_levels[2]
+    several = len(shares) > 1
+    told = [
+        f"{name}{f' of {of}' if several else ''} {level:.4g}" + (f" ± {error:.2g}" if error > 0 else "")
+        for name, of, level, error in zip(rows["noise"], rows["of"], rows["level"], rows["se"], strict=True)
+    ]
+    if fit.options.noise != "process":
+        return f"white in the equations: {', '.join(told)}"
+    parts = [
+        f"{100 * share:.0f} ± {100 * error:.0f} % of the misfit{f' of {y}' if several else ''}"
+        for y, (share, error) in zip(fit.outputs, shares, strict=False)
+    ]
+    return f"white in the system and on the outputs: {', '.join(told)}; process noise is {', '.join(parts)}"

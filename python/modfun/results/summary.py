@@ -17,7 +17,7 @@ from .diagnosis import level_p, level_ratio
 from .doubts import numbers
 from .estimates import Estimates
 from .misfit import too_large, too_small
-from .process_noise import process_noise, share_of_process
+from .process_noise import in_words
 from .starts import starts
 
 __all__ = ["Summary", "facts", "one_line", "parameters"]
@@ -154,8 +154,8 @@ def _band(fit: Estimates) -> str:
 
 
 def _noise(fit: Estimates) -> str:
-    if fit.options.noise == "process":
-        return _both_kinds(fit)
+    if fit.process_levels is not None:
+        return in_words(fit)
     if fit.options.noise == "equation":
         return f"white equation error; level {numbers(fit.sigma)}"
     if fit.options.method in ("ls", "wls"):
@@ -184,20 +184,6 @@ def _noise(fit: Estimates) -> str:
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
         return text
     return f"{text}; in the unused high band {numbers(fit.high_band_sigma)}"
-
-
-def _both_kinds(fit: Estimates) -> str:
-    """Levels of process and measurement noise, and how much of the misfit is the first."""
-    if fit.process_levels is None or not np.isfinite(fit.process_levels[0]).all():
-        return "white in the system and on the output; no levels"
-    rows = process_noise(fit, 0.95)
-    told = [
-        f"{name} {level:.4g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
-        for name, level, error in zip(rows["noise"], rows["level"], rows["se"], strict=True)
-    ]
-    share, error = share_of_process(fit)
-    part = f"{100 * share:.0f} ± {100 * error:.0f} %" if error > 0 else f"{100 * share:.0f} %"
-    return f"white in the system and on the output: {', '.join(told)}; process noise is {part} of the misfit"
 
 
 def _no_level(fit: Estimates) -> str:

@@ -3,7 +3,7 @@
 use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
-use super::driven::Levels;
+use super::driven::output::Levels;
 use super::options::Options;
 use super::rest::Initial;
 use crate::error::Error;

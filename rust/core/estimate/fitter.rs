@@ -517,10 +517,10 @@ impl Fitter {
             },
             sigma: plain_sigma * d.cost_unit(),
             free_cost: None,
-            levels: w.driven.as_ref().map(|driven| driven.levels(d, lane)),
+            levels: w.refined.as_ref().map(|own| own.levels(d, lane)),
             record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
-            residuals: match &w.driven {
-                Some(driven) => driven.residuals(lane),
+            residuals: match &w.refined {
+                Some(own) => own.residuals(lane),
                 None => residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
             },
         };

@@ -46,7 +46,7 @@ pub use answer::Answer;
 pub use band::{Band, BandRule};
 pub use batch::Batch;
 pub use design::Design;
-pub use driven::Levels;
+pub use driven::output::Levels;
 pub use fit::{Fit, FitOptions, RecordView, Time};
 pub use fitter::Fitter;
 pub use many::Many;

@@ -1,7 +1,8 @@
 //! Estimates carried on with the likelihood of noise that drives the system, lane after lane.
 
 use super::design::Design;
-use super::driven::{Driven, Problem};
+use super::driven::output::{Output, Refined};
+use super::driven::{Driven, Found};
 use super::workspace::Workspace;
 use crate::simd::{Isa, LANES};
 
@@ -11,27 +12,32 @@ pub(super) fn refine(
     d: &Design,
     w: &mut Workspace,
     live: [bool; LANES],
-    (tol, maxiter): (f64, usize),
+    limits: (f64, usize),
     covariance: bool,
 ) {
-    let mut driven = w.driven.take().unwrap_or_else(|| Box::new(Driven::new(d, isa)));
+    let p = d.parameters();
+    let mut output = Output { d, records: &w.records, lane: 0, theta: Vec::new() };
+    let Refined { mut driven, mut found } = match w.refined.take() {
+        Some(own) => *own,
+        None => Refined { driven: Driven::new(&output, isa), found: vec![Found::default(); LANES] },
+    };
     for (lane, live) in live.into_iter().enumerate() {
-        let theta = &mut w.iterates.theta.now;
+        let (theta, found) = (&mut w.iterates.theta.now, &mut found[lane]);
+        *found = Found::default();
         if !live || w.dependent[lane] || theta.iter().any(|t| !t.0[lane].is_finite()) {
-            driven.forget(lane);
             continue;
         }
-        let at = Problem { d, records: &w.records, lane };
-        let found = driven.seek(&at, theta.iter().map(|t| t.0[lane]), tol, maxiter);
-        for (to, from) in theta.iter_mut().zip(driven.theta(lane)) {
+        output.lane = lane;
+        found.theta.extend(theta.iter().map(|t| t.0[lane]));
+        let sought = driven.seek(&mut output, found, &[1.0], limits);
+        for (to, from) in theta.iter_mut().zip(&found.theta) {
             to.0[lane] = *from;
         }
-        w.progress.nit.0[lane] += found.steps as f64;
-        w.progress.active.0[lane] = f64::from(!found.settled);
-        w.progress.cost.0[lane] = found.cost;
+        w.progress.nit.0[lane] += sought.steps as f64;
+        w.progress.active.0[lane] = f64::from(!sought.settled);
+        w.progress.cost.0[lane] = driven.cost_of_output(d, found);
         if covariance {
-            driven.uncertainty(&at);
-            let p = d.parameters();
+            driven.uncertainty(&mut output, found);
             for k in 0..p * p {
                 let (i, j) = (k / p, k % p);
                 w.cov_nonrobust[k].0[lane] = driven.covariance(i, j);
@@ -45,5 +51,5 @@ pub(super) fn refine(
             }
         }
     }
-    w.driven = Some(driven);
+    w.refined = Some(Box::new(Refined { driven, found }));
 }

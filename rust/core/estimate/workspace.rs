@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::aliasing::Measured;
 use super::design::Design;
-use super::driven::Driven;
+use super::driven::output::Refined;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
@@ -82,7 +82,7 @@ pub struct Workspace {
     pub(crate) spectral: Spectral,
     pub(crate) gram: Vec<Wide>,
     /// Where noise drives the system, once it was needed.
-    pub(crate) driven: Option<Box<Driven>>,
+    pub(crate) refined: Option<Box<Refined>>,
     pub(crate) row_re: Vec<Wide>,
     pub(crate) row_im: Vec<Wide>,
     pub(crate) z_re: Vec<Wide>,
@@ -159,7 +159,7 @@ impl Workspace {
             kinds: Kinds::default(),
             spectral: Spectral::new(d.bins.terms.len(), 1, p),
             gram: wide(p * p),
-            driven: None,
+            refined: None,
             row_re: wide(extra + 1),
             row_im: wide(extra + 1),
             z_re: wide(extra),

@@ -99,6 +99,11 @@ impl Power {
         Power { odd: k % 2 == 1, size }
     }
 
+    /// (iω)^k of a line.
+    pub fn at(&self, line: usize) -> (f64, f64) {
+        if self.odd { (0.0, self.size[line]) } else { (self.size[line], 0.0) }
+    }
+
     /// Adds `by` (iω)^k to each.
     pub fn add(&self, by: f64, to: &mut Split) {
         let part = if self.odd { &mut to.im } else { &mut to.re };

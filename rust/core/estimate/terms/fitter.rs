@@ -8,10 +8,11 @@ use super::uncertainty::Worth;
 use crate::error::{Error, Status};
 use crate::estimate::answer::Answer;
 use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
+use crate::estimate::driven::output::Levels;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
 use crate::estimate::spectral::NoiseSpectrum;
-use crate::structure::Method;
+use crate::structure::{Method, Noise};
 
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
@@ -36,6 +37,8 @@ pub struct TermsFit {
     pub at_bound: Vec<bool>,
     /// Residuals of each record and equation over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
+    /// Where noise drives the equations: what of it, and what of the samples.
+    pub driven: Option<Levels>,
 }
 
 impl TermsFitter {
@@ -64,6 +67,9 @@ impl TermsFitter {
         chosen: &Choice,
         worker: Worker,
     ) -> Result<(TermsFit, Worker), Error> {
+        if let Some(noise) = self.driven() {
+            return self.finish_driven(records, variances, chosen, worker, noise);
+        }
         let other = match &chosen.theta {
             Some(_) => None,
             None => self.narrow_guess(records, &variances, &chosen.ranges)?,
@@ -79,6 +85,59 @@ impl TermsFitter {
         let ended = self.learn(&mut problem, ended)?;
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, chosen.rule)?;
+        Ok((fit, problem.into_worker()))
+    }
+
+    /// The same with the levels of noise inside the equations, from what few lines say without.
+    fn finish_driven(
+        &self,
+        records: &[TermsRecord<'_>],
+        variances: Vec<Vec<f64>>,
+        chosen: &Choice,
+        worker: Worker,
+        noise: Noise,
+    ) -> Result<(TermsFit, Worker), Error> {
+        let narrow: Vec<Range> = self.narrow.iter().zip(&chosen.ranges).map(|(few, own)| (own.0, few.1.min(own.1))).collect();
+        let few = self.problem(records, variances.clone(), &narrow, Worker::default());
+        let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok().filter(usable);
+        let mut problem = self.problem(records, variances, &chosen.ranges, worker)?;
+        let first = match few {
+            Some(few) => few,
+            None => self.estimate(&mut problem, None)?,
+        };
+        let Some(found) = self.refine(&mut problem, &first, noise)? else {
+            let fit = self.finished(&mut problem, &first, chosen.rule)?;
+            return Ok((fit, problem.into_worker()));
+        };
+        let q = self.o.equations.noisy.len();
+        let sigma: Vec<f64> = found.levels.values[..q].iter().map(|v| v.sqrt()).collect();
+        let levels = vec![sigma; records.len()];
+        let lost = matches!(found.ended.status, Status::Rank | Status::NonFinite);
+        let known = |own: Vec<f64>| if lost { vec![f64::NAN; own.len()] } else { own };
+        let fit = TermsFit {
+            answer: Answer {
+                theta: found.ended.theta,
+                cov_spectral: known(found.nonrobust.clone()),
+                cov_nonrobust: known(found.nonrobust),
+                cov_hc3: known(found.hc3),
+                degrees: known(found.degrees.clone()),
+                noise_spectrum: NoiseSpectrum::default(),
+                gram: known(found.gram),
+                cost: found.ended.cost,
+                degrees_of_freedom: problem.degrees_of_freedom(),
+                status: found.ended.status,
+                nit: found.ended.nit,
+                lines: problem.spots.iter().map(|s| s.lines).collect(),
+                band_rule: chosen.rule,
+            },
+            scale: 1.0,
+            seen: levels.clone(),
+            levels,
+            hc3_degrees: known(found.degrees),
+            at_bound: found.ended.at_bound,
+            residuals: found.residuals,
+            driven: Some(found.levels),
+        };
         Ok((fit, problem.into_worker()))
     }
 
@@ -251,7 +310,8 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         variances: &[Vec<f64>],
     ) -> Result<Choice, Error> {
-        if !self.band_is_sought() {
+        // The levels of both kinds of noise need all lines.
+        if !self.band_is_sought() || self.driven().is_some() {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
@@ -381,6 +441,7 @@ impl TermsFitter {
             hc3_degrees,
             at_bound: ended.at_bound.clone(),
             residuals,
+            driven: None,
         })
     }
 }

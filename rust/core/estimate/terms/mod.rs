@@ -12,6 +12,7 @@
 
 mod batch;
 mod complex;
+mod driven;
 mod equations;
 mod factor;
 mod fitter;

@@ -13,7 +13,7 @@ use crate::estimate::spare::Spare;
 use crate::estimate::window::Window;
 use crate::quadrature::Rule;
 use crate::simd::Isa;
-use crate::structure::{Method, Trend};
+use crate::structure::{Method, Noise, Trend};
 
 /// Most lines of the wide band: beyond, dense factors cost more than they tell.
 const WIDEST: usize = 128;
@@ -27,8 +27,8 @@ pub struct TermsOptions {
     pub rule: Rule,
     /// Estimator.
     pub method: Method,
-    /// White noise in the equations instead of the channels'.
-    pub flat: bool,
+    /// Of the channels, of the equations, or of both.
+    pub noise: Noise,
     /// Constant and drift of each equation.
     pub trend: Trend,
     /// Lines.
@@ -101,14 +101,24 @@ impl TermsFitter {
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
+        if o.noise == Noise::Process && !(e.can_be_driven() && uneven.iter().all(Vec::is_empty)) {
+            return Err(Error::Spec(format!(
+                "fitting equations with process noise: it is told from that of the samples by {} equations in {} noisy \
+                 outputs; it takes as many equations as outputs, each linear in all outputs (and in the form in which it \
+                 was written: no unmeasured state), delays that are known, and samples of even noise without gaps. \
+                 Take noise=\"output\"",
+                e.orders.len(),
+                e.noisy.len()
+            )));
+        }
         let pairs = Pairs::new(e);
         Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })
     }
 
     /// What weighs the rows, and of which signals the columns are made.
     pub(crate) fn weights(&self) -> (RowWeights, LeftColumns) {
-        match (self.o.flat, self.o.method) {
-            (true, _) | (_, Method::Wls | Method::Ls) => (RowWeights::Flat, LeftColumns::Data),
+        match (self.o.noise, self.o.method) {
+            (Noise::Equation, _) | (_, Method::Wls | Method::Ls) => (RowWeights::Flat, LeftColumns::Data),
             (_, Method::Awls) => (RowWeights::Adapted, LeftColumns::Data),
             (_, Method::Ml) => (RowWeights::Adapted, LeftColumns::Denoised),
         }

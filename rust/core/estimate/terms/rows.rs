@@ -8,7 +8,7 @@ mod base;
 mod covariance;
 mod denoised;
 
-use super::complex::{Power, Split, late};
+use super::complex::{C, Power, Split, late};
 use super::equations::Equations;
 use super::lines::{Desk, Pairs, Spectra};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -374,6 +374,39 @@ impl Spot {
     /// The base of the whitened transient columns on all rows.
     pub fn base(&self) -> &Base {
         &self.base
+    }
+
+    /// (iω)^order on a line.
+    pub fn power(&self, line: usize, order: usize) -> (f64, f64) {
+        self.powers[order].at(line)
+    }
+
+    /// e^{−iω lag} on a line.
+    pub fn turn(&self, line: usize, lag: f64) -> (f64, f64) {
+        if lag == 0.0 {
+            return (1.0, 0.0);
+        }
+        let C(re, im) = late((line + self.lines.first) as f64 * self.lines.omega0 * lag);
+        (re, im)
+    }
+
+    /// Coefficient of a signal on a line.
+    pub fn signal(&self, signal: usize, line: usize) -> (f64, f64) {
+        let C(re, im) = self.spectra.signals[signal].get(line + self.lines.first);
+        (re, im)
+    }
+
+    /// A column of the transient in each equation on a line.
+    pub fn transient(&self, line: usize, column: usize, to: &mut [(f64, f64)]) {
+        let from_zero = usize::from(self.lines.first == 0);
+        let first = (2 * line - from_zero * usize::from(line > 0)) * to.len();
+        let at = |row: usize| self.transient[row * self.transients + column];
+        let real = from_zero == 1 && line == 0;
+        let equations = to.len();
+        for (equation, to) in to.iter_mut().enumerate() {
+            let im = if real { 0.0 } else { at(first + equations + equation) };
+            *to = (at(first + equation), im);
+        }
     }
 
     /// Standard deviation of each row under flat weights.

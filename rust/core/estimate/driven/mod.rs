@@ -1,0 +1,440 @@
+//! Noise that drives the system: `ml` where the spectrum of the noise depends on θ.
+//!
+//! A(s)Y = B(s)U + T + W on the lines, A a square matrix: as many equations as outputs. With white noise of densities Q on
+//! the equations (W) beside white noise of variances σ² on the samples, r = AY − BU − T has the covariance h_m S_m in Re
+//! and in Im of line m,
+//!
+//! ```text
+//! S_m = v A diag(σ²) Aᴴ + diag(Q)/T      (v the variance of a coefficient under unit noise, T the record's duration),
+//! ```
+//!
+//! and the outputs about the model's response h_m P_m, P = A⁻¹ S A⁻ᴴ. The estimate solves, for each unknown a of (θ, σ², Q) and
+//! with the transient at its best,
+//!
+//! ```text
+//! Σ_m tr(P⁻¹ ∂_a P (k_m − ℓ_m − P⁻¹ Δ_m Δ_mᴴ/h)) + 2 Σ_m Re r_mᴴ (h S)⁻¹ ∂_a r̂_m = 0,
+//! ```
+//!
+//! Δ = A⁻¹r the outputs without the response, r̂ the residual with the model's own response for Y, k_m the real rows of
+//! an output on line m, ℓ_m the leverage that the columns of transient and θ have in them. Without ℓ these are the equations
+//! of maximum likelihood, whose term Σ k log det P no estimate with σ² and Q can do without. A squared residual is
+//! expected to be k − ℓ, not k: with ℓ the equations hold on average at the truth, which takes out most of the bias of
+//! few lines, as degrees of freedom do for a single level. Where Q is 0 they are `ml` under output noise with
+//! σ̂² = cost/degrees of freedom. Without σ² it is white noise in the equations.
+
+pub(crate) mod output;
+mod search;
+mod small;
+mod worth;
+
+use crate::covariance::FLOOR;
+use crate::linalg::columns::Columns;
+use crate::math::ln_1;
+use crate::simd::Isa;
+pub(crate) use small::C;
+use small::{add_outer, apply, by, colour, conjugate, factor, invert, plus, whiten};
+
+/// Least of a line's rows that leverage leaves.
+const LEFT: f64 = 1e-6;
+
+/// One record on its lines.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sampled {
+    pub lines: usize,
+    /// Whether the first of these is line 0, which has no imaginary part.
+    pub from_zero: bool,
+    /// Variance of a coefficient under unit noise of the samples, and under unit noise of the equations.
+    pub variances: [f64; 2],
+}
+
+/// What is fitted: equations that are linear in the outputs, on the lines of records.
+pub(crate) trait Linear {
+    /// Outputs, as many as equations.
+    fn outputs(&self) -> usize;
+    /// Parameters θ.
+    fn parameters(&self) -> usize;
+    /// Columns of the transient of a record.
+    fn transients(&self) -> usize;
+    /// Records.
+    fn records(&self) -> usize;
+    /// One of them.
+    fn record(&self, record: usize) -> Sampled;
+    /// Whether the samples have noise, too.
+    fn measured(&self) -> bool;
+    /// Least and most of a parameter.
+    fn bounds(&self, parameter: usize) -> (f64, f64);
+    /// Makes ready for lines at θ.
+    fn set(&mut self, theta: &[f64]);
+    /// A, r = AY − BU, and the sum of sizes in each entry of A.
+    fn line(&self, record: usize, line: usize, a: &mut [C], r: &mut [C], sizes: &mut [f64]);
+    /// ∂A and ∂r by a parameter, the latter where `noise` is taken from the outputs. Whether A depends on it.
+    fn slope(
+        &self,
+        record: usize,
+        line: usize,
+        parameter: usize,
+        noise: &[C],
+        a: &mut [C],
+        r: &mut [C],
+    ) -> bool;
+    /// A column of the transient in each equation.
+    fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]);
+}
+
+/// Rows of one record: Re of the first output on all lines, then Im, then the other outputs, in whole blocks of eight.
+#[derive(Debug, Clone)]
+struct Block {
+    transient: Columns,
+    row: usize,
+    rows: usize,
+    /// Place of its first line among all.
+    line: usize,
+    sampled: Sampled,
+}
+
+/// What is known of a line besides matrices.
+#[derive(Debug, Clone, Copy, Default)]
+struct Line {
+    /// k, the real rows of an output: 1 on line 0, else 2, which is 1/h.
+    count: f64,
+    /// log det P.
+    log_p: f64,
+    /// k − ℓ, the mean over outputs.
+    left: f64,
+    /// |r|² under (hS)⁻¹.
+    misfit: f64,
+}
+
+/// What was found, in the model's units.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Found {
+    pub theta: Vec<f64>,
+    /// σ² of each output, then Q of each equation.
+    pub levels: Vec<f64>,
+    /// Covariance of θ and levels, row major; 0 beside what is 0.
+    pub cov: Vec<f64>,
+    /// Part of each output's misfit that process noise is, and its standard error.
+    pub shares: Vec<(f64, f64)>,
+    /// Whitened rows.
+    pub residual: Vec<f64>,
+}
+
+/// Memory of one estimate.
+#[derive(Debug, Clone)]
+pub(crate) struct Driven {
+    outputs: usize,
+    parameters: usize,
+    blocks: Vec<Block>,
+    lines: Vec<Line>,
+    /// A, its inverse and the lower factor of S of each line.
+    a: Vec<C>,
+    inverse: Vec<C>,
+    lower: Vec<C>,
+    /// Whitened columns of θ without the transient: made orthonormal, and as they are.
+    mean: Columns,
+    jacobian: Vec<f64>,
+    /// L⁻¹A ∂P AᴴL⁻ᴴ of each unknown and line, as real numbers; 0 by levels that are held.
+    slopes: Vec<f64>,
+    /// The same for (k − ℓ) − the residual's own.
+    over: Vec<f64>,
+    /// Columns of the step: those of the rows, above those of their variances.
+    scoring: Columns,
+    /// Whitened residual.
+    residual: Vec<f64>,
+    rows: Vec<f64>,
+    coefficients: Vec<f64>,
+    step: Vec<f64>,
+    last: Vec<f64>,
+    joint: Vec<f64>,
+    sandwich: Vec<f64>,
+    held: Vec<bool>,
+    desk: Desk,
+}
+
+/// Matrices and columns of one line.
+#[derive(Debug, Clone)]
+struct Desk {
+    a: Vec<C>,
+    work: Vec<C>,
+    sizes: Vec<f64>,
+    r: Vec<C>,
+    e: Vec<C>,
+    noise: Vec<C>,
+    slope: Vec<C>,
+    x: Vec<C>,
+    y: Vec<C>,
+}
+
+impl Driven {
+    /// Room for estimates of one model.
+    pub fn new(model: &impl Linear, isa: Isa) -> Driven {
+        let (q, p) = (model.outputs(), model.parameters());
+        let unknowns = p + 2 * q;
+        let (mut row, mut line, mut blocks) = (0, 0, Vec::new());
+        for k in 0..model.records() {
+            let sampled = model.record(k);
+            let rows = (2 * q * sampled.lines).next_multiple_of(8);
+            let transient = Columns::new(isa, rows, model.transients());
+            blocks.push(Block { transient, row, rows, line, sampled });
+            (row, line) = (row + rows, line + sampled.lines);
+        }
+        let all = row + (line * q * q).next_multiple_of(8);
+        let count = |own: &Block, i: usize| if own.sampled.from_zero && i == 0 { 1.0 } else { 2.0 };
+        let lines = blocks.iter().flat_map(|own| (0..own.sampled.lines).map(move |i| count(own, i)));
+        let lines = lines.map(|count| Line { count, ..Line::default() }).collect();
+        let zero = (0.0, 0.0);
+        let column = || vec![zero; q];
+        Driven {
+            outputs: q,
+            parameters: p,
+            blocks,
+            lines,
+            a: vec![zero; line * q * q],
+            inverse: vec![zero; line * q * q],
+            lower: vec![zero; line * q * q],
+            mean: Columns::new(isa, row, p),
+            jacobian: vec![0.0; row * p],
+            slopes: vec![0.0; line * q * q * unknowns],
+            over: vec![0.0; line * q * q],
+            scoring: Columns::new(isa, all, unknowns),
+            residual: vec![0.0; row],
+            rows: vec![0.0; all],
+            coefficients: vec![0.0; unknowns.max(model.transients())],
+            step: vec![0.0; unknowns],
+            last: vec![0.0; unknowns],
+            joint: vec![0.0; unknowns * unknowns],
+            sandwich: vec![0.0; p * p],
+            held: vec![false; unknowns],
+            desk: Desk {
+                a: vec![zero; q * q],
+                work: vec![zero; q * q],
+                sizes: vec![0.0; q * q],
+                r: column(),
+                e: column(),
+                noise: column(),
+                slope: column(),
+                x: column(),
+                y: column(),
+            },
+        }
+    }
+
+    fn unknowns(&self) -> usize {
+        self.parameters + 2 * self.outputs
+    }
+
+    /// Residual at a point with the transient at its best, and what belongs to the lines. Returns the criterion.
+    fn evaluate(&mut self, model: &mut impl Linear, theta: &[f64], levels: &[f64]) -> f64 {
+        model.set(theta);
+        let q = self.outputs;
+        let Desk { a, work, sizes, r, x, .. } = &mut self.desk;
+        let mut criterion = 0.0;
+        for (k, block) in self.blocks.iter_mut().enumerate() {
+            let [unit, inside] = block.sampled.variances;
+            let count = block.sampled.lines;
+            let rows = &mut self.residual[block.row..][..block.rows];
+            rows.fill(0.0);
+            for i in 0..count {
+                let at = (block.line + i) * q * q;
+                model.line(k, i, a, r, sizes);
+                self.a[at..at + q * q].copy_from_slice(a);
+                let s = &mut self.lower[at..at + q * q];
+                s.fill((0.0, 0.0));
+                let mut least = 1.0;
+                for e in 0..q {
+                    let mut largest = 0.0f64;
+                    for l in 0..q {
+                        let level = unit * levels[l];
+                        let size = sizes[e * q + l];
+                        largest = largest.max(size);
+                        s[e * q + e].0 += FLOOR * level * size * size;
+                        for f in 0..=e {
+                            let own = &mut s[e * q + f];
+                            *own = plus(*own, by(a[e * q + l], level), conjugate(a[f * q + l]));
+                        }
+                    }
+                    s[e * q + e].0 += inside * levels[q + e];
+                    least *= largest * largest;
+                }
+                let det_s = factor(s, q);
+                let inverse = &mut self.inverse[at..at + q * q];
+                work.copy_from_slice(a);
+                let det_a = invert(work, q, inverse);
+                let size = det_a.max(FLOOR * least);
+                inverse.iter_mut().for_each(|own| *own = by(*own, det_a / size));
+                let own = &mut self.lines[block.line + i];
+                own.log_p = ln_1(det_s / size);
+                whiten(s, r);
+                spread(r, own.count, rows, (count, i));
+            }
+            block.transient.truncate(0);
+            for j in 0..model.transients() {
+                let lower = self.lower[block.line * q * q..].chunks(q * q);
+                let lines = &self.lines[block.line..];
+                block.transient.push(|column| {
+                    for (i, (lower, own)) in lower.zip(lines).take(count).enumerate() {
+                        model.transient(k, i, j, x);
+                        whiten(lower, x);
+                        spread(x, own.count, column, (count, i));
+                    }
+                });
+            }
+            let taken = &mut self.coefficients[..model.transients()];
+            criterion += block.transient.project(0, rows, taken);
+            for (i, own) in self.lines[block.line..][..count].iter_mut().enumerate() {
+                own.misfit = (0..2 * q).map(|e| rows[e * count + i] * rows[e * count + i]).sum();
+                criterion += own.left * own.log_p;
+            }
+        }
+        criterion
+    }
+
+    /// Columns of θ at the point that was evaluated, leverages, and what a step is made of.
+    fn linearise(&mut self, model: &impl Linear, theta: &[f64], levels: &[f64]) {
+        let (q, p, all) = (self.outputs, self.parameters, self.residual.len());
+        let size = q * q;
+        let part = self.lines.len() * size;
+        self.slopes.fill(0.0);
+        let Desk { a, r, e, noise, slope, x, y, .. } = &mut self.desk;
+        for (k, block) in self.blocks.iter().enumerate() {
+            let [unit, inside] = block.sampled.variances;
+            let count = block.sampled.lines;
+            for i in 0..count {
+                let (place, own) = (block.line + i, self.lines[block.line + i]);
+                let at = place * size;
+                let (lower, inverse) = (&self.lower[at..][..size], &self.inverse[at..][..size]);
+                gather(&self.residual[block.row..], own.count, e, (count, i));
+                colour(lower, e, r);
+                apply(inverse, r, noise);
+                for j in 0..p {
+                    let depends = model.slope(k, i, j, noise, a, slope);
+                    whiten(lower, slope);
+                    let column = &mut self.jacobian[j * all + block.row..][..block.rows];
+                    spread(slope, own.count, column, (count, i));
+                    // −L⁻¹(∂A A⁻¹ Q + …)L⁻ᴴ, a column of Q at a time.
+                    for l in (0..q).filter(|l| depends && levels[q + l] > 0.0) {
+                        for (to, row) in y.iter_mut().zip(inverse.chunks(q)) {
+                            *to = row[l];
+                        }
+                        apply(a, y, x);
+                        whiten(lower, x);
+                        y.fill((0.0, 0.0));
+                        y[l].0 = 1.0;
+                        whiten(lower, y);
+                        let to = &mut self.slopes[j * part + at..][..size];
+                        add_outer(x, y, -2.0 * inside * levels[q + l], to);
+                    }
+                }
+                for l in (0..2 * q).filter(|l| *l >= q || model.measured()) {
+                    for (e, to) in x.iter_mut().enumerate() {
+                        *to = match l < q {
+                            true => self.a[at + e * q + l],
+                            false => (f64::from(u8::from(e == l - q)), 0.0),
+                        };
+                    }
+                    whiten(lower, x);
+                    let to = &mut self.slopes[(p + l) * part + at..][..size];
+                    add_outer(x, x, if l < q { unit } else { inside }, to);
+                }
+            }
+        }
+        self.mean.truncate(0);
+        for j in 0..p {
+            let column = &mut self.jacobian[j * all..][..all];
+            for block in &self.blocks {
+                let rows = &mut column[block.row..][..block.rows];
+                block.transient.project(0, rows, &mut self.coefficients[..block.transient.count()]);
+            }
+            self.mean.push(|to| to.copy_from_slice(column));
+        }
+        self.leverages();
+        self.hold(model, theta, levels);
+        self.scoring.truncate(0);
+        for unknown in 0..self.unknowns() {
+            let free = !self.held[unknown];
+            let (jacobian, slopes) = (&self.jacobian, &mut self.slopes[unknown * part..][..part]);
+            if !free {
+                slopes.fill(0.0);
+            }
+            let slopes = &*slopes;
+            let lines = &self.lines;
+            self.scoring.push(|to| {
+                let (mean, variance) = to.split_at_mut(all);
+                if unknown < p && free {
+                    mean.copy_from_slice(&jacobian[unknown * all..][..all]);
+                }
+                let each = variance.chunks_mut(size).zip(slopes.chunks(size)).zip(lines);
+                for ((to, slopes), own) in each {
+                    let root = (0.5 * own.left).sqrt();
+                    to.iter_mut().zip(slopes).for_each(|(to, slope)| *to = root * slope);
+                }
+            });
+        }
+    }
+
+    /// What leverage leaves of each line's rows, and by how much the residual is less than that.
+    fn leverages(&mut self) {
+        let q = self.outputs;
+        self.over.fill(0.0);
+        for block in &self.blocks {
+            let count = block.sampled.lines;
+            for i in 0..count {
+                let own = &mut self.lines[block.line + i];
+                let rows = (0..2 * q).map(|e| block.row + e * count + i);
+                let taken: f64 = rows.map(|row| leverage(block, &self.mean, row)).sum();
+                own.left = (own.count - taken / q as f64).max(LEFT);
+                let e = &mut self.desk.e;
+                gather(&self.residual[block.row..], own.count, e, (count, i));
+                let over = &mut self.over[(block.line + i) * q * q..][..q * q];
+                over[..q].fill(own.left);
+                add_outer(e, e, -own.count, over);
+            }
+        }
+    }
+
+    /// Levels of 0 of which the equations ask for less stay, as do parameters that are pushed against a bound.
+    fn hold(&mut self, model: &impl Linear, theta: &[f64], levels: &[f64]) {
+        let (q, p, all) = (self.outputs, self.parameters, self.residual.len());
+        let part = self.over.len();
+        for unknown in 0..self.unknowns() {
+            let slopes = &self.slopes[unknown * part..][..part];
+            let mut falls: f64 = slopes.iter().zip(&self.over).map(|(a, b)| a * b).sum();
+            self.held[unknown] = match unknown.checked_sub(p) {
+                Some(level) => {
+                    (level < q && !model.measured()) || (levels[level] == 0.0 && falls >= 0.0)
+                }
+                None => {
+                    let own = &self.jacobian[unknown * all..][..all];
+                    falls += 2.0 * own.iter().zip(&self.residual).map(|(a, b)| a * b).sum::<f64>();
+                    let (low, high) = model.bounds(unknown);
+                    (theta[unknown] <= low && falls >= 0.0) || (theta[unknown] >= high && falls <= 0.0)
+                }
+            };
+        }
+    }
+}
+
+/// Leverage of a row, that of the transient and that of θ.
+fn leverage(block: &Block, mean: &Columns, row: usize) -> f64 {
+    let square = |q: &Columns, row: usize| -> f64 {
+        (0..q.count()).map(|j| q.q(j)[row] * q.q(j)[row]).sum()
+    };
+    square(&block.transient, row - block.row) + square(mean, row)
+}
+
+/// Writes a line's outputs as rows of unit variance, `count` real ones each.
+fn spread(from: &[C], count: f64, rows: &mut [f64], (lines, line): (usize, usize)) {
+    let root = count.sqrt();
+    for (e, own) in from.iter().enumerate() {
+        rows[2 * e * lines + line] = own.0 * root;
+        rows[(2 * e + 1) * lines + line] = own.1 * root;
+    }
+}
+
+/// The reverse.
+fn gather(rows: &[f64], count: f64, to: &mut [C], (lines, line): (usize, usize)) {
+    let root = 1.0 / count.sqrt();
+    for (e, own) in to.iter_mut().enumerate() {
+        *own = (rows[2 * e * lines + line] * root, rows[(2 * e + 1) * lines + line] * root);
+    }
+}

@@ -1,0 +1,209 @@
+//! What an estimate is worth: covariances, degrees of freedom, the share of each kind of noise.
+
+use super::{Block, Driven, Found, Linear};
+use super::small::square;
+
+/// Relative change of an unknown by which the slopes of shares are taken.
+const CHANGE: f64 = 1e-5;
+
+impl Driven {
+    /// Covariances at the estimate that was found last: the joint one from the information, and that of the parameters
+    /// from the scores of the lines.
+    pub fn uncertainty(&mut self, model: &mut impl Linear, found: &mut Found) {
+        self.linearise(model, &found.theta, &found.levels);
+        let unknowns = self.unknowns();
+        let mut inverse = vec![0.0; unknowns * unknowns];
+        for (j, column) in inverse.chunks_mut(unknowns).enumerate() {
+            if self.scoring.r(j, j) != 0.0 {
+                column[j] = 1.0;
+                self.scoring.back(0, column);
+            }
+        }
+        for i in 0..unknowns {
+            for j in 0..unknowns {
+                let each = inverse.chunks(unknowns).map(|column| column[i] * column[j]);
+                self.joint[i * unknowns + j] = each.sum();
+            }
+        }
+        self.meat();
+        found.cov.clone_from(&self.joint);
+        self.shares(model, found);
+    }
+
+    /// The covariance of θ from the scores of the lines, each made larger by what leverage leaves of it.
+    fn meat(&mut self) {
+        let (p, q, all) = (self.parameters, self.outputs, self.residual.len());
+        let (unknowns, size) = (self.unknowns(), q * q);
+        let part = self.over.len();
+        self.sandwich.fill(0.0);
+        let (mut score, mut influence) = (vec![0.0; unknowns], vec![0.0; p]);
+        for block in &self.blocks {
+            for i in 0..block.sampled.lines {
+                let place = block.line + i;
+                let own = self.lines[place];
+                let by = own.count / own.left;
+                let over = &self.over[place * size..][..size];
+                for (unknown, score) in score.iter_mut().enumerate() {
+                    let slope = &self.slopes[unknown * part + place * size..][..size];
+                    let each = slope.iter().zip(over).map(|(a, b)| a * b);
+                    *score = 0.5 * by * each.sum::<f64>();
+                    if unknown < p && !self.held[unknown] {
+                        let column = &self.jacobian[unknown * all..];
+                        let rows = rows(block, q, i);
+                        *score += by * rows.map(|r| column[r] * self.residual[r]).sum::<f64>();
+                    }
+                }
+                for (row, to) in self.joint.chunks(unknowns).zip(&mut influence) {
+                    *to = row.iter().zip(&score).map(|(c, s)| c * s).sum();
+                }
+                for (row, a) in self.sandwich.chunks_mut(p.max(1)).zip(&influence) {
+                    row.iter_mut().zip(&influence).for_each(|(to, b)| *to += a * b);
+                }
+            }
+        }
+    }
+
+    /// Covariance of two parameters.
+    pub fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.joint[i * self.unknowns() + j]
+    }
+
+    /// The same from the scores of the lines.
+    pub fn sandwich(&self, i: usize, j: usize) -> f64 {
+        self.sandwich[i * self.parameters + j]
+    }
+
+    /// Entry of the normal matrix of the whitened columns of θ.
+    pub fn gram(&self, i: usize, j: usize) -> f64 {
+        (0..=i.min(j)).map(|k| self.mean.r(k, i) * self.mean.r(k, j)).sum()
+    }
+
+    /// Whether the column of a parameter depends on those before it.
+    pub fn is_dependent(&self, parameter: usize) -> bool {
+        self.mean.r(parameter, parameter) == 0.0
+    }
+
+    /// Whether a parameter was held at its bound.
+    pub fn is_held(&self, parameter: usize) -> bool {
+        self.held[parameter]
+    }
+
+    /// Degrees of freedom of the variance of a parameter, from the scatter of the levels that it rests on.
+    pub fn degrees(&self, parameter: usize) -> f64 {
+        let (p, q, all) = (self.parameters, self.outputs, self.residual.len());
+        let (unknowns, size, part) = (self.unknowns(), q * q, self.over.len());
+        let (mut total, mut share) = (0.0, vec![0.0; 2 * q]);
+        let mut influence = vec![(0.0, 0.0); q];
+        let mut outer = vec![0.0; size];
+        for block in &self.blocks {
+            let count = block.sampled.lines;
+            for i in 0..count {
+                influence.fill((0.0, 0.0));
+                for k in 0..p {
+                    let by = self.joint[parameter * unknowns + k];
+                    let column = &self.jacobian[k * all + block.row..];
+                    for (e, to) in influence.iter_mut().enumerate() {
+                        to.0 += by * column[2 * e * count + i];
+                        to.1 += by * column[(2 * e + 1) * count + i];
+                    }
+                }
+                total += influence.iter().map(|own| square(*own)).sum::<f64>();
+                outer.fill(0.0);
+                super::small::add_outer(&influence, &influence, 1.0, &mut outer);
+                for (level, share) in share.iter_mut().enumerate() {
+                    let slope = &self.slopes[(p + level) * part + (block.line + i) * size..][..size];
+                    *share += slope.iter().zip(&outer).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+        }
+        let each = (0..4 * q * q).map(|k| {
+            let (i, j) = (k / (2 * q), k % (2 * q));
+            share[i] * share[j] * self.joint[(p + i) * unknowns + p + j]
+        });
+        2.0 * total * total / each.sum::<f64>()
+    }
+
+    /// What part of each output's misfit is the response to process noise, with standard errors by the delta method.
+    fn shares(&mut self, model: &mut impl Linear, found: &mut Found) {
+        let (p, q, unknowns) = (self.parameters, self.outputs, self.unknowns());
+        let share = |own: &mut Driven, model: &mut _, theta: &[f64], levels: &[f64]| -> Vec<f64> {
+            own.evaluate(model, theta, levels);
+            (0..q).map(|output| own.share(output, levels)).collect()
+        };
+        let (theta, levels) = (found.theta.clone(), found.levels.clone());
+        let mut slopes = vec![0.0; q * unknowns];
+        for k in 0..unknowns {
+            let ends = [1.0, -1.0].map(|side| {
+                let (mut theta, mut levels) = (theta.clone(), levels.clone());
+                let own = if k < p { &mut theta[k] } else { &mut levels[k - p] };
+                *own *= 1.0 + side * CHANGE;
+                share(self, model, &theta, &levels)
+            });
+            let at = if k < p { theta[k] } else { levels[k - p] };
+            if at != 0.0 {
+                for output in 0..q {
+                    let change = ends[0][output] - ends[1][output];
+                    slopes[output * unknowns + k] = change / (2.0 * CHANGE * at);
+                }
+            }
+        }
+        let here = share(self, model, &theta, &levels);
+        let errors = slopes.chunks(unknowns).map(|slope| {
+            let each = slope.iter().zip(self.joint.chunks(unknowns)).map(|(a, row)| {
+                a * row.iter().zip(slope).map(|(c, b)| c * b).sum::<f64>()
+            });
+            each.sum::<f64>().max(0.0).sqrt()
+        });
+        found.shares = here.into_iter().zip(errors).collect();
+    }
+
+    fn share(&self, output: usize, levels: &[f64]) -> f64 {
+        let q = self.outputs;
+        let (mut measured, mut driven) = (0.0, 0.0);
+        for block in &self.blocks {
+            let [unit, inside] = block.sampled.variances;
+            for i in 0..block.sampled.lines {
+                let row = &self.inverse[((block.line + i) * q + output) * q..][..q];
+                measured += unit * levels[output];
+                let each = row.iter().zip(&levels[q..]).map(|(a, level)| square(*a) * level);
+                driven += inside * each.sum::<f64>();
+            }
+        }
+        driven / (measured + driven)
+    }
+
+    /// What the sum of squares would be in white noise on the outputs of the same likelihood, the geometric mean of P over
+    /// the rows: so costs compare as likelihoods do.
+    pub fn cost(&self, degrees: f64) -> f64 {
+        let (mut sum, mut rows) = (0.0, 0.0);
+        for block in &self.blocks {
+            let unit = crate::math::ln_1(block.sampled.variances[0]);
+            for own in &self.lines[block.line..][..block.sampled.lines] {
+                sum += own.count * (own.log_p - self.outputs as f64 * unit);
+                rows += own.count * self.outputs as f64;
+            }
+        }
+        libm::exp(sum / rows) * degrees
+    }
+
+    /// The sum of squares of the residuals under their own covariance.
+    pub fn misfit(&self) -> f64 {
+        self.lines.iter().map(|own| own.misfit).sum()
+    }
+
+    /// Whitened residuals of an output on the lines of each record.
+    pub fn residuals(&self, found: &Found, output: usize) -> Vec<Vec<(f64, f64)>> {
+        let of = |block: &Block| {
+            let count = block.sampled.lines;
+            let rows = &found.residual[block.row..];
+            let at = |i: usize| (rows[2 * output * count + i], rows[(2 * output + 1) * count + i]);
+            (0..count).map(at).collect()
+        };
+        self.blocks.iter().map(of).collect()
+    }
+}
+
+/// Rows of a line.
+fn rows(block: &Block, outputs: usize, line: usize) -> impl Iterator<Item = usize> + '_ {
+    (0..2 * outputs).map(move |e| block.row + e * block.sampled.lines + line)
+}

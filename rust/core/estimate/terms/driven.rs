@@ -1,0 +1,235 @@
+//! Equations that noise drives: linear ones, as many as noisy channels, on the lines of their records.
+
+use super::equations::Equations;
+use super::iterate::{Ended, TermsProblem};
+use super::plan::TermsFitter;
+use crate::error::{Error, Status};
+use crate::estimate::driven::output::Levels;
+use crate::estimate::driven::{C, Driven, Found, Linear, Sampled};
+use crate::estimate::normal_equations::RowWeights;
+use crate::structure::{Method, Noise};
+
+/// The equations at one θ.
+struct Rows<'a, 'b> {
+    problem: &'a TermsProblem<'b>,
+    noise: Noise,
+    /// Slope of each signal by each noisy channel.
+    sensitivities: Vec<f64>,
+    /// g of each term, then the slopes.
+    values: Vec<f64>,
+    registers: Vec<f64>,
+    /// Columns of the transient.
+    transients: usize,
+}
+
+/// What was found.
+pub(crate) struct DrivenTerms {
+    pub ended: Ended,
+    pub levels: Levels,
+    pub nonrobust: Vec<f64>,
+    pub hc3: Vec<f64>,
+    pub gram: Vec<f64>,
+    pub degrees: Vec<f64>,
+    /// Of each record and equation.
+    pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
+}
+
+impl Equations {
+    /// Whether noise that drives them can be told: as many equations as noisy channels, linear in these, with signals that
+    /// do not depend on θ.
+    pub(crate) fn can_be_driven(&self) -> bool {
+        self.orders.len() == self.noisy.len() && !self.moves() && !self.bends()
+    }
+}
+
+impl<'a, 'b> Rows<'a, 'b> {
+    fn new(problem: &'a TermsProblem<'b>, noise: Noise) -> Rows<'a, 'b> {
+        let e = &problem.fitter.o.equations;
+        let mut sensitivities = vec![0.0; e.signals.len() * e.noisy.len()];
+        for (k, (signal, channel)) in e.sensitivities.iter().enumerate() {
+            let slope = e.samples.constant(e.signals.len() + k).unwrap_or(f64::NAN);
+            sensitivities[signal * e.noisy.len() + channel] = slope;
+        }
+        let transients = problem.spots.first().map_or(0, |spot| spot.transients);
+        Rows { problem, noise, sensitivities, values: Vec::new(), registers: Vec::new(), transients }
+    }
+
+    fn equations(&self) -> &Equations {
+        &self.problem.fitter.o.equations
+    }
+
+    /// s^order of a line times e^{−s lag} of a signal.
+    fn operator(&self, record: usize, line: usize, order: usize, signal: usize) -> C {
+        let spot = &self.problem.spots[record];
+        let turn = spot.turn(line, self.equations().lag(signal, &[]));
+        let s = spot.power(line, order);
+        (s.0 * turn.0 - s.1 * turn.1, s.0 * turn.1 + s.1 * turn.0)
+    }
+}
+
+fn add(to: &mut C, by: f64, s: C, v: C) {
+    to.0 += by * (s.0 * v.0 - s.1 * v.1);
+    to.1 += by * (s.0 * v.1 + s.1 * v.0);
+}
+
+impl Linear for Rows<'_, '_> {
+    fn outputs(&self) -> usize {
+        self.equations().noisy.len()
+    }
+
+    fn parameters(&self) -> usize {
+        self.equations().parameters
+    }
+
+    fn transients(&self) -> usize {
+        self.transients
+    }
+
+    fn records(&self) -> usize {
+        self.problem.spots.len()
+    }
+
+    fn record(&self, record: usize) -> Sampled {
+        let lines = self.problem.spots[record].lines;
+        Sampled {
+            lines: lines.count(),
+            from_zero: lines.first == 0,
+            variances: [lines.unit_variance, lines.omega0 / std::f64::consts::TAU],
+        }
+    }
+
+    fn measured(&self) -> bool {
+        self.noise == Noise::Process
+    }
+
+    fn bounds(&self, parameter: usize) -> (f64, f64) {
+        self.equations().bounds[parameter]
+    }
+
+    fn set(&mut self, theta: &[f64]) {
+        let e = &self.problem.fitter.o.equations;
+        self.values.resize(e.coefficients.results(), 0.0);
+        e.coefficients.values(theta, &mut self.registers, &mut self.values);
+    }
+
+    fn line(&self, record: usize, line: usize, a: &mut [C], r: &mut [C], sizes: &mut [f64]) {
+        let (e, q) = (self.equations(), self.outputs());
+        a.fill((0.0, 0.0));
+        r.fill((0.0, 0.0));
+        sizes.fill(0.0);
+        let spot = &self.problem.spots[record];
+        for (term, g) in e.terms.iter().zip(&self.values) {
+            let s = spot.power(line, term.order);
+            add(&mut r[term.equation], *g, s, spot.signal(term.signal, line));
+            let own = &self.sensitivities[term.signal * q..][..q];
+            for (channel, slope) in own.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
+                let s = self.operator(record, line, term.order, term.signal);
+                let at = term.equation * q + channel;
+                add(&mut a[at], *g * slope, s, (1.0, 0.0));
+                sizes[at] += (*g * slope).abs() * s.0.hypot(s.1);
+            }
+        }
+    }
+
+    fn slope(
+        &self,
+        record: usize,
+        line: usize,
+        parameter: usize,
+        noise: &[C],
+        a: &mut [C],
+        r: &mut [C],
+    ) -> bool {
+        let (e, q) = (self.equations(), self.outputs());
+        a.fill((0.0, 0.0));
+        r.fill((0.0, 0.0));
+        let spot = &self.problem.spots[record];
+        let slopes = e.slopes.iter().zip(&self.values[e.terms.len()..]);
+        let mut depends = false;
+        for ((t, _), g) in slopes.filter(|((_, own), _)| *own == parameter) {
+            let term = e.terms[*t];
+            let s = spot.power(line, term.order);
+            add(&mut r[term.equation], *g, s, spot.signal(term.signal, line));
+            let own = &self.sensitivities[term.signal * q..][..q];
+            for (channel, slope) in own.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
+                let s = self.operator(record, line, term.order, term.signal);
+                add(&mut a[term.equation * q + channel], *g * slope, s, (1.0, 0.0));
+                add(&mut r[term.equation], -*g * slope, s, noise[channel]);
+                depends = true;
+            }
+        }
+        depends
+    }
+
+    fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]) {
+        self.problem.spots[record].transient(line, column, to);
+    }
+}
+
+impl TermsFitter {
+    /// The kind of noise inside the equations, where there is some and it is estimated by likelihood.
+    pub(crate) fn driven(&self) -> Option<Noise> {
+        let own = self.o.noise != Noise::Output && self.o.method == Method::Ml;
+        (own && self.o.equations.can_be_driven()).then_some(self.o.noise)
+    }
+
+    /// The estimate with the levels of noise inside the equations, from one without.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] where such noise cannot be told.
+    pub(crate) fn refine(
+        &self,
+        problem: &mut TermsProblem<'_>,
+        first: &Ended,
+        noise: Noise,
+    ) -> Result<Option<DrivenTerms>, Error> {
+        if !matches!(first.status, Status::Ok | Status::MaxIter) {
+            return Ok(None);
+        }
+        problem.cost(&first.theta, RowWeights::Flat)?;
+        let problem = &*problem;
+        let e = &self.o.equations;
+        let (p, q) = (e.parameters, e.noisy.len());
+        let mut rows = Rows::new(problem, noise);
+        let mut driven = Driven::new(&rows, self.isa);
+        let mut found = Found { theta: first.theta.clone(), ..Found::default() };
+        let own = &problem.variances;
+        let mean = |c: usize| own.iter().map(|v| v[c]).sum::<f64>() / own.len() as f64;
+        let start: Vec<f64> = (0..q).map(mean).collect();
+        let sought =
+            driven.seek(&mut rows, &mut found, &start, (self.o.options.tol, self.o.options.maxiter));
+        let degrees = problem.degrees_of_freedom() as f64;
+        let cost = driven.cost(degrees);
+        driven.uncertainty(&mut rows, &mut found);
+        let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            (0..p * p).map(|k| of(k / p, k % p)).collect()
+        };
+        let sound = cost.is_finite() && found.theta.iter().all(|t| t.is_finite());
+        let lost = (0..p).any(|k| driven.is_dependent(k) && !driven.is_held(k));
+        let status = match (sound, lost, sought.settled) {
+            (false, ..) => Status::NonFinite,
+            (_, true, _) => Status::Rank,
+            (_, _, true) => Status::Ok,
+            _ => Status::MaxIter,
+        };
+        let sizes: Vec<f64> = (0..p).map(|k| driven.gram(k, k).sqrt()).collect();
+        let gram = |i: usize, j: usize| driven.gram(i, j) / (sizes[i] * sizes[j]);
+        let each: Vec<_> = (0..q).map(|k| driven.residuals(&found, k)).collect();
+        let residuals = (0..own.len()).map(|r| each.iter().map(|k| k[r].clone()).collect()).collect();
+        Ok(Some(DrivenTerms {
+            nonrobust: square(&|i, j| driven.covariance(i, j)),
+            hc3: square(&|i, j| driven.sandwich(i, j)),
+            gram: square(&gram),
+            degrees: (0..p).map(|k| driven.degrees(k)).collect(),
+            residuals,
+            ended: Ended {
+                theta: found.theta,
+                cost,
+                status,
+                nit: first.nit + sought.steps as u32,
+                at_bound: (0..p).map(|k| driven.is_held(k)).collect(),
+            },
+            levels: Levels { values: found.levels, cov: found.cov, shares: found.shares },
+        }))
+    }
+}
