@@ -22,6 +22,7 @@ from ..systems.lti import LTI
 from ..systems.making import linear
 from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem
+from .driven import driven
 
 __all__ = ["Experiment", "experiment", "simulate"]
 
@@ -153,6 +154,7 @@ def simulate(
     duration: float | None = None,
     intervals: int | None = None,
     nsr: float = 0.0,
+    process_noise: ArrayLike = 0.0,
     initial_state: str | ArrayLike = "zero",
     intersample: str | Sequence[str] | None = None,
     seed: int = 0,
@@ -178,6 +180,12 @@ def simulate(
     nsr : float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
         output by output; of equations, which need not rest at zero, the response from `initial_state`.
+    process_noise : float or sequence of float, default 0
+        Level of white noise w that drives a linear system itself, as turbulence or load do: root of its power
+        spectral density (two-sided, of hertz), as `Fit.process_noise` tells it. Of transfer functions on the
+        right of A(p) y = B(p) u + w, one for all outputs or one an output; of state spaces on that of
+        x' = A x + B u + w, one for all states or one a state. Its response is stationary where the system is
+        stable, else it begins at zero.
     initial_state : "zero", "random" or array_like, default "zero"
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
@@ -241,6 +249,8 @@ def simulate(
         y = y + nsr * found.rms[:, None] * np.array(
             [normals(seed, "noise_y", k, replicate, 0, y.shape[1]) for k in range(y.shape[0])]
         )
+    if np.any(np.asarray(process_noise) != 0):
+        y = y + driven(sys, process_noise, found.dt, found.y.shape[1] - 1, seed, replicate)
     return Record(
         y=y,
         u=found.u if len(found.u) else None,

@@ -132,9 +132,11 @@ def fit_equation(
     levels = found["levels"]
     own = levels[:, : len(layout.outputs)]
     known = geometric_mean(own, [2 * (hi - lo + 1) - (lo == 0) for lo, hi in found["lines"]])
-    cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 else 1.0)
+    driven = "process_levels" in found  # one level of each kind for all records, some of which may be 0
+    cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
+    over = np.ones_like(own) if driven else own / known
     return EquationFit.of_core(
-        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"]), "record_levels": own / known},
+        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"]), "record_levels": over},
         structure,
         layout,
         options,

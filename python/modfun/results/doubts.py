@@ -296,7 +296,7 @@ def biased(fit: Estimates) -> Doubt | None:
 
 def noise_free(fit: Estimates) -> str | None:
     """That there is no noise to test residuals against: they may be errors of the quadrature."""
-    if not fit.records or fit.noise_cov.shape != (len(fit.outputs),) * 2:
+    if not fit.records or fit.noise_cov.shape != (len(fit.outputs),) * 2 or fit.process_levels is not None:
         return None
     levels = np.sqrt(np.diag(fit.noise_cov))
     spread = np.sqrt([

@@ -341,7 +341,8 @@ class Estimates:
         rows, outputs = self.df_resid + self.params.size, len(self.outputs)
         penalty = self.params.size * np.log(rows)
         known = self.options.output_weights is not None or isinstance(self.options.noise, Noise)
-        if outputs == 1 or known or self.options.noise == "errors-in-variables":
+        whole = self.process_levels is not None or self.options.noise == "errors-in-variables"
+        if outputs == 1 or known or whole:
             with np.errstate(divide="ignore"):
                 return float(rows * np.log(self.cost / rows) + penalty)
         _, size = np.linalg.slogdet(self.noise_cov * (self.df_resid / rows))

@@ -398,26 +398,7 @@ class Fit(Estimates):
         return noise_spectrum(self, level)
 
     def process_noise(self, level: float = 0.95) -> Table:
-        """Levels of noise="process" (or "equation"): what drives the system, and what the sensors add.
-
-        Parameters
-        ----------
-        level : float, default 0.95
-            Of the intervals, which are normal on the logarithm of a level.
-
-        Returns
-        -------
-        Table
-            A row a level: of each output ("measurement", the standard deviation of a sample, in its unit) and
-            of each equation ("process", the root of the power spectral density, two-sided, of hertz, of the
-            white noise w on its right, A(p) y = B(p) u + w); with its standard error, its interval, and its
-            share of the noise of the output over the lines used.
-
-        Raises
-        ------
-        SpecError
-            For fits that take all noise as that of the samples.
-        """
+        """Levels of noise="process" with intervals: of the samples, and of what drives the system."""
         return process_noise(self, level)
 
     def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:

@@ -13,6 +13,7 @@ from .estimates import Estimates
 __all__ = ["origin"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
+APART = 14.0
 POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
 
 
@@ -20,8 +21,8 @@ def origin(fit: Estimates) -> str | None:
     """ "process", "coloured", "either" or None, by likelihoods of the residual lines up to an eighth of the rate.
 
     Process noise beside white noise of the samples has the spectrum r + (1 - r)/|A|^2, coloured noise of
-    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. One is told from the other, and from white
-    noise, by ten units of -2 log likelihood.
+    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. Either is told from white noise by ten units
+    of -2 log likelihood, one from the other by fourteen: of 900 records with coloured noise none came to eleven.
     """
     plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
     if not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
@@ -58,6 +59,6 @@ def origin(fit: Estimates) -> str | None:
     white = deviance(np.ones(k.size))
     if min(process, coloured) > white - WORTH:
         return None
-    if abs(process - coloured) <= WORTH:
+    if abs(process - coloured) <= APART:
         return "either"
     return "process" if process < coloured else "coloured"

@@ -17,7 +17,18 @@ __all__ = ["in_words", "process_noise"]
 
 
 def process_noise(fit: Estimates, level: float) -> Table:
-    """Levels of both kinds of noise, with intervals; see `Fit.process_noise`."""
+    """Levels of both kinds of noise; see `Fit.process_noise`.
+
+    A row a level: of each output ("measurement", the standard deviation of a sample) and of each equation
+    ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its right,
+    A(p) y = B(p) u + w); with its standard error, its interval, normal on the logarithm, and its share of the
+    noise of the output over the lines used.
+
+    Raises
+    ------
+    SpecError
+        For fits that take all noise as that of the samples.
+    """
     level = probability("process_noise", level)
     if fit.process_levels is None:
         raise SpecError(

@@ -116,7 +116,10 @@ def test_held_inputs_are_exact(method):
     assert relative(wrong["theta"], THETA24) > 1e-3
 
 
-def test_equation_noise_is_the_wls_solution_whatever_the_method():
+def test_equation_noise_is_the_wls_solution_but_for_ml():
+    """The term log det A of the likelihood is `ml`'s alone; see tests/python/fitting/test_process_noise.py."""
     record, _ = random_record(3, 3, 1)
-    first, second = (fit(record, 3, [1], method=m, noise="equation", harmonics=15) for m in ("wls", "ml"))
+    words = {"noise": "equation", "harmonics": 15}
+    first, second, other = (fit(record, 3, [1], method=m, **words) for m in ("wls", "awls", "ml"))
     assert first["theta"] == pytest.approx(second["theta"], rel=1e-9)
+    assert relative(other["theta"], first["theta"]) > 1e-3
