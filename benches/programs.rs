@@ -367,6 +367,7 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
         rule: Rule::Gregory,
         method: Method::Ml,
         noise: Noise::Output,
+        shapes: Vec::new(),
         trend: Trend::None,
         band: Band::Harmonics(harmonics),
         levels: Some(vec![0.2]),

@@ -22,6 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     let options = TermsOptions {
         rule: b.rule(),
         method: b.method(),
+        shapes: Vec::new(),
         noise: b.of(&[Noise::Output, Noise::Equation, Noise::Process]),
         trend: b.trend(),
         band: b.band(n as f64 * dt),

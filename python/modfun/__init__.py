@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .inference.terms import TermSelection, select_terms
     from .models.free import Free
     from .models.noise import Noise
+    from .models.process import ProcessNoise, dryden
     from .models.transfer_function import TransferFunction
     from .records.batches import Batch
     from .records.reading import columns, read
@@ -65,6 +66,7 @@ _NAMES = {
     ".inference.terms": ("TermSelection", "select_terms"),
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
+    ".models.process": ("ProcessNoise", "dryden"),
     ".models.transfer_function": ("TransferFunction",),
     ".records.batches": ("Batch",),
     ".records.reading": ("columns", "read"),
@@ -91,10 +93,10 @@ _MODULES = ("plot", "rivals", "signals", "timelag")
 __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
-    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "Record", "Reduction",
+    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "ProcessNoise", "Record", "Reduction",
     "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table", "TermSelection",
     "Track", "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity", "columns",
-    "common_poles", "compare", "crlb", "cross_validate", "fit", "fit_many", "frf", "load", "plot",
+    "common_poles", "compare", "crlb", "cross_validate", "dryden", "fit", "fit_many", "frf", "load", "plot",
     "rank_test", "read", "reduce", "regressors", "rivals", "select_order", "select_terms", "signals",
     "simulate", "sinusoids", "ss", "tf", "timelag",
 ]  # fmt: skip

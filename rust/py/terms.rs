@@ -55,6 +55,8 @@ struct GivenTerms {
     #[pyo3(item)]
     noise: String,
     #[pyo3(item)]
+    shapes: Vec<(Vec<f64>, Vec<f64>)>,
+    #[pyo3(item)]
     levels: Option<Vec<f64>>,
     #[pyo3(item)]
     levels_matter: bool,
@@ -91,6 +93,7 @@ impl GivenTerms {
             rule: words.rule()?,
             method: words.method()?,
             noise: noise(&self.noise)?,
+            shapes: self.shapes,
             trend: words.trend()?,
             band: words.band()?,
             levels: self.levels,

@@ -189,7 +189,9 @@ def fit(
     band: Band = None,
     harmonics: Harmonics = None,
     trend: Trend = "auto",
-    noise: Annotated[str, typer.Option(help="output, process, coloured, errors-in-variables or equation.")] = "output",
+    noise: Annotated[
+        str, typer.Option(help="output, process, coloured, errors-in-variables or equation.")
+    ] = "output",
     cov_type: Annotated[str, typer.Option(help="spectral, HC3 or nonrobust.")] = "spectral",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
     initial_state: Annotated[

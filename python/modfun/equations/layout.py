@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ..errors import SpecError
 from ..models.noise import Noise
 from ..models.options import Options
+from ..models.process import ProcessNoise
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -81,6 +82,8 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
         isinstance(options.noise, Noise) and options.noise.u is not None
     ):
         noisy += inputs
+    if isinstance(options.noise, ProcessNoise):
+        noisy += options.noise.names
     found = formulas(
         compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
     )

@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .._core import normals
 from ..base.arguments import reals
 from ..base.arrays import F64
 from ..errors import SpecError
+from ..models.process import ProcessNoise
 from ..systems.lti import LTI, state_space
+from ..systems.making import tf
 
-__all__ = ["driven"]
+__all__ = ["driven", "measured"]
 
 
-def driven(sys: Any, given: ArrayLike, dt: float, intervals: int, seed: int, replicate: int) -> F64:
+def driven(sys: Any, given: Any, dt: float, intervals: int, seed: int, replicate: int) -> F64:
     """The response (output, time) to noise of levels `given`, as `simulate` describes them.
 
     A sample of the state follows from the one before with noise of the covariance that the density has over
     dt (C. F. Van Loan, IEEE Trans. Automatic Control 23, 1978).
     """
-    levels = np.atleast_1d(reals("simulate", "process_noise", given))
-    a, c, enters = _matrices(sys)
+    if isinstance(given, ProcessNoise):
+        a, c, enters = _through_inputs(sys, given)
+        levels = np.ones(enters.shape[1])
+    else:
+        levels = np.atleast_1d(reals("simulate", "process_noise", given))
+        a, c, enters = _by_equation(sys)
     if levels.ndim != 1 or levels.size not in (1, enters.shape[1]) or not np.all(levels >= 0):
         raise SpecError(
-            f"simulate: process_noise={given!r} must be a level of at least 0, one for all or one for each of "
-            f"the {enters.shape[1]} equations of the system"
+            f"simulate: process_noise={given!r} must be a level of at least 0, one for all or one for each "
+            f"of the {enters.shape[1]} equations of the system"
         )
     from scipy.linalg import expm, solve_continuous_lyapunov
 
@@ -46,13 +52,60 @@ def driven(sys: Any, given: ArrayLike, dt: float, intervals: int, seed: int, rep
     )
 
 
+def measured(sys: Any, given: Any) -> Any:
+    """The system without the inputs through which noise enters."""
+    if not isinstance(given, ProcessNoise):
+        return sys
+    keep = [k for k, name in enumerate(_names(sys, given)) if name not in given.names]
+    delays = tuple([sys.path_delays[0, k] for k in keep])
+    known = state_space(sys.A, sys.B[:, keep], sys.C, sys.D[:, keep], delays)
+    return replace(known, inputs=tuple([sys.inputs[k] for k in keep]), outputs=sys.outputs)
+
+
+def _names(sys: Any, given: ProcessNoise) -> tuple[str, ...]:
+    if not isinstance(sys, LTI) or sys.inputs is None:
+        raise SpecError(
+            "simulate: process_noise=ProcessNoise(...) names inputs of a linear system that has names, such as "
+            "StateSpace(...).model(values)"
+        )
+    missing = [name for name in given.names if name not in sys.inputs]
+    if missing:
+        raise SpecError(
+            f"simulate: process_noise: {missing[0]!r} is no input of the system; it has {list(sys.inputs)}"
+        )
+    if np.any(sys.path_delays != sys.path_delays[0]):
+        raise SpecError("simulate: process_noise=ProcessNoise(...) takes one delay an input, not a path")
+    return sys.inputs
+
+
+def _through_inputs(sys: Any, given: ProcessNoise) -> tuple[F64, F64, F64]:
+    """The system behind the filters of its noise: A, C, and where white noise of unit density enters."""
+    names = _names(sys, given)
+    a, c = sys.A, sys.C
+    columns = []
+    for name, (num, den) in given.filters:
+        at = names.index(name)
+        if np.any(sys.D[:, at] != 0):
+            raise SpecError(f"simulate: process_noise: {name} acts on an output directly, with infinite variance")
+        shape = tf(num, den).to_ss()
+        own, n, extra = sys.B[:, at : at + 1], len(a), len(shape.A)
+        # Columns of noise that came before end at the states there were.
+        columns = [np.concatenate([column, np.zeros(extra)]) for column in columns]
+        into = np.zeros((n, 1))
+        into[: len(own)] = own
+        a = np.block([[a, into @ shape.C], [np.zeros((extra, n)), shape.A]])
+        c = np.hstack([c, np.zeros((len(c), extra))])
+        columns.append(np.concatenate([(into @ shape.D)[:, 0], shape.B[:, 0]]))
+    return a, c, np.array(columns).T
+
+
 def _root(cov: F64) -> F64:
     """A square root of a covariance, which may be singular."""
     values, vectors = np.linalg.eigh((cov + cov.T) / 2)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _matrices(sys: Any) -> tuple[F64, F64, F64]:
+def _by_equation(sys: Any) -> tuple[F64, F64, F64]:
     """A, C, and where the noise of each equation enters: A(p) y = B(p) u + w, or x' = A x + B u + w."""
     if not isinstance(sys, LTI):
         raise SpecError(
@@ -64,7 +117,7 @@ def _matrices(sys: Any) -> tuple[F64, F64, F64]:
     for k, row in enumerate(sys.polynomials()[1]):
         if any(not np.array_equal(row[0], own) for own in row[1:]):
             raise SpecError(
-                f"simulate: process_noise= drives the equation A(p) y = B(p) u + w; the paths to output {k} have "
+                f"simulate: process_noise= drives A(p) y = B(p) u + w; the paths to output {k} have "
                 "denominators of their own. Give the system with one denominator an output, or as mf.ss"
             )
         den = np.asarray(row[0], dtype=np.float64)

@@ -15,6 +15,7 @@ from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
+from ..models.process import ProcessNoise
 from ..records.record import Record
 from ..signals import Signals
 from ..signals.sources import evaluate, sources
@@ -22,7 +23,7 @@ from ..systems.lti import LTI
 from ..systems.making import linear
 from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem
-from .driven import driven
+from .driven import driven, measured
 
 __all__ = ["Experiment", "experiment", "simulate"]
 
@@ -154,7 +155,7 @@ def simulate(
     duration: float | None = None,
     intervals: int | None = None,
     nsr: float = 0.0,
-    process_noise: ArrayLike = 0.0,
+    process_noise: ArrayLike | ProcessNoise = 0.0,
     initial_state: str | ArrayLike = "zero",
     intersample: str | Sequence[str] | None = None,
     seed: int = 0,
@@ -180,12 +181,12 @@ def simulate(
     nsr : float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest,
         output by output; of equations, which need not rest at zero, the response from `initial_state`.
-    process_noise : float or sequence of float, default 0
+    process_noise : float, sequence of float or ProcessNoise, default 0
         Level of white noise w that drives a linear system itself, as turbulence or load do: root of its power
         spectral density (two-sided, of hertz), as `Fit.process_noise` tells it. Of transfer functions on the
         right of A(p) y = B(p) u + w, one for all outputs or one an output; of state spaces on that of
-        x' = A x + B u + w, one for all states or one a state. Its response is stationary where the system is
-        stable, else it begins at zero.
+        x' = A x + B u + w, one for all states or one a state; or ProcessNoise, through inputs of the system that
+        `input` then leaves out. Its response is stationary where the system is stable, else it begins at zero.
     initial_state : "zero", "random" or array_like, default "zero"
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
@@ -232,7 +233,8 @@ def simulate(
     for name, value in (("seed", seed), ("replicate", replicate)):
         whole("simulate", name, value, 0, 2**64 - 1)
     fixed = None if isinstance(initial_state, str) else initial_state
-    sys = linear(sys, "simulate")
+    whole_sys = linear(sys, "simulate")
+    sys = measured(whole_sys, process_noise)
     found = experiment(
         sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )
@@ -249,8 +251,8 @@ def simulate(
         y = y + nsr * found.rms[:, None] * np.array(
             [normals(seed, "noise_y", k, replicate, 0, y.shape[1]) for k in range(y.shape[0])]
         )
-    if np.any(np.asarray(process_noise) != 0):
-        y = y + driven(sys, process_noise, found.dt, found.y.shape[1] - 1, seed, replicate)
+    if isinstance(process_noise, ProcessNoise) or np.any(np.asarray(process_noise) != 0):
+        y = y + driven(whole_sys, process_noise, found.dt, found.y.shape[1] - 1, seed, replicate)
     return Record(
         y=y,
         u=found.u if len(found.u) else None,

@@ -14,6 +14,7 @@ from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
 from ..models.options import MOST_THREADS, SWITCHES, Choices, Options
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
@@ -48,7 +49,7 @@ def fit(
     band: float | tuple[float, float] | None = None,
     harmonics: int | None = None,
     trend: str | None = "auto",
-    noise: str | Noise = "output",
+    noise: str | Noise | ProcessNoise = "output",
     cov_type: str = "spectral",
     output_weights: ArrayLike | None = None,
     correct: bool = True,
@@ -88,7 +89,7 @@ def fit(
     trend : {"auto", "constant", "linear", None}
         Unknown offset (and slope) of the output, a record; of equations an unknown constant (and slope) in
         each. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
-    noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"} or Noise
+    noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"}, Noise or ProcessNoise
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
         unknown (of several outputs estimated in full, by alternation); "process": white noise drives the system
         as well, as turbulence or load do, of a level that is estimated beside that of the samples

@@ -11,6 +11,7 @@ from ..base.progress import Progress
 from ..base.words import STATUS
 from ..errors import DataError
 from ..models.options import Options
+from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
@@ -33,6 +34,8 @@ def fit_batch(
     progress: str | bool,
 ) -> FitMany:
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
+    if not isinstance(data, Batch):
+        data = tuple([with_inputs(rec, options.noise) for rec in data])
     sample = data if isinstance(data, Batch) else data[:1]
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):

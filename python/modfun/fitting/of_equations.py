@@ -16,6 +16,7 @@ from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
+from ..models.process import with_inputs
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
@@ -81,7 +82,8 @@ def prepare_equation(
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
     words = options.core() | {"trend": trend, "intersample": ()}
-    words["noise"] = options.noise if options.noise in ("equation", "process") else "output"
+    words["noise"] = "process" if options.drives else "equation" if options.noise == "equation" else "output"
+    words["shapes"] = tuple(own for _, own in getattr(options.noise, "filters", ()))
     # Noise of inputs and outputs cannot be told apart by how large the residuals are.
     words["learn"] = options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
@@ -118,6 +120,7 @@ def fit_equation(
     records: tuple[Record, ...], structure: Any, options: Options, again: Callable[..., Any] | None = None
 ) -> EquationFit:
     """One fit of equations, without its warnings; `again` makes others like it."""
+    records = tuple([with_inputs(rec, options.noise) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     filled = [(rec, *bridged(rec)) for rec in records]

@@ -134,7 +134,7 @@ def refuse_process_noise(options: Options) -> None:
     ------
     SpecError
     """
-    if options.noise == "process":
+    if options.drives:
         raise SpecError(
             'fit: noise="process" is for transfer functions of one output without free delays, held '
             "coefficients, masks and sigma, and for an Equation or a StateSpace that measures all its states; write "

@@ -35,7 +35,11 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
     clean = [y for y, _ in found]
     noise = fit.options.noise
     _refuse_noisy_inputs(fit)
-    if noise in ("equation", "process", "coloured") or (isinstance(noise, Noise) and _coloured(noise.y)):
+    if (
+        fit.options.drives
+        or noise in ("equation", "coloured")
+        or (isinstance(noise, Noise) and _coloured(noise.y))
+    ):
         said = repr(noise) if isinstance(noise, str) else "noise given as spectra"
         raise SpecError(
             f"bootstrap: kind='parametric' draws white noise on the outputs and the fit has noise={said}; "

@@ -14,6 +14,7 @@ from ..base.tables import nearest
 from ..base.words import TRENDS
 from ..errors import SpecError
 from .noise import Noise
+from .process import ProcessNoise
 
 __all__ = ["MOST", "MOST_THREADS", "WORDS", "Choices", "Options"]
 
@@ -40,7 +41,7 @@ class Choices(TypedDict, total=False):
     band: float | tuple[float, float] | None
     harmonics: int | None
     trend: str | None
-    noise: str | Noise
+    noise: str | Noise | ProcessNoise
     cov_type: str
     output_weights: Any
     correct: bool
@@ -61,7 +62,7 @@ class Options:
     band: tuple[float, float] | None = None
     harmonics: int | None = None
     trend: str | None = "auto"
-    noise: str | Noise = "output"
+    noise: str | Noise | ProcessNoise = "output"
     cov_type: str = "spectral"
     output_weights: tuple[Any, ...] | None = None
     correct: bool = True
@@ -116,6 +117,11 @@ class Options:
         return {f.name: getattr(settled, f.name) for f in fields(self) if f.name not in _REPORTED}
 
     @property
+    def drives(self) -> bool:
+        """Whether noise drives the system, beside that of the samples."""
+        return self.noise == "process" or isinstance(self.noise, ProcessNoise)
+
+    @property
     def plain_noise(self) -> bool:
         """Whether the noise is white on one output, in its equation, or both: what the fastest path fits."""
         return self.noise in ("output", "process", "equation") and self.output_weights is None
@@ -127,7 +133,7 @@ def _checked(what: str, **given: Any) -> Options:
             known = list(Options.__dataclass_fields__)
             raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
     for name, words in WORDS.items():
-        if name == "noise" and isinstance(given.get(name), Noise):
+        if name == "noise" and isinstance(given.get(name), Noise | ProcessNoise):
             continue
         if name in given and not (isinstance(given[name], str) and given[name] in words):
             raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
@@ -143,7 +149,8 @@ def _checked(what: str, **given: Any) -> Options:
             raise SpecError(
                 f'{what}: output_weights= goes with noise="output"; noise= says the weights itself'
             )
-    if given.get("noise") == "process" and given.get("method", "ml") != "ml":
+    drives = given.get("noise") == "process" or isinstance(given.get("noise"), ProcessNoise)
+    if drives and given.get("method", "ml") != "ml":
         raise SpecError(
             f'{what}: noise="process" estimates two levels by likelihood, which method={given["method"]!r} has '
             'not; take method="ml"'

@@ -19,6 +19,7 @@ from ..errors import DataError, FitError, SpecError
 from ..models.layout import Layout
 from ..models.noise import Noise
 from ..models.options import Options
+from ..models.process import with_inputs
 from ..models.transfer_function import system_of
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -464,6 +465,7 @@ class Estimates:
         self.need_numbers(what)
         own = self.records
         if isinstance(rec, Record):
+            rec = with_inputs(rec, self.options.noise)
             if rec.outputs != self.outputs or rec.inputs != self.inputs:
                 raise DataError(
                     f"{what}: the record has outputs {list(rec.outputs)} and inputs "

@@ -24,10 +24,10 @@ from ..records.record import Record
 from . import check, derived, drawing, drawing_lines, scores
 from .estimates import Estimates
 from .noise_spectrum import noise_spectrum
-from .process_noise import process_noise
 from .page import page_of
 from .page_records import Content, of_records
 from .prediction import InitialState, observe_paths
+from .process_noise import process_noise
 from .stability import stable_neighbour
 from .storage import fit_to_dict
 from .summary import Summary, facts, one_line, parameters

@@ -15,8 +15,10 @@ from ..errors import DataError
 from ..models.free import from_plain
 from ..models.noise import Noise
 from ..models.options import Options
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..systems.frequency_response import FrequencyResponse
+from ..systems.making import tf
 from .fit import Fit
 from .of_equations import EquationFit
 from .of_gains import ResponseFit
@@ -124,8 +126,14 @@ def _options_from_dict(values: dict[str, Any]) -> Options:
         options["output_weights"] = Options.checked(
             "load", output_weights=options["output_weights"]
         ).output_weights
-    if isinstance(options["noise"], dict):
-        options["noise"] = Noise(**options["noise"])
+    given = options["noise"]
+    if isinstance(given, dict) and "filters" in given:
+        filters = {
+            name: float(num[0]) if len(den) == 1 else tf(num, den) for name, (num, den) in given["filters"]
+        }
+        options["noise"] = ProcessNoise(**filters)
+    elif isinstance(given, dict):
+        options["noise"] = Noise(**given)
     return Options(**options)
 
 

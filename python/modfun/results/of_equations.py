@@ -120,7 +120,9 @@ class EquationFit(Fit):
     @property
     def chi2(self) -> float:
         """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
-        weighted = self.options.method in ("awls", "ml") and self.options.noise not in ("equation", "process")
+        if self.process_levels is not None:
+            return float("nan")  # its levels are estimated from the same residuals
+        weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
         known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
         over = self.noise_scale * np.mean((self.levels / self.seen) ** 2)  # nothing but 1 where they agree
         return self.df_resid * float(over) if weighted and known else float("nan")

@@ -34,7 +34,9 @@ def origin(fit: Estimates) -> str | None:
     if fit.band[0] >= top:
         return None
     try:
-        wide = fit.again(fit.records, fit.structure, fit.options.replace(band=(fit.band[0], top), harmonics=None))
+        wide = fit.again(
+            fit.records, fit.structure, fit.options.replace(band=(fit.band[0], top), harmonics=None)
+        )
     except ModfunError:
         return None
     if not wide.usable:

@@ -11,6 +11,7 @@ import numpy as np
 from ..base.tables import Findings
 from ..errors import ModfunError
 from ..models.noise import Noise
+from ..models.process import ProcessNoise
 from .diagnosis import diagnose
 from .estimates import Estimates
 from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
@@ -99,6 +100,8 @@ def assumption(fit: Estimates) -> str:
     kind = fit.options.noise
     if isinstance(kind, Noise):
         noise = "noise as it was given"
+    elif isinstance(kind, ProcessNoise):
+        noise = f"noise that enters through {', '.join(kind.names)}, and white noise on the outputs"
     else:
         noise = {
             "output": "white noise on the outputs, of unknown level",

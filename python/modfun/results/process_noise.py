@@ -9,6 +9,7 @@ import numpy as np
 from ..base.student import normal_factor, probability, root
 from ..base.tables import Table
 from ..errors import SpecError
+from ..models.process import ProcessNoise
 
 if TYPE_CHECKING:
     from .estimates import Estimates
@@ -36,25 +37,28 @@ def process_noise(fit: Estimates, level: float) -> Table:
             'with noise="process"'
         )
     values, cov, shares = fit.process_levels
-    count = values.size // 2
+    count = len(shares)
     with np.errstate(divide="ignore", invalid="ignore"):
         sizes = np.sqrt(values)
-        errors = np.where(values > 0, root(np.diag(cov)[-2 * count :]) / (2 * sizes), np.nan)
+        errors = np.where(values > 0, root(np.diag(cov)[-values.size :]) / (2 * sizes), np.nan)
         half = normal_factor(level) * errors / sizes
         low, high = sizes * np.exp(-half), sizes * np.exp(half)
-    # Of one output both parts are told; which of several equations moves an output is not told apart.
-    process = shares[:, 0] if count == 1 else np.full(count, np.nan)
+    noise, driving = fit.options.noise, values.size - count
+    names = noise.names if isinstance(noise, ProcessNoise) else fit.row_names
+    # Of one output both parts are told; which of several noises moves an output is not told apart.
+    alone = count == driving == 1
+    nothing = np.full(driving, np.nan)
     columns = {
-        "noise": np.repeat(["measurement", "process"], count),
-        "of": np.array([*fit.outputs[:count], *fit.row_names]),
+        "noise": np.repeat(["measurement", "process"], [count, driving]),
+        "of": np.array([*fit.outputs[:count], *names]),
         "level": sizes,
         "se": errors,
         "low": low,
         "high": high,
-        "share": np.concatenate([1 - shares[:, 0], process]),
-        "share_se": np.concatenate([shares[:, 1], shares[:, 1] if count == 1 else process]),
+        "share": np.concatenate([1 - shares[:, 0], shares[:, 0] if alone else nothing]),
+        "share_se": np.concatenate([shares[:, 1], shares[:, 1] if alone else nothing]),
     }
-    told = slice(0 if fit.options.noise == "process" else count, None)
+    told = slice(0 if fit.options.drives else count, None)
     return Table(
         {name: column[told] for name, column in columns.items()},
         title="Standard deviation on a sample, and root of the density of what drives the system",
@@ -66,16 +70,18 @@ def in_words(fit: Estimates) -> str:
     assert fit.process_levels is not None
     if not np.isfinite(fit.process_levels[0]).all():
         return "white in the system and on the outputs; no levels"
-    rows, shares = process_noise(fit, 0.95), fit.process_levels[2]
-    several = len(shares) > 1
+    values, _, shares = fit.process_levels
+    rows = process_noise(fit, 0.95)
+    several = len(values) > 2
     told = [
         f"{name}{f' of {of}' if several else ''} {level:.4g}" + (f" ± {error:.2g}" if error > 0 else "")
         for name, of, level, error in zip(rows["noise"], rows["of"], rows["level"], rows["se"], strict=True)
     ]
-    if fit.options.noise != "process":
+    if not fit.options.drives:
         return f"white in the equations: {', '.join(told)}"
     parts = [
-        f"{100 * share:.0f} ± {100 * error:.0f} % of the misfit{f' of {y}' if several else ''}"
+        f"{100 * share:.0f} ± {100 * error:.0f} % of the misfit{f' of {y}' if len(shares) > 1 else ''}"
         for y, (share, error) in zip(fit.outputs, shares, strict=False)
     ]
-    return f"white in the system and on the outputs: {', '.join(told)}; process noise is {', '.join(parts)}"
+    kind = "white in the system" if fit.options.noise == "process" else "through the inputs named"
+    return f"{kind} and white on the outputs: {', '.join(told)}; process noise is {', '.join(parts)}"

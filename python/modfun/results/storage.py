@@ -12,6 +12,7 @@ from ..errors import SpecError
 from ..models.free import to_plain
 from ..models.noise import Noise
 from ..models.options import Options
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from .estimates import Estimates
 
@@ -74,6 +75,8 @@ def _structure_to_dict(structure: Any) -> dict[str, Any]:
 
 def _options_to_dict(options: Options) -> dict[str, Any]:
     values = asdict(options)
+    if isinstance(options.noise, ProcessNoise):
+        values["noise"] = {"filters": options.noise.filters}
     if isinstance(options.noise, Noise):
         values["noise"] = {"y": options.noise.y, "u": options.noise.u}
         if any(callable(one) for given in values["noise"].values() for one in np.ravel([given])):

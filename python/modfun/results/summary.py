@@ -192,7 +192,9 @@ def _no_level(fit: Estimates) -> str:
         return "there is no estimate"
     if fit.options.method not in ("awls", "ml"):
         return f'method="{fit.options.method}" does not weigh by the noise'
-    if fit.options.noise in ("equation", "process", "coloured"):
+    if fit.process_levels is not None:
+        return "the levels of the noise are estimated from the same residuals"
+    if fit.options.noise in ("equation", "coloured"):
         return f'noise="{fit.options.noise}" comes without a level'
     if fit.records is None:
         return "a loaded fit has no samples"

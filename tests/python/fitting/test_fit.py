@@ -371,7 +371,11 @@ BAD = {
     "trend as number": (lambda: mf.fit(REC, TF20, trend=1), mf.SpecError, "constant"),
     "unknown cov_type": (lambda: mf.fit(REC, TF20, cov_type="HC0"), mf.SpecError, "HC3"),
     "misspelt noise": (lambda: mf.fit(REC, TF20, noise="colored"), mf.SpecError, "'coloured'"),
-    "noise as object": (lambda: mf.fit(REC, TF20, noise=np.ones(3)), mf.SpecError, "output, process, equation"),
+    "noise as object": (
+        lambda: mf.fit(REC, TF20, noise=np.ones(3)),
+        mf.SpecError,
+        "output, process, equation",
+    ),
     "output_weights": (lambda: mf.fit(REC, TF20, output_weights=[-1]), mf.SpecError, "positive"),
     "too many weights": (lambda: mf.fit(REC, TF20, output_weights=[1, 2]), mf.SpecError, "2 output"),
     "band and harmonics": (

@@ -278,7 +278,13 @@ def test_simulated_process_noise_has_its_spectrum_and_is_found_again() -> None:
     found = []
     for seed in range(20):
         rec = mf.simulate(
-            system, input="sin(t**2/50)", duration=100.0, intervals=1280, nsr=0.1, process_noise=0.4, seed=seed
+            system,
+            input="sin(t**2/50)",
+            duration=100.0,
+            intervals=1280,
+            nsr=0.1,
+            process_noise=0.4,
+            seed=seed,
         )
         found.append(mf.fit(rec, MODEL, noise="process").process_noise()["level"][1])
     assert np.mean(found) == pytest.approx(0.4, rel=0.05)

@@ -1,11 +1,10 @@
 //! Noise that drives the system: `ml` where the spectrum of the noise depends on θ.
 //!
-//! A(s)Y = B(s)U + T + W on the lines, A a square matrix: as many equations as outputs. With white noise of densities Q on
-//! the equations (W) beside white noise of variances σ² on the samples, r = AY − BU − T has the covariance h_m S_m in Re
-//! and in Im of line m,
+//! A(s)Y = B(s)U + T + G(s)W on the lines, A a square matrix: as many equations as outputs. With noise W of densities Q beside
+//! white noise of variances σ² on the samples, r = AY − BU − T has the covariance h_m S_m in Re and in Im of line m,
 //!
 //! ```text
-//! S_m = v A diag(σ²) Aᴴ + diag(Q)/T      (v the variance of a coefficient under unit noise, T the record's duration),
+//! S_m = v A diag(σ²) Aᴴ + G diag(Q) Gᴴ/T      (v the variance of a coefficient under unit noise, T the record's duration),
 //! ```
 //!
 //! and the outputs about the model's response h_m P_m, P = A⁻¹ S A⁻ᴴ. The estimate solves, for each unknown a of (θ, σ², Q) and
@@ -59,6 +58,8 @@ pub(crate) trait Linear {
     fn records(&self) -> usize;
     /// One of them.
     fn record(&self, record: usize) -> Sampled;
+    /// Noises that drive the equations.
+    fn noises(&self) -> usize;
     /// Whether the samples have noise, too.
     fn measured(&self) -> bool;
     /// Least and most of a parameter.
@@ -76,6 +77,17 @@ pub(crate) trait Linear {
         noise: &[C],
         a: &mut [C],
         r: &mut [C],
+    ) -> bool;
+    /// How one of the noises enters the equations: a column of G.
+    fn enters(&self, record: usize, line: usize, noise: usize, to: &mut [C]);
+    /// ∂G by a parameter, alike; whether it depends on that.
+    fn enters_slope(
+        &self,
+        record: usize,
+        line: usize,
+        parameter: usize,
+        noise: usize,
+        to: &mut [C],
     ) -> bool;
     /// A column of the transient in each equation.
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]);
@@ -109,7 +121,7 @@ struct Line {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Found {
     pub theta: Vec<f64>,
-    /// σ² of each output, then Q of each equation.
+    /// σ² of each output, then Q of each noise.
     pub levels: Vec<f64>,
     /// Covariance of θ and levels, row major; 0 beside what is 0.
     pub cov: Vec<f64>,
@@ -123,6 +135,7 @@ pub(crate) struct Found {
 #[derive(Debug, Clone)]
 pub(crate) struct Driven {
     outputs: usize,
+    noises: usize,
     parameters: usize,
     blocks: Vec<Block>,
     lines: Vec<Line>,
@@ -163,13 +176,14 @@ struct Desk {
     slope: Vec<C>,
     x: Vec<C>,
     y: Vec<C>,
+    z: Vec<C>,
 }
 
 impl Driven {
     /// Room for estimates of one model.
     pub fn new(model: &impl Linear, isa: Isa) -> Driven {
         let (q, p) = (model.outputs(), model.parameters());
-        let unknowns = p + 2 * q;
+        let unknowns = p + q + model.noises();
         let (mut row, mut line, mut blocks) = (0, 0, Vec::new());
         for k in 0..model.records() {
             let sampled = model.record(k);
@@ -186,6 +200,7 @@ impl Driven {
         let column = || vec![zero; q];
         Driven {
             outputs: q,
+            noises: model.noises(),
             parameters: p,
             blocks,
             lines,
@@ -215,12 +230,13 @@ impl Driven {
                 slope: column(),
                 x: column(),
                 y: column(),
+                z: column(),
             },
         }
     }
 
     fn unknowns(&self) -> usize {
-        self.parameters + 2 * self.outputs
+        self.parameters + self.outputs + self.noises
     }
 
     /// Residual at a point with the transient at its best, and what belongs to the lines. Returns the criterion.
@@ -253,8 +269,16 @@ impl Driven {
                             *own = plus(*own, by(a[e * q + l], level), conjugate(a[f * q + l]));
                         }
                     }
-                    s[e * q + e].0 += inside * levels[q + e];
                     least *= largest * largest;
+                }
+                for (noise, level) in levels[q..].iter().enumerate() {
+                    model.enters(k, i, noise, x);
+                    for e in 0..q {
+                        for f in 0..=e {
+                            let own = &mut s[e * q + f];
+                            *own = plus(*own, by(x[e], inside * level), conjugate(x[f]));
+                        }
+                    }
                 }
                 let det_s = factor(s, q);
                 let inverse = &mut self.inverse[at..at + q * q];
@@ -295,7 +319,7 @@ impl Driven {
         let size = q * q;
         let part = self.lines.len() * size;
         self.slopes.fill(0.0);
-        let Desk { a, r, e, noise, slope, x, y, .. } = &mut self.desk;
+        let Desk { a, r, e, noise, slope, x, y, z, .. } = &mut self.desk;
         for (k, block) in self.blocks.iter().enumerate() {
             let [unit, inside] = block.sampled.variances;
             let count = block.sampled.lines;
@@ -311,30 +335,39 @@ impl Driven {
                     whiten(lower, slope);
                     let column = &mut self.jacobian[j * all + block.row..][..block.rows];
                     spread(slope, own.count, column, (count, i));
-                    // −L⁻¹(∂A A⁻¹ Q + …)L⁻ᴴ, a column of Q at a time.
-                    for l in (0..q).filter(|l| depends && levels[q + l] > 0.0) {
-                        for (to, row) in y.iter_mut().zip(inverse.chunks(q)) {
-                            *to = row[l];
+                    // L⁻¹((∂G − ∂A A⁻¹ G) Q Gᴴ + …)L⁻ᴴ, a column of G at a time.
+                    for (l, level) in levels[q..].iter().enumerate().filter(|(_, q)| **q > 0.0) {
+                        let enters = model.enters_slope(k, i, j, l, slope);
+                        if !(depends || enters) {
+                            continue;
                         }
-                        apply(a, y, x);
+                        model.enters(k, i, l, y);
+                        x.fill((0.0, 0.0));
+                        if depends {
+                            apply(inverse, y, z);
+                            apply(a, z, x);
+                        }
+                        for (x, own) in x.iter_mut().zip(&*slope) {
+                            *x = if enters { (own.0 - x.0, own.1 - x.1) } else { (-x.0, -x.1) };
+                        }
                         whiten(lower, x);
-                        y.fill((0.0, 0.0));
-                        y[l].0 = 1.0;
                         whiten(lower, y);
                         let to = &mut self.slopes[j * part + at..][..size];
-                        add_outer(x, y, -2.0 * inside * levels[q + l], to);
+                        add_outer(x, y, 2.0 * inside * level, to);
                     }
                 }
-                for l in (0..2 * q).filter(|l| *l >= q || model.measured()) {
+                for l in (0..q).filter(|_| model.measured()) {
                     for (e, to) in x.iter_mut().enumerate() {
-                        *to = match l < q {
-                            true => self.a[at + e * q + l],
-                            false => (f64::from(u8::from(e == l - q)), 0.0),
-                        };
+                        *to = self.a[at + e * q + l];
                     }
                     whiten(lower, x);
-                    let to = &mut self.slopes[(p + l) * part + at..][..size];
-                    add_outer(x, x, if l < q { unit } else { inside }, to);
+                    add_outer(x, x, unit, &mut self.slopes[(p + l) * part + at..][..size]);
+                }
+                for l in 0..levels.len() - q {
+                    model.enters(k, i, l, x);
+                    whiten(lower, x);
+                    let to = &mut self.slopes[(p + q + l) * part + at..][..size];
+                    add_outer(x, x, inside, to);
                 }
             }
         }

@@ -99,6 +99,18 @@ impl Linear for Output<'_> {
         Sampled { lines: own.x.len(), from_zero: own.lines.first == 0, variances: [unit, inside] }
     }
 
+    fn noises(&self) -> usize {
+        1
+    }
+
+    fn enters(&self, _: usize, _: usize, _: usize, to: &mut [C]) {
+        to[0] = (1.0, 0.0);
+    }
+
+    fn enters_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
+        false
+    }
+
     fn measured(&self) -> bool {
         self.d.noise == Noise::Process
     }

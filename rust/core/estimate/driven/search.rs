@@ -8,6 +8,7 @@
 //!
 //! halved until Σ (k−ℓ) log det P + |r̃|² at the ℓ that stands has fallen. Levels end at 0 where the equations ask for less.
 
+use super::small::{square, whiten};
 use super::{Driven, Found, Linear};
 use crate::math::ln_1;
 
@@ -18,6 +19,8 @@ const HALVINGS: usize = 14;
 /// Cosine of steps that lie along each other, and the most that one is multiplied by.
 const ALONG: f64 = 0.9;
 const LONGEST: f64 = 4.0;
+/// Growth of a level that no noise explains.
+const ENDLESS: f64 = 1e9;
 /// Rise of the criterion that rounding explains.
 const ROUNDING: f64 = 1e-12;
 
@@ -38,9 +41,12 @@ impl Driven {
         (tol, most): (f64, usize),
     ) -> Sought {
         let (theta, levels) = (&mut found.theta, &mut found.levels);
-        levels.resize(2 * self.outputs, 0.0);
+        levels.resize(self.outputs + self.noises, 0.0);
         self.first_levels(model, theta, levels, first);
-        let sought = self.search(model, theta, levels, tol, most);
+        let begun: Vec<f64> = levels.clone();
+        let mut sought = self.search(model, theta, levels, tol, most);
+        // Where the rows say nothing of an equation's own terms its scale has no end.
+        sought.settled &= levels.iter().zip(&begun).all(|(now, then)| *now <= ENDLESS * then);
         found.residual.clear();
         found.residual.extend_from_slice(&self.residual);
         found.cov.clear();
@@ -152,7 +158,8 @@ impl Driven {
         self.lines.iter().map(|own| own.left * own.log_p + own.misfit).sum()
     }
 
-    /// Levels to start from: each such that it alone, or on the middle of the lines, is what the residuals show.
+    /// Levels to start from: what the residuals show with noise of the samples alone, and noises that on the middle of the
+    /// lines are as strong as that; or noise of the equations alone.
     fn first_levels(
         &mut self,
         model: &mut impl Linear,
@@ -161,47 +168,43 @@ impl Driven {
         first: &[f64],
     ) {
         let q = self.outputs;
-        let (samples, equations) = levels.split_at_mut(q);
-        samples.fill(0.0);
-        equations.fill(0.0);
+        levels.fill(0.0);
         let rows: f64 = self.lines.iter().map(|own| own.count).sum();
         let spent = model.transients() * model.records() + self.parameters;
         let degrees = q as f64 * rows - spent as f64;
-        if model.measured() {
-            samples.copy_from_slice(first);
+        if !model.measured() {
+            levels[q..].fill(1.0);
             self.evaluate(model, theta, levels);
-            let misfit: f64 = self.lines.iter().map(|own| own.misfit).sum();
-            let one = misfit / degrees;
-            levels[..q].iter_mut().for_each(|level| *level *= one);
-        }
-        // Those of the equations, whitened by what one unit of each is.
-        let own = levels.to_vec();
-        levels[..q].fill(0.0);
-        levels[q..].fill(1.0);
-        self.evaluate(model, theta, levels);
-        for e in 0..q {
-            levels[q + e] = if model.measured() {
-                // As large as the samples' noise on the middle of the lines.
-                let (mut sum, mut count) = (0.0, 0.0);
-                for block in &self.blocks {
-                    let [unit, inside] = block.sampled.variances;
-                    for i in 0..block.sampled.lines {
-                        let row = &self.a[((block.line + i) * q + e) * q..][..q];
-                        let each = row.iter().zip(&own).map(|(a, level)| super::small::square(*a) * level);
-                        let there = unit / inside * each.sum::<f64>();
-                        (sum, count) = (sum + ln_1(there.max(f64::MIN_POSITIVE)), count + 1.0);
-                    }
-                }
-                libm::exp(sum / count)
-            } else {
+            for (e, level) in levels[q..].iter_mut().enumerate() {
                 let each = self.blocks.iter().map(|block| {
                     let part = 2 * e * block.sampled.lines;
                     let rows = &self.residual[block.row + part..][..2 * block.sampled.lines];
                     rows.iter().map(|r| r * r).sum::<f64>()
                 });
-                each.sum::<f64>() * q as f64 / degrees
-            };
+                *level = each.sum::<f64>() * q as f64 / degrees;
+            }
+            return;
         }
-        levels[..q].copy_from_slice(&own[..q]);
+        levels[..q].copy_from_slice(first);
+        self.evaluate(model, theta, levels);
+        let misfit: f64 = self.lines.iter().map(|own| own.misfit).sum();
+        let (noises, size) = (self.noises, q * q);
+        for l in 0..noises {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (k, block) in self.blocks.iter().enumerate() {
+                for i in 0..block.sampled.lines {
+                    let x = &mut self.desk.x;
+                    model.enters(k, i, l, x);
+                    whiten(&self.lower[(block.line + i) * size..][..size], x);
+                    let unit: f64 = x.iter().map(|x| square(*x)).sum();
+                    let level = 1.0 / (block.sampled.variances[1] * unit);
+                    if level.is_finite() {
+                        (sum, count) = (sum + ln_1(level), count + 1.0);
+                    }
+                }
+            }
+            levels[q + l] = libm::exp(sum / count);
+        }
+        levels.iter_mut().for_each(|level| *level *= misfit / degrees);
     }
 }

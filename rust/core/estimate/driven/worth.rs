@@ -1,7 +1,7 @@
 //! What an estimate is worth: covariances, degrees of freedom, the share of each kind of noise.
 
+use super::small::{add_outer, apply, square};
 use super::{Block, Driven, Found, Linear};
-use super::small::square;
 
 /// Relative change of an unknown by which the slopes of shares are taken.
 const CHANGE: f64 = 1e-5;
@@ -92,7 +92,8 @@ impl Driven {
     pub fn degrees(&self, parameter: usize) -> f64 {
         let (p, q, all) = (self.parameters, self.outputs, self.residual.len());
         let (unknowns, size, part) = (self.unknowns(), q * q, self.over.len());
-        let (mut total, mut share) = (0.0, vec![0.0; 2 * q]);
+        let levels = q + self.noises;
+        let (mut total, mut share) = (0.0, vec![0.0; levels]);
         let mut influence = vec![(0.0, 0.0); q];
         let mut outer = vec![0.0; size];
         for block in &self.blocks {
@@ -109,26 +110,26 @@ impl Driven {
                 }
                 total += influence.iter().map(|own| square(*own)).sum::<f64>();
                 outer.fill(0.0);
-                super::small::add_outer(&influence, &influence, 1.0, &mut outer);
+                add_outer(&influence, &influence, 1.0, &mut outer);
                 for (level, share) in share.iter_mut().enumerate() {
                     let slope = &self.slopes[(p + level) * part + (block.line + i) * size..][..size];
                     *share += slope.iter().zip(&outer).map(|(a, b)| a * b).sum::<f64>();
                 }
             }
         }
-        let each = (0..4 * q * q).map(|k| {
-            let (i, j) = (k / (2 * q), k % (2 * q));
+        let each = (0..levels * levels).map(|k| {
+            let (i, j) = (k / levels, k % levels);
             share[i] * share[j] * self.joint[(p + i) * unknowns + p + j]
         });
         2.0 * total * total / each.sum::<f64>()
     }
 
     /// What part of each output's misfit is the response to process noise, with standard errors by the delta method.
-    fn shares(&mut self, model: &mut impl Linear, found: &mut Found) {
+    fn shares<M: Linear>(&mut self, model: &mut M, found: &mut Found) {
         let (p, q, unknowns) = (self.parameters, self.outputs, self.unknowns());
-        let share = |own: &mut Driven, model: &mut _, theta: &[f64], levels: &[f64]| -> Vec<f64> {
+        let share = |own: &mut Driven, model: &mut M, theta: &[f64], levels: &[f64]| -> Vec<f64> {
             own.evaluate(model, theta, levels);
-            (0..q).map(|output| own.share(output, levels)).collect()
+            (0..q).map(|output| own.share(model, output, levels)).collect()
         };
         let (theta, levels) = (found.theta.clone(), found.levels.clone());
         let mut slopes = vec![0.0; q * unknowns];
@@ -157,16 +158,21 @@ impl Driven {
         found.shares = here.into_iter().zip(errors).collect();
     }
 
-    fn share(&self, output: usize, levels: &[f64]) -> f64 {
+    fn share(&mut self, model: &impl Linear, output: usize, levels: &[f64]) -> f64 {
         let q = self.outputs;
         let (mut measured, mut driven) = (0.0, 0.0);
-        for block in &self.blocks {
+        let x = &mut self.desk.x;
+        for (k, block) in self.blocks.iter().enumerate() {
             let [unit, inside] = block.sampled.variances;
             for i in 0..block.sampled.lines {
                 let row = &self.inverse[((block.line + i) * q + output) * q..][..q];
                 measured += unit * levels[output];
-                let each = row.iter().zip(&levels[q..]).map(|(a, level)| square(*a) * level);
-                driven += inside * each.sum::<f64>();
+                for (l, level) in levels[q..].iter().enumerate() {
+                    model.enters(k, i, l, x);
+                    let mut there = [(0.0, 0.0)];
+                    apply(row, x, &mut there);
+                    driven += inside * level * square(there[0]);
+                }
             }
         }
         driven / (measured + driven)

@@ -1,6 +1,9 @@
-//! Equations that noise drives: linear ones, as many as noisy channels, on the lines of their records.
+//! Equations that noise drives: linear ones, as many as noisy outputs, on the lines of their records.
+//!
+//! Noise enters each equation by itself, or through inputs that nobody measured: channels of zeros, the last of the noisy ones,
+//! each with a filter that shapes its spectrum.
 
-use super::equations::Equations;
+use super::equations::{Equations, Term};
 use super::iterate::{Ended, TermsProblem};
 use super::plan::TermsFitter;
 use crate::error::{Error, Status};
@@ -34,11 +37,20 @@ pub(crate) struct DrivenTerms {
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
 }
 
+impl DrivenTerms {
+    /// Whether this settled and the other did not, or else is the more likely.
+    pub fn is_better(&self, other: &DrivenTerms) -> bool {
+        let settled = |own: &DrivenTerms| own.ended.status == Status::Ok;
+        let (mine, theirs) = (settled(self), settled(other));
+        if mine == theirs { self.ended.cost < other.ended.cost } else { mine }
+    }
+}
+
 impl Equations {
-    /// Whether noise that drives them can be told: as many equations as noisy channels, linear in these, with signals that
-    /// do not depend on θ.
-    pub(crate) fn can_be_driven(&self) -> bool {
-        self.orders.len() == self.noisy.len() && !self.moves() && !self.bends()
+    /// Whether noise that drives them can be told: as many equations as noisy outputs, linear in these, with signals that do
+    /// not depend on θ. `shapes`: noisy channels that are no outputs.
+    pub(crate) fn can_be_driven(&self, shapes: usize) -> bool {
+        self.orders.len() + shapes == self.noisy.len() && !self.moves() && !self.bends()
     }
 }
 
@@ -58,6 +70,43 @@ impl<'a, 'b> Rows<'a, 'b> {
         &self.problem.fitter.o.equations
     }
 
+    /// Slopes of a signal by the noisy channels.
+    fn slopes_of(&self, signal: usize) -> &[f64] {
+        let count = self.equations().noisy.len();
+        &self.sensitivities[signal * count..][..count]
+    }
+
+    /// Adds what a term has of a noise; whether it has any.
+    fn enter(
+        &self,
+        record: usize,
+        line: usize,
+        noise: usize,
+        term: Term,
+        by: f64,
+        to: &mut [C],
+    ) -> bool {
+        let slope = self.slopes_of(term.signal)[self.outputs() + noise];
+        if slope != 0.0 {
+            let s = self.operator(record, line, term.order, term.signal);
+            add(&mut to[term.equation], by * slope, s, (1.0, 0.0));
+        }
+        slope != 0.0
+    }
+
+    /// Gain of the filter of a noise.
+    fn gain(&self, record: usize, line: usize, noise: usize) -> f64 {
+        let (num, den) = &self.problem.fitter.o.shapes[noise];
+        let lines = self.problem.spots[record].lines;
+        let omega = (line + lines.first) as f64 * lines.omega0;
+        let size = |all: &[f64]| {
+            let each = |sum: C, c: &f64| (c - omega * sum.1, omega * sum.0);
+            let value = all.iter().fold((0.0, 0.0), each);
+            value.0.hypot(value.1)
+        };
+        size(num) / size(den)
+    }
+
     /// s^order of a line times e^{−s lag} of a signal.
     fn operator(&self, record: usize, line: usize, order: usize, signal: usize) -> C {
         let spot = &self.problem.spots[record];
@@ -74,7 +123,7 @@ fn add(to: &mut C, by: f64, s: C, v: C) {
 
 impl Linear for Rows<'_, '_> {
     fn outputs(&self) -> usize {
-        self.equations().noisy.len()
+        self.equations().orders.len()
     }
 
     fn parameters(&self) -> usize {
@@ -96,6 +145,45 @@ impl Linear for Rows<'_, '_> {
             from_zero: lines.first == 0,
             variances: [lines.unit_variance, lines.omega0 / std::f64::consts::TAU],
         }
+    }
+
+    fn noises(&self) -> usize {
+        let shapes = self.problem.fitter.o.shapes.len();
+        if shapes == 0 { self.outputs() } else { shapes }
+    }
+
+    fn enters(&self, record: usize, line: usize, noise: usize, to: &mut [C]) {
+        to.fill((0.0, 0.0));
+        if self.problem.fitter.o.shapes.is_empty() {
+            to[noise].0 = 1.0;
+            return;
+        }
+        let gain = self.gain(record, line, noise);
+        for (term, g) in self.equations().terms.iter().zip(&self.values) {
+            self.enter(record, line, noise, *term, g * gain, to);
+        }
+    }
+
+    fn enters_slope(
+        &self,
+        record: usize,
+        line: usize,
+        parameter: usize,
+        noise: usize,
+        to: &mut [C],
+    ) -> bool {
+        to.fill((0.0, 0.0));
+        if self.problem.fitter.o.shapes.is_empty() {
+            return false;
+        }
+        let e = self.equations();
+        let gain = self.gain(record, line, noise);
+        let mut depends = false;
+        let slopes = e.slopes.iter().zip(&self.values[e.terms.len()..]);
+        for ((t, _), g) in slopes.filter(|((_, own), _)| *own == parameter) {
+            depends |= self.enter(record, line, noise, e.terms[*t], g * gain, to);
+        }
+        depends
     }
 
     fn measured(&self) -> bool {
@@ -121,7 +209,7 @@ impl Linear for Rows<'_, '_> {
         for (term, g) in e.terms.iter().zip(&self.values) {
             let s = spot.power(line, term.order);
             add(&mut r[term.equation], *g, s, spot.signal(term.signal, line));
-            let own = &self.sensitivities[term.signal * q..][..q];
+            let own = &self.slopes_of(term.signal)[..q];
             for (channel, slope) in own.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
                 let s = self.operator(record, line, term.order, term.signal);
                 let at = term.equation * q + channel;
@@ -150,7 +238,7 @@ impl Linear for Rows<'_, '_> {
             let term = e.terms[*t];
             let s = spot.power(line, term.order);
             add(&mut r[term.equation], *g, s, spot.signal(term.signal, line));
-            let own = &self.sensitivities[term.signal * q..][..q];
+            let own = &self.slopes_of(term.signal)[..q];
             for (channel, slope) in own.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
                 let s = self.operator(record, line, term.order, term.signal);
                 add(&mut a[term.equation * q + channel], *g * slope, s, (1.0, 0.0));
@@ -170,7 +258,7 @@ impl TermsFitter {
     /// The kind of noise inside the equations, where there is some and it is estimated by likelihood.
     pub(crate) fn driven(&self) -> Option<Noise> {
         let own = self.o.noise != Noise::Output && self.o.method == Method::Ml;
-        (own && self.o.equations.can_be_driven()).then_some(self.o.noise)
+        (own && self.o.equations.can_be_driven(self.o.shapes.len())).then_some(self.o.noise)
     }
 
     /// The estimate with the levels of noise inside the equations, from one without.
@@ -182,14 +270,11 @@ impl TermsFitter {
         problem: &mut TermsProblem<'_>,
         first: &Ended,
         noise: Noise,
-    ) -> Result<Option<DrivenTerms>, Error> {
-        if !matches!(first.status, Status::Ok | Status::MaxIter) {
-            return Ok(None);
-        }
+    ) -> Result<DrivenTerms, Error> {
         problem.cost(&first.theta, RowWeights::Flat)?;
         let problem = &*problem;
         let e = &self.o.equations;
-        let (p, q) = (e.parameters, e.noisy.len());
+        let (p, q) = (e.parameters, e.orders.len());
         let mut rows = Rows::new(problem, noise);
         let mut driven = Driven::new(&rows, self.isa);
         let mut found = Found { theta: first.theta.clone(), ..Found::default() };
@@ -216,7 +301,7 @@ impl TermsFitter {
         let gram = |i: usize, j: usize| driven.gram(i, j) / (sizes[i] * sizes[j]);
         let each: Vec<_> = (0..q).map(|k| driven.residuals(&found, k)).collect();
         let residuals = (0..own.len()).map(|r| each.iter().map(|k| k[r].clone()).collect()).collect();
-        Ok(Some(DrivenTerms {
+        Ok(DrivenTerms {
             nonrobust: square(&|i, j| driven.covariance(i, j)),
             hc3: square(&|i, j| driven.sandwich(i, j)),
             gram: square(&gram),
@@ -230,6 +315,6 @@ impl TermsFitter {
                 at_bound: (0..p).map(|k| driven.is_held(k)).collect(),
             },
             levels: Levels { values: found.levels, cov: found.cov, shares: found.shares },
-        }))
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! Fits of equations to records, with everything a user sees.
 
+use super::driven::DrivenTerms;
 use super::iterate::{Ended, TermsProblem};
 use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
@@ -55,7 +56,9 @@ impl TermsFitter {
         let worker = lent.get_or(Worker::default);
         let (mut fit, back) = self.finish(records, variances, &chosen, std::mem::take(worker))?;
         *worker = back;
-        fit.seen = levels(&seen);
+        if fit.driven.is_none() {
+            fit.seen = levels(&seen);
+        }
         Ok(fit)
     }
 
@@ -97,19 +100,31 @@ impl TermsFitter {
         worker: Worker,
         noise: Noise,
     ) -> Result<(TermsFit, Worker), Error> {
-        let narrow: Vec<Range> = self.narrow.iter().zip(&chosen.ranges).map(|(few, own)| (own.0, few.1.min(own.1))).collect();
+        let narrow: Vec<Range> = self
+            .narrow
+            .iter()
+            .zip(&chosen.ranges)
+            .map(|(few, own)| (own.0, few.1.min(own.1)))
+            .collect();
         let few = self.problem(records, variances.clone(), &narrow, Worker::default());
-        let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok().filter(usable);
+        let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok();
         let mut problem = self.problem(records, variances, &chosen.ranges, worker)?;
-        let first = match few {
-            Some(few) => few,
-            None => self.estimate(&mut problem, None)?,
-        };
-        let Some(found) = self.refine(&mut problem, &first, noise)? else {
-            let fit = self.finished(&mut problem, &first, chosen.rule)?;
+        let wide = self.estimate(&mut problem, chosen.theta.as_deref())?;
+        let starts: Vec<Ended> = [Some(wide), few].into_iter().flatten().filter(usable).collect();
+        let mut best: Option<DrivenTerms> = None;
+        for start in &starts {
+            let found = self.refine(&mut problem, start, noise)?;
+            // Noise may be told apart in more than one way.
+            if best.as_ref().is_none_or(|best| found.is_better(best)) {
+                best = Some(found);
+            }
+        }
+        let Some(found) = best else {
+            let lost = self.estimate(&mut problem, None)?;
+            let fit = self.finished(&mut problem, &lost, chosen.rule)?;
             return Ok((fit, problem.into_worker()));
         };
-        let q = self.o.equations.noisy.len();
+        let q = self.o.equations.orders.len();
         let sigma: Vec<f64> = found.levels.values[..q].iter().map(|v| v.sqrt()).collect();
         let levels = vec![sigma; records.len()];
         let lost = matches!(found.ended.status, Status::Rank | Status::NonFinite);
@@ -310,8 +325,7 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         variances: &[Vec<f64>],
     ) -> Result<Choice, Error> {
-        // The levels of both kinds of noise need all lines.
-        if !self.band_is_sought() || self.driven().is_some() {
+        if !self.band_is_sought() {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
@@ -342,6 +356,10 @@ impl TermsFitter {
         let Some(best) = best else {
             return Ok(Choice { ranges: wide, rule: Some(rule), theta: None });
         };
+        if self.driven().is_some() {
+            // The levels of both kinds of noise need all lines.
+            return Ok(Choice { ranges: wide, rule: None, theta: Some(best.theta) });
+        }
         let (weights, factors) = self.weights();
         all.cost(&best.theta, weights)?;
         all.jacobian(factors);

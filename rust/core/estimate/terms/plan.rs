@@ -25,6 +25,9 @@ pub struct TermsOptions {
     pub equations: Equations,
     /// Quadrature behind the noise; signals say their own.
     pub rule: Rule,
+    /// Numerators and denominators, in descending powers, of the filters of noise that enters through channels of zeros, the
+    /// last of the noisy ones.
+    pub shapes: Vec<(Vec<f64>, Vec<f64>)>,
     /// Estimator.
     pub method: Method,
     /// Of the channels, of the equations, or of both.
@@ -101,14 +104,14 @@ impl TermsFitter {
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
-        if o.noise == Noise::Process && !(e.can_be_driven() && uneven.iter().all(Vec::is_empty)) {
+        if o.noise == Noise::Process && !(e.can_be_driven(o.shapes.len()) && uneven.iter().all(Vec::is_empty)) {
             return Err(Error::Spec(format!(
                 "fitting equations with process noise: it is told from that of the samples by {} equations in {} noisy \
                  outputs; it takes as many equations as outputs, each linear in all outputs (and in the form in which it \
                  was written: no unmeasured state), delays that are known, and samples of even noise without gaps. \
                  Take noise=\"output\"",
                 e.orders.len(),
-                e.noisy.len()
+                e.noisy.len() - o.shapes.len().min(e.noisy.len())
             )));
         }
         let pairs = Pairs::new(e);

@@ -1,0 +1,175 @@
+"""What is known of noise that drives a system: inputs that nobody measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from ..base.arguments import public, real
+from ..errors import SpecError
+from ..records.record import Record
+from ..systems.lti import LTI
+from ..systems.making import linear, tf
+
+__all__ = ["ProcessNoise", "dryden", "with_inputs"]
+
+Filter = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@public
+@dataclass(frozen=True, init=False, repr=False)
+class ProcessNoise:
+    """Noise that enters through inputs of the model that nobody measured, such as gusts.
+
+    Parameters
+    ----------
+    **inputs : float or LTI
+        By the name of an input of the model: the filter that shapes white noise of unit power spectral density
+        (two-sided, of hertz) into it, or a number for white noise of that root of the density. A fit estimates
+        a factor for each (`Fit.process_noise`); `simulate` takes them as they are.
+
+    Raises
+    ------
+    SpecError
+        No input, a level that is not above 0, or a filter with a delay or with several inputs or outputs.
+
+    See Also
+    --------
+    modfun.dryden : Filters of turbulence.
+    modfun.fit : Takes it as `noise`.
+    modfun.simulate : Takes it as `process_noise`.
+
+    References
+    ----------
+    V. Klein, E. A. Morelli, Aircraft System Identification, AIAA, 2006, chapter 6 (process noise).
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> mf.ProcessNoise(w=mf.dryden(1.5))
+    ProcessNoise(w=(2.12132 s + 1.22474) / (2.25 s^2 + 3 s + 1))
+    """
+
+    filters: tuple[tuple[str, Filter], ...]
+
+    def __init__(self, **inputs: Any) -> None:
+        if not inputs:
+            raise SpecError(
+                "ProcessNoise: name an input of the model that was not measured, such as ProcessNoise(w=1.0); "
+                'noise in each equation by itself is noise="process"'
+            )
+        object.__setattr__(self, "filters", tuple((name, _filter(name, own)) for name, own in inputs.items()))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Inputs of the model through which it enters."""
+        return tuple(name for name, _ in self.filters)
+
+    def __repr__(self) -> str:
+        told = [
+            f"{name}={_told(num)}" + (f" / {_told(den)}" if len(den) > 1 else "")
+            for name, (num, den) in self.filters
+        ]
+        return f"ProcessNoise({', '.join(told)})"
+
+
+def with_inputs(rec: Record, noise: Any) -> Record:
+    """The record with an input of zeros for each that nobody measured; itself where there is none."""
+    names = noise.names if isinstance(noise, ProcessNoise) else ()
+    if not names or rec.inputs[-len(names) :] == names:
+        return rec
+    taken = [name for name in names if name in (*rec.inputs, *rec.outputs)]
+    if taken:
+        raise SpecError(
+            f"noise=ProcessNoise: {taken[0]!r} is a channel of the record; name an input of the model that was not "
+            "measured"
+        )
+    return rec._like(
+        u=np.vstack([rec.u, np.zeros((len(names), rec.t.size))]),
+        inputs=(*rec.inputs, *names),
+        intersample=(*rec.intersample, *["smooth"] * len(names)),
+    )
+
+
+def _filter(name: str, given: Any) -> Filter:
+    if isinstance(given, (int, float, np.number)) and not isinstance(given, bool):
+        level = real("ProcessNoise", name, given)
+        if not (isfinite(level) and level > 0):
+            raise SpecError(
+                f"ProcessNoise: {name}={given!r} must be a level above 0, or a filter such as mf.dryden(1.5)"
+            )
+        return (level,), (1.0,)
+    system = linear(given, "ProcessNoise")
+    if not isinstance(system, LTI) or system.shape != (1, 1) or np.any(system.path_delays != 0):
+        raise SpecError(
+            f"ProcessNoise: {name}={given!r} must be a number, or a linear system of one input and one output "
+            "without delay, such as mf.tf([1], [2, 1]) or mf.dryden(1.5)"
+        )
+    num, den = (tuple(np.atleast_1d(own).astype(float).tolist()) for own in (system.num, system.den))
+    return num, den
+
+
+def _told(coefficients: tuple[float, ...]) -> str:
+    powers = range(len(coefficients) - 1, -1, -1)
+    parts = [
+        " ".join(
+            part
+            for part in (f"{c:g}" if c != 1 or not k else "", "s" if k == 1 else f"s^{k}" if k else "")
+            if part
+        )
+        for c, k in zip(coefficients, powers, strict=True)
+        if c != 0
+    ]
+    text = " + ".join(parts).replace("+ -", "- ") or "0"
+    return f"({text})" if len(parts) > 1 else text
+
+
+@public
+def dryden(tau: float, sigma: float = 1.0, *, axis: str = "vertical") -> LTI:
+    """Filter that makes turbulence of Dryden's spectra from white noise.
+
+    Parameters
+    ----------
+    tau : float
+        Scale length over airspeed, L/V, s.
+    sigma : float, default 1
+        Standard deviation of the gusts, in the unit of the input that they are.
+    axis : {"vertical", "lateral", "longitudinal"}
+        The first two have the spectrum tau (1 + 3 (tau omega)²)/(1 + (tau omega)²)², the last
+        2 tau/(1 + (tau omega)²), two-sided, of hertz, times sigma².
+
+    Returns
+    -------
+    LTI
+        Its response to white noise of unit density has the standard deviation `sigma`.
+
+    Raises
+    ------
+    SpecError
+        Numbers that are not above 0, or another axis.
+
+    See Also
+    --------
+    modfun.ProcessNoise : Takes it.
+
+    References
+    ----------
+    MIL-HDBK-1797, Flying Qualities of Piloted Aircraft, 1997, appendix A, section 4.9.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> mf.dryden(1.5).poles().real.round(3).tolist()
+    [-0.667, -0.667]
+    """
+    for name, value in (("tau", tau), ("sigma", sigma)):
+        if not (isfinite(real("dryden", name, value)) and value > 0):
+            raise SpecError(f"dryden: {name}={value!r} must be above 0 (tau = scale length over airspeed, s)")
+    if axis == "longitudinal":
+        return tf([sigma * sqrt(2 * tau)], [tau, 1.0])
+    if axis not in ("vertical", "lateral"):
+        raise SpecError(f"dryden: axis={axis!r} is not one of 'vertical', 'lateral', 'longitudinal'")
+    return tf([sigma * sqrt(3 * tau) * tau, sigma * sqrt(tau)], [tau**2, 2 * tau, 1.0])
