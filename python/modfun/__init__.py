@@ -93,12 +93,12 @@ _MODULES = ("plot", "rivals", "signals", "timelag")
 __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
-    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "ProcessNoise", "Record", "Reduction",
-    "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table", "TermSelection",
-    "Track", "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity", "columns",
-    "common_poles", "compare", "crlb", "cross_validate", "dryden", "fit", "fit_many", "frf", "load", "plot",
-    "rank_test", "read", "reduce", "regressors", "rivals", "select_order", "select_terms", "signals",
-    "simulate", "sinusoids", "ss", "tf", "timelag",
+    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "ProcessNoise", "Record",
+    "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table",
+    "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity",
+    "columns", "common_poles", "compare", "crlb", "cross_validate", "dryden", "fit", "fit_many", "frf",
+    "load", "plot", "rank_test", "read", "reduce", "regressors", "rivals", "select_order", "select_terms",
+    "signals", "simulate", "sinusoids", "ss", "tf", "timelag",
 ]  # fmt: skip
 
 

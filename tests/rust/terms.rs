@@ -11,7 +11,7 @@ use modfun::estimate::{Answer, Band, Options, Time, Wanted};
 use modfun::quadrature::Rule;
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
-use modfun::structure::{Method, Trend};
+use modfun::structure::{Method, Noise, Trend};
 use modfun::threads::Control;
 
 const N: usize = 512;
@@ -31,7 +31,8 @@ fn options(band: Band, level: Option<f64>) -> TermsOptions {
         equations: duffing::equations(Rule::Gregory),
         rule: Rule::Gregory,
         method: Method::Ml,
-        flat: false,
+        noise: Noise::Output,
+        shapes: Vec::new(),
         trend: Trend::None,
         band,
         levels: level.map(|s| vec![s]),

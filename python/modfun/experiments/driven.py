@@ -65,7 +65,7 @@ def measured(sys: Any, given: Any) -> Any:
 def _names(sys: Any, given: ProcessNoise) -> tuple[str, ...]:
     if not isinstance(sys, LTI) or sys.inputs is None:
         raise SpecError(
-            "simulate: process_noise=ProcessNoise(...) names inputs of a linear system that has names, such as "
+            "simulate: process_noise=ProcessNoise(...) names inputs of a linear system that has names, as "
             "StateSpace(...).model(values)"
         )
     missing = [name for name in given.names if name not in sys.inputs]
@@ -82,11 +82,13 @@ def _through_inputs(sys: Any, given: ProcessNoise) -> tuple[F64, F64, F64]:
     """The system behind the filters of its noise: A, C, and where white noise of unit density enters."""
     names = _names(sys, given)
     a, c = sys.A, sys.C
-    columns = []
+    columns: list[F64] = []
     for name, (num, den) in given.filters:
         at = names.index(name)
         if np.any(sys.D[:, at] != 0):
-            raise SpecError(f"simulate: process_noise: {name} acts on an output directly, with infinite variance")
+            raise SpecError(
+                f"simulate: process_noise: {name} acts on an output directly: its variance is infinite"
+            )
         shape = tf(num, den).to_ss()
         own, n, extra = sys.B[:, at : at + 1], len(a), len(shape.A)
         # Columns of noise that came before end at the states there were.

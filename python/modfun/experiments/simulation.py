@@ -185,8 +185,9 @@ def simulate(
         Level of white noise w that drives a linear system itself, as turbulence or load do: root of its power
         spectral density (two-sided, of hertz), as `Fit.process_noise` tells it. Of transfer functions on the
         right of A(p) y = B(p) u + w, one for all outputs or one an output; of state spaces on that of
-        x' = A x + B u + w, one for all states or one a state; or ProcessNoise, through inputs of the system that
-        `input` then leaves out. Its response is stationary where the system is stable, else it begins at zero.
+        x' = A x + B u + w, one for all states or one a state; or ProcessNoise, through inputs of the system
+        that `input` then leaves out. Its response is stationary where the system is stable, else it begins
+        at zero.
     initial_state : "zero", "random" or array_like, default "zero"
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of

@@ -89,11 +89,12 @@ def fit(
     trend : {"auto", "constant", "linear", None}
         Unknown offset (and slope) of the output, a record; of equations an unknown constant (and slope) in
         each. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
-    noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"}, Noise or ProcessNoise
+    noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"} or object
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
-        unknown (of several outputs estimated in full, by alternation); "process": white noise drives the system
-        as well, as turbulence or load do, of a level that is estimated beside that of the samples
-        (`Fit.process_noise`; transfer functions of one output, by "ml"); "equation": white in the equations;
+        unknown (of several outputs estimated in full, by alternation); "process": white noise drives each
+        equation as well, as turbulence or load do, and all levels are estimated (`Fit.process_noise`; for
+        transfer functions of one output and for linear equations and state spaces of which every state is
+        measured, by "ml"); "equation": white in the equations alone;
         "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
         alternation; "errors-in-variables": white on outputs and inputs, levels from the harmonics that the
         signals leave empty; "log-normal": white on the logarithms of the outputs (equations only);

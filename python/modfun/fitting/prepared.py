@@ -137,8 +137,8 @@ def refuse_process_noise(options: Options) -> None:
     if options.drives:
         raise SpecError(
             'fit: noise="process" is for transfer functions of one output without free delays, held '
-            "coefficients, masks and sigma, and for an Equation or a StateSpace that measures all its states; write "
-            'several outputs so, or take noise="output"'
+            "coefficients, masks and sigma, and for an Equation or StateSpace that measures all its states; "
+            'write several outputs so, or take noise="output"'
         )
 
 

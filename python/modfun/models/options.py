@@ -152,7 +152,7 @@ def _checked(what: str, **given: Any) -> Options:
     drives = given.get("noise") == "process" or isinstance(given.get("noise"), ProcessNoise)
     if drives and given.get("method", "ml") != "ml":
         raise SpecError(
-            f'{what}: noise="process" estimates two levels by likelihood, which method={given["method"]!r} has '
+            f'{what}: noise="process" estimates levels by likelihood, which method={given["method"]!r} has '
             'not; take method="ml"'
         )
     if given.get("harmonics") is not None:

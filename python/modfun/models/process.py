@@ -27,9 +27,9 @@ class ProcessNoise:
     Parameters
     ----------
     **inputs : float or LTI
-        By the name of an input of the model: the filter that shapes white noise of unit power spectral density
-        (two-sided, of hertz) into it, or a number for white noise of that root of the density. A fit estimates
-        a factor for each (`Fit.process_noise`); `simulate` takes them as they are.
+        By the name of an input of the model: the filter that shapes white noise of unit power spectral
+        density (two-sided, of hertz) into it, or a number for white noise of that root of the density. A fit
+        estimates a factor for each (`Fit.process_noise`); `simulate` takes them as they are.
 
     Raises
     ------
@@ -50,7 +50,7 @@ class ProcessNoise:
     --------
     >>> import modfun as mf
     >>> mf.ProcessNoise(w=mf.dryden(1.5))
-    ProcessNoise(w=(2.12132 s + 1.22474) / (2.25 s^2 + 3 s + 1))
+    ProcessNoise(w=(1.41421 s + 0.544331) / (s^2 + 1.33333 s + 0.444444))
     """
 
     filters: tuple[tuple[str, Filter], ...]
@@ -58,7 +58,7 @@ class ProcessNoise:
     def __init__(self, **inputs: Any) -> None:
         if not inputs:
             raise SpecError(
-                "ProcessNoise: name an input of the model that was not measured, such as ProcessNoise(w=1.0); "
+                "ProcessNoise: name an input of the model that nobody measured, as in ProcessNoise(w=1.0); "
                 'noise in each equation by itself is noise="process"'
             )
         object.__setattr__(self, "filters", tuple((name, _filter(name, own)) for name, own in inputs.items()))
@@ -79,13 +79,13 @@ class ProcessNoise:
 def with_inputs(rec: Record, noise: Any) -> Record:
     """The record with an input of zeros for each that nobody measured; itself where there is none."""
     names = noise.names if isinstance(noise, ProcessNoise) else ()
-    if not names or rec.inputs[-len(names) :] == names:
+    if not names or (rec.inputs[-len(names) :] == names and not rec.u[-len(names) :].any()):
         return rec
     taken = [name for name in names if name in (*rec.inputs, *rec.outputs)]
     if taken:
         raise SpecError(
-            f"noise=ProcessNoise: {taken[0]!r} is a channel of the record; name an input of the model that was not "
-            "measured"
+            f"noise=ProcessNoise: {taken[0]!r} is a channel of the record; name an input of the model that "
+            "nobody measured"
         )
     return rec._like(
         u=np.vstack([rec.u, np.zeros((len(names), rec.t.size))]),
@@ -105,8 +105,8 @@ def _filter(name: str, given: Any) -> Filter:
     system = linear(given, "ProcessNoise")
     if not isinstance(system, LTI) or system.shape != (1, 1) or np.any(system.path_delays != 0):
         raise SpecError(
-            f"ProcessNoise: {name}={given!r} must be a number, or a linear system of one input and one output "
-            "without delay, such as mf.tf([1], [2, 1]) or mf.dryden(1.5)"
+            f"ProcessNoise: {name}={given!r} must be a number, or a linear system of one input and one "
+            "output without delay, such as mf.tf([1], [2, 1]) or mf.dryden(1.5)"
         )
     num, den = (tuple(np.atleast_1d(own).astype(float).tolist()) for own in (system.num, system.den))
     return num, den

@@ -7,10 +7,10 @@ import numpy as np
 from ..base.arrays import F64
 from ..errors import ModfunError
 from ..models.transfer_function import TransferFunction
-from .cures import WORTH
+from .cures import WORTH, on_band
 from .estimates import Estimates
 
-__all__ = ["origin"]
+__all__ = ["gain_of_process", "origin"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0
@@ -18,11 +18,12 @@ POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a samp
 
 
 def origin(fit: Estimates) -> str | None:
-    """ "process", "coloured", "either" or None, by likelihoods of the residual lines up to an eighth of the rate.
+    """ "process", "coloured", "either" or None, by likelihoods of residual lines up to an eighth of the rate.
 
     Process noise beside white noise of the samples has the spectrum r + (1 - r)/|A|^2, coloured noise of
-    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. Either is told from white noise by ten units
-    of -2 log likelihood, one from the other by fourteen: of 900 records with coloured noise none came to eleven.
+    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. Either is told from white noise by ten
+    units of -2 log likelihood, one from the other by fourteen: of 900 records with coloured noise none came
+    to eleven.
     """
     plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
     if not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
@@ -64,3 +65,18 @@ def origin(fit: Estimates) -> str | None:
     if abs(process - coloured) <= APART:
         return "either"
     return "process" if process < coloured else "coloured"
+
+
+def gain_of_process(fit: Estimates) -> tuple[float, float] | None:
+    """BIC of equations over a wide band without and with noise in each; None where that does not pay."""
+    if fit.layout.rational or fit.options.noise != "output" or fit.again is None or fit.records is None:
+        return None
+    try:
+        driven = fit.again(fit.records, fit.structure, fit.options.replace(noise="process", method="ml"))
+        plain = fit.again(fit.records, fit.structure, on_band(fit, driven.band))
+    except ModfunError:  # equations that are not linear, say
+        return None
+    if not (driven.usable and plain.usable and driven.process_levels is not None):
+        return None
+    after = driven.bic + len(fit.outputs) * np.log(driven.df_resid)
+    return (plain.bic, after) if after < plain.bic - WORTH else None

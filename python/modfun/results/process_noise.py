@@ -21,9 +21,9 @@ def process_noise(fit: Estimates, level: float) -> Table:
     """Levels of both kinds of noise; see `Fit.process_noise`.
 
     A row a level: of each output ("measurement", the standard deviation of a sample) and of each equation
-    ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its right,
-    A(p) y = B(p) u + w); with its standard error, its interval, normal on the logarithm, and its share of the
-    noise of the output over the lines used.
+    ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its
+    right, A(p) y = B(p) u + w; of `ProcessNoise` the factor of each filter); with its standard error, its
+    interval, normal on the logarithm, and its share of the noise of the output over the lines used.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def process_noise(fit: Estimates, level: float) -> Table:
         )
     values, cov, shares = fit.process_levels
     count = len(shares)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         sizes = np.sqrt(values)
         errors = np.where(values > 0, root(np.diag(cov)[-values.size :]) / (2 * sizes), np.nan)
         half = normal_factor(level) * errors / sizes

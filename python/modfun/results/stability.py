@@ -73,8 +73,8 @@ def _refuse(fit: Any) -> None:
         )
     if fit.process_levels is not None:
         raise SpecError(
-            f"stable: the criterion of noise={fit.options.noise!r} counts poles by their distance from the axis "
-            'alone; fit with noise="output"'
+            f"stable: the criterion of noise={fit.options.noise!r} counts poles by their distance from the "
+            'axis alone; fit with noise="output"'
         )
     if not fit.inputs:
         raise SpecError("stable: free motion has no numerator that could follow; bound its coefficients")

@@ -117,7 +117,7 @@ def test_held_inputs_are_exact(method):
 
 
 def test_equation_noise_is_the_wls_solution_but_for_ml():
-    """The term log det A of the likelihood is `ml`'s alone; see tests/python/fitting/test_process_noise.py."""
+    """The term log det A is `ml`'s alone; see tests/python/fitting/test_process_noise.py."""
     record, _ = random_record(3, 3, 1)
     words = {"noise": "equation", "harmonics": 15}
     first, second, other = (fit(record, 3, [1], method=m, **words) for m in ("wls", "awls", "ml"))

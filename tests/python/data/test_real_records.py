@@ -149,7 +149,7 @@ def test_supersonic_transport_finds_the_truth(tmp_path, command):
 
 
 def test_supersonic_transport_measured_column_has_coloured_noise():
-    """Column z: noise with a lag-1 correlation of .93 and the system's own resonance, as process noise has."""
+    """Column z: noise with a lag-1 correlation of .93 and the system's own resonance."""
     path = measured("sst_pitch_tf_delay/sst_pitch.csv")
     rec = mf.read(path, time="t_s", outputs=["z_q_dps"], inputs=["u_stick_cm"], intersample="foh")
     with pytest.warns(mf.ModfunWarning, match='First try noise="process"'):

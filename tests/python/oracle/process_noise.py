@@ -86,7 +86,7 @@ def free_responses(den, dt, intervals, offset=False):
 
 
 def deviance(den, nums, inputs, density, sigma, dt, y, offset=False):
-    """-2 log restricted likelihood of the samples y, initial state (and offset) integrated out, less a constant."""
+    """-2 log restricted likelihood of y, initial state (and offset) integrated out, less a constant."""
     intervals = len(y) - 1
     forced, _ = simulate(den, nums, inputs, dt, intervals)
     free = free_responses(den, dt, intervals, offset)

@@ -13,7 +13,7 @@ use modfun::estimate::{Band, Time};
 use modfun::quadrature::{Hold, Rule};
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
-use modfun::structure::{Method, Trend};
+use modfun::structure::{Method, Noise, Trend};
 use modfun::tape::{Tape, Written};
 
 fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> TermsOptions {
@@ -21,7 +21,8 @@ fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> 
         equations,
         rule: Rule::Trapezoid,
         method,
-        flat: false,
+        noise: Noise::Output,
+        shapes: Vec::new(),
         trend: Trend::None,
         band: last,
         levels: Some(levels.to_vec()),
@@ -285,7 +286,8 @@ fn a_linear_equation_is_a_transfer_function() {
             let plain = fast::plain(method, trend, equation, &records);
             let o =
                 options(linear(Kind::Rule(Rule::Trapezoid)), method, Band::Harmonics(18), &[0.1]);
-            let o = TermsOptions { trend, flat: equation, ..o };
+            let noise = if equation { Noise::Equation } else { Noise::Output };
+            let o = TermsOptions { trend, noise, ..o };
             let found = fit(&o, records[0].dt, &channels).answer;
             assert_eq!(
                 (found.status, plain.status),

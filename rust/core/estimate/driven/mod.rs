@@ -194,7 +194,8 @@ impl Driven {
         }
         let all = row + (line * q * q).next_multiple_of(8);
         let count = |own: &Block, i: usize| if own.sampled.from_zero && i == 0 { 1.0 } else { 2.0 };
-        let lines = blocks.iter().flat_map(|own| (0..own.sampled.lines).map(move |i| count(own, i)));
+        let lines =
+            blocks.iter().flat_map(|own| (0..own.sampled.lines).map(move |i| count(own, i)));
         let lines = lines.map(|count| Line { count, ..Line::default() }).collect();
         let zero = (0.0, 0.0);
         let column = || vec![zero; q];
@@ -429,20 +430,21 @@ impl Driven {
     fn hold(&mut self, model: &impl Linear, theta: &[f64], levels: &[f64]) {
         let (q, p, all) = (self.outputs, self.parameters, self.residual.len());
         let part = self.over.len();
-        for unknown in 0..self.unknowns() {
-            let slopes = &self.slopes[unknown * part..][..part];
-            let mut falls: f64 = slopes.iter().zip(&self.over).map(|(a, b)| a * b).sum();
-            self.held[unknown] = match unknown.checked_sub(p) {
-                Some(level) => {
-                    (level < q && !model.measured()) || (levels[level] == 0.0 && falls >= 0.0)
-                }
-                None => {
-                    let own = &self.jacobian[unknown * all..][..all];
-                    falls += 2.0 * own.iter().zip(&self.residual).map(|(a, b)| a * b).sum::<f64>();
-                    let (low, high) = model.bounds(unknown);
-                    (theta[unknown] <= low && falls >= 0.0) || (theta[unknown] >= high && falls <= 0.0)
-                }
+        let falls = |slopes: &[f64]| slopes.iter().zip(&self.over).map(|(a, b)| a * b).sum::<f64>();
+        let slopes = self.slopes.chunks(part);
+        let held = slopes.zip(&mut self.held).enumerate().map(|(k, (own, held))| (k, own, held));
+        for (unknown, slopes, held) in held {
+            let falls = falls(slopes);
+            let Some(at) = theta.get(unknown) else {
+                let level = unknown - p;
+                let absent = level < q && !model.measured();
+                *held = absent || (levels[level] == 0.0 && falls >= 0.0);
+                continue;
             };
+            let own = self.jacobian[unknown * all..][..all].iter().zip(&self.residual);
+            let falls = falls + 2.0 * own.map(|(a, b)| a * b).sum::<f64>();
+            let (low, high) = model.bounds(unknown);
+            *held = (*at <= low && falls >= 0.0) || (*at >= high && falls <= 0.0);
         }
     }
 }

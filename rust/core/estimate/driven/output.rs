@@ -158,7 +158,7 @@ impl Linear for Output<'_> {
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]) {
         let own = &self.d.records[record];
         let value = own.transient[column * own.x.len() + line];
-        let real = self.d.columns[column].phase % 2 == 0;
+        let real = self.d.columns[column].phase.is_multiple_of(2);
         to[0] = if real { (value, 0.0) } else { (0.0, value) };
     }
 }

@@ -172,9 +172,8 @@ mod tests {
         let mut s = [(0.0, 0.0); 9];
         for i in 0..3 {
             for j in 0..3 {
-                s[i * 3 + j] = (0..3).fold((0.0, 0.0), |sum, k| {
-                    plus(sum, A[i * 3 + k], conjugate(A[j * 3 + k]))
-                });
+                s[i * 3 + j] = (0..3)
+                    .fold((0.0, 0.0), |sum, k| plus(sum, A[i * 3 + k], conjugate(A[j * 3 + k])));
             }
         }
         let whole = s;

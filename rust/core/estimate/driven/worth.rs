@@ -112,7 +112,8 @@ impl Driven {
                 outer.fill(0.0);
                 add_outer(&influence, &influence, 1.0, &mut outer);
                 for (level, share) in share.iter_mut().enumerate() {
-                    let slope = &self.slopes[(p + level) * part + (block.line + i) * size..][..size];
+                    let slope =
+                        &self.slopes[(p + level) * part + (block.line + i) * size..][..size];
                     *share += slope.iter().zip(&outer).map(|(a, b)| a * b).sum::<f64>();
                 }
             }
@@ -150,9 +151,10 @@ impl Driven {
         }
         let here = share(self, model, &theta, &levels);
         let errors = slopes.chunks(unknowns).map(|slope| {
-            let each = slope.iter().zip(self.joint.chunks(unknowns)).map(|(a, row)| {
-                a * row.iter().zip(slope).map(|(c, b)| c * b).sum::<f64>()
-            });
+            let each = slope
+                .iter()
+                .zip(self.joint.chunks(unknowns))
+                .map(|(a, row)| a * row.iter().zip(slope).map(|(c, b)| c * b).sum::<f64>());
             each.sum::<f64>().max(0.0).sqrt()
         });
         found.shares = here.into_iter().zip(errors).collect();

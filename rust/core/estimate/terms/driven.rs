@@ -33,6 +33,8 @@ pub(crate) struct DrivenTerms {
     pub hc3: Vec<f64>,
     pub gram: Vec<f64>,
     pub degrees: Vec<f64>,
+    /// Rows less what was estimated.
+    pub freedom: usize,
     /// Of each record and equation.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
 }
@@ -63,7 +65,14 @@ impl<'a, 'b> Rows<'a, 'b> {
             sensitivities[signal * e.noisy.len() + channel] = slope;
         }
         let transients = problem.spots.first().map_or(0, |spot| spot.transients);
-        Rows { problem, noise, sensitivities, values: Vec::new(), registers: Vec::new(), transients }
+        Rows {
+            problem,
+            noise,
+            sensitivities,
+            values: Vec::new(),
+            registers: Vec::new(),
+            transients,
+        }
     }
 
     fn equations(&self) -> &Equations {
@@ -94,14 +103,37 @@ impl<'a, 'b> Rows<'a, 'b> {
         slope != 0.0
     }
 
+    /// How a noise enters the equations, times `gain`.
+    fn enter_by(&self, record: usize, line: usize, noise: usize, gain: f64, to: &mut [C]) {
+        to.fill((0.0, 0.0));
+        for (term, g) in self.equations().terms.iter().zip(&self.values) {
+            self.enter(record, line, noise, *term, g * gain, to);
+        }
+    }
+
+    fn omega(&self, record: usize, line: usize) -> f64 {
+        let lines = self.problem.spots[record].lines;
+        (line + lines.first) as f64 * lines.omega0
+    }
+
+    /// A polynomial of iω with these coefficients, the highest power first.
+    fn value(&self, record: usize, line: usize, coefficients: &[f64]) -> C {
+        let omega = self.omega(record, line);
+        coefficients.iter().fold((0.0, 0.0), |sum, c| (c - omega * sum.1, omega * sum.0))
+    }
+
+    /// (iω)^k in units of the highest line.
+    fn power(&self, record: usize, line: usize, k: usize) -> C {
+        let lines = self.problem.spots[record].lines;
+        let x = (line + lines.first) as f64 / lines.last as f64;
+        (0..k).fold((1.0, 0.0), |own, _| (-x * own.1, x * own.0))
+    }
+
     /// Gain of the filter of a noise.
     fn gain(&self, record: usize, line: usize, noise: usize) -> f64 {
         let (num, den) = &self.problem.fitter.o.shapes[noise];
-        let lines = self.problem.spots[record].lines;
-        let omega = (line + lines.first) as f64 * lines.omega0;
         let size = |all: &[f64]| {
-            let each = |sum: C, c: &f64| (c - omega * sum.1, omega * sum.0);
-            let value = all.iter().fold((0.0, 0.0), each);
+            let value = self.value(record, line, all);
             value.0.hypot(value.1)
         };
         size(num) / size(den)
@@ -114,6 +146,11 @@ impl<'a, 'b> Rows<'a, 'b> {
         let s = spot.power(line, order);
         (s.0 * turn.0 - s.1 * turn.1, s.0 * turn.1 + s.1 * turn.0)
     }
+}
+
+fn over(a: C, b: C) -> C {
+    let size = b.0 * b.0 + b.1 * b.1;
+    ((a.0 * b.0 + a.1 * b.1) / size, (a.1 * b.0 - a.0 * b.1) / size)
 }
 
 fn add(to: &mut C, by: f64, s: C, v: C) {
@@ -131,7 +168,8 @@ impl Linear for Rows<'_, '_> {
     }
 
     fn transients(&self) -> usize {
-        self.transients
+        let shapes = self.problem.fitter.o.shapes.iter();
+        self.transients + shapes.map(|(_, den)| den.len() - 1).sum::<usize>()
     }
 
     fn records(&self) -> usize {
@@ -158,10 +196,7 @@ impl Linear for Rows<'_, '_> {
             to[noise].0 = 1.0;
             return;
         }
-        let gain = self.gain(record, line, noise);
-        for (term, g) in self.equations().terms.iter().zip(&self.values) {
-            self.enter(record, line, noise, *term, g * gain, to);
-        }
+        self.enter_by(record, line, noise, self.gain(record, line, noise), to);
     }
 
     fn enters_slope(
@@ -250,7 +285,23 @@ impl Linear for Rows<'_, '_> {
     }
 
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]) {
-        self.problem.spots[record].transient(line, column, to);
+        let Some(mut place) = column.checked_sub(self.transients) else {
+            self.problem.spots[record].transient(line, column, to);
+            return;
+        };
+        // What the states of a filter begin and end with enters as its noise does.
+        for (noise, (_, den)) in self.problem.fitter.o.shapes.iter().enumerate() {
+            let order = den.len() - 1;
+            if place < order {
+                self.enter_by(record, line, noise, 1.0, to);
+                let by = over(self.power(record, line, place), self.value(record, line, den));
+                to.iter_mut().for_each(|own| {
+                    *own = (own.0 * by.0 - own.1 * by.1, own.0 * by.1 + own.1 * by.0)
+                });
+                return;
+            }
+            place -= order;
+        }
     }
 }
 
@@ -281,10 +332,15 @@ impl TermsFitter {
         let own = &problem.variances;
         let mean = |c: usize| own.iter().map(|v| v[c]).sum::<f64>() / own.len() as f64;
         let start: Vec<f64> = (0..q).map(mean).collect();
-        let sought =
-            driven.seek(&mut rows, &mut found, &start, (self.o.options.tol, self.o.options.maxiter));
-        let degrees = problem.degrees_of_freedom() as f64;
-        let cost = driven.cost(degrees);
+        let sought = driven.seek(
+            &mut rows,
+            &mut found,
+            &start,
+            (self.o.options.tol, self.o.options.maxiter),
+        );
+        let more = (rows.transients() - rows.transients) * rows.records();
+        let freedom = problem.degrees_of_freedom().saturating_sub(more).max(1);
+        let cost = driven.cost(freedom as f64);
         driven.uncertainty(&mut rows, &mut found);
         let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             (0..p * p).map(|k| of(k / p, k % p)).collect()
@@ -300,13 +356,15 @@ impl TermsFitter {
         let sizes: Vec<f64> = (0..p).map(|k| driven.gram(k, k).sqrt()).collect();
         let gram = |i: usize, j: usize| driven.gram(i, j) / (sizes[i] * sizes[j]);
         let each: Vec<_> = (0..q).map(|k| driven.residuals(&found, k)).collect();
-        let residuals = (0..own.len()).map(|r| each.iter().map(|k| k[r].clone()).collect()).collect();
+        let residuals =
+            (0..own.len()).map(|r| each.iter().map(|k| k[r].clone()).collect()).collect();
         Ok(DrivenTerms {
             nonrobust: square(&|i, j| driven.covariance(i, j)),
             hc3: square(&|i, j| driven.sandwich(i, j)),
             gram: square(&gram),
             degrees: (0..p).map(|k| driven.degrees(k)).collect(),
             residuals,
+            freedom,
             ended: Ended {
                 theta: found.theta,
                 cost,

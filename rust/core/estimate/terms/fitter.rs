@@ -139,7 +139,7 @@ impl TermsFitter {
                 noise_spectrum: NoiseSpectrum::default(),
                 gram: known(found.gram),
                 cost: found.ended.cost,
-                degrees_of_freedom: problem.degrees_of_freedom(),
+                degrees_of_freedom: found.freedom,
                 status: found.ended.status,
                 nit: found.ended.nit,
                 lines: problem.spots.iter().map(|s| s.lines).collect(),

@@ -104,7 +104,9 @@ impl TermsFitter {
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
-        if o.noise == Noise::Process && !(e.can_be_driven(o.shapes.len()) && uneven.iter().all(Vec::is_empty)) {
+        if o.noise == Noise::Process
+            && !(e.can_be_driven(o.shapes.len()) && uneven.iter().all(Vec::is_empty))
+        {
             return Err(Error::Spec(format!(
                 "fitting equations with process noise: it is told from that of the samples by {} equations in {} noisy \
                  outputs; it takes as many equations as outputs, each linear in all outputs (and in the form in which it \
@@ -121,7 +123,9 @@ impl TermsFitter {
     /// What weighs the rows, and of which signals the columns are made.
     pub(crate) fn weights(&self) -> (RowWeights, LeftColumns) {
         match (self.o.noise, self.o.method) {
-            (Noise::Equation, _) | (_, Method::Wls | Method::Ls) => (RowWeights::Flat, LeftColumns::Data),
+            (Noise::Equation, _) | (_, Method::Wls | Method::Ls) => {
+                (RowWeights::Flat, LeftColumns::Data)
+            }
             (_, Method::Awls) => (RowWeights::Adapted, LeftColumns::Data),
             (_, Method::Ml) => (RowWeights::Adapted, LeftColumns::Denoised),
         }
