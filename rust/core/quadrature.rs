@@ -32,6 +32,11 @@ pub enum Hold {
     Foh,
 }
 
+/// Sizes of the weights of an interval, over its length, beyond which they amplify noise; those of even samples are 7/6.
+const LARGEST: f64 = 2.0;
+/// Most samples that a cubic is fitted to.
+const MOST: usize = 10;
+
 impl Rule {
     /// All rules, lowest order first.
     pub const ALL: [Rule; 4] = [Rule::Staircase, Rule::Trapezoid, Rule::Parabolic, Rule::Gregory];
@@ -113,7 +118,9 @@ impl Rule {
     /// Weights q_0…q_N of samples at the times `t` (increasing), in units of `t`; they sum to t_N − t_0.
     ///
     /// Each interval is integrated over the interpolant through neighbouring samples: constant from
-    /// the left, linear, quadratic over pairs of intervals, cubic through the four samples around.
+    /// the left, linear, quadratic over pairs of intervals, cubic through the four samples around. Where samples
+    /// lie close together the weights of such a cubic are large beside its interval, and their noise would
+    /// outweigh all others: there it is fitted to more samples around, and at last mixed with the straight line.
     ///
     /// # Errors
     /// As [`Rule::check`]; [`Error::Data`] where times do not increase or are not finite.
@@ -124,12 +131,12 @@ impl Rule {
         let mut weights = vec![0.0; t.len()];
         let step = if self == Rule::Parabolic { 2 } else { 1 };
         for k in (0..intervals).step_by(step) {
-            let first = match self {
-                Rule::Gregory => k.saturating_sub(1).min(intervals - 3),
-                _ => k,
-            };
-            let nodes = &t[first..first + self.points()];
-            for (i, weight) in weights[first..].iter_mut().take(nodes.len()).enumerate() {
+            if self == Rule::Gregory {
+                cubic_interval(t, k, &mut weights);
+                continue;
+            }
+            let nodes = &t[k..k + self.points()];
+            for (i, weight) in weights[k..].iter_mut().take(nodes.len()).enumerate() {
                 *weight += integrate_lagrange(nodes, i, t[k], t[k + step]);
             }
         }
@@ -260,6 +267,58 @@ pub(crate) fn check_times(t: &[f64]) -> Result<(), Error> {
         )));
     }
     Ok(())
+}
+
+/// Adds the weights of interval `k`: of the cubic through the samples around it, as many as keep them small.
+fn cubic_interval(t: &[f64], k: usize, weights: &mut [f64]) {
+    let length = t[k + 1] - t[k];
+    let (mut own, mut part, mut first) = ([0.0; MOST], 1.0, 0);
+    for count in (4..=MOST).step_by(2).filter(|count| *count <= t.len()) {
+        first = (k + 1).saturating_sub(count / 2).min(t.len() - count);
+        own.fill(0.0);
+        integrate_cubic(&t[first..first + count], (t[k], t[k + 1]), &mut own);
+        let size: f64 = own.iter().map(|q| q.abs()).sum();
+        part = ((LARGEST - 1.0) * length / (size - length)).clamp(0.0, 1.0);
+        if size <= LARGEST * length {
+            part = 1.0;
+            break;
+        }
+    }
+    for (weight, q) in weights[first..].iter_mut().zip(&own) {
+        *weight += part * q;
+    }
+    for weight in &mut weights[k..=k + 1] {
+        *weight += 0.5 * (1.0 - part) * length;
+    }
+}
+
+/// What each node has of the integral of the cubic that is closest to them in the least squares, by polynomials
+/// that are orthogonal on the nodes (Stieltjes' recurrence).
+fn integrate_cubic(nodes: &[f64], (low, high): (f64, f64), out: &mut [f64]) {
+    let (places, gauss) = gauss_legendre::<2>();
+    let (middle, half) =
+        (0.5 * (nodes[0] + nodes[nodes.len() - 1]), 0.5 * (nodes[nodes.len() - 1] - nodes[0]));
+    let scaled = |t: f64| (t - middle) / half;
+    let at = places.map(|p| scaled(low + (high - low) * p));
+    // Values of the last two polynomials on the nodes, then at both places.
+    let mut before = [0.0; MOST + 2];
+    let mut now = [1.0; MOST + 2];
+    let count = nodes.len();
+    let x = |i: usize| if i < count { scaled(nodes[i]) } else { at[i - count] };
+    let mut last = 0.0;
+    for degree in 0..4 {
+        let power: f64 = now[..count].iter().map(|p| p * p).sum();
+        let mean = gauss[0] * now[count] + gauss[1] * now[count + 1];
+        for (to, p) in out.iter_mut().zip(&now[..count]) {
+            *to += p * (high - low) * mean / power;
+        }
+        let middle = (0..count).map(|i| x(i) * now[i] * now[i]).sum::<f64>() / power;
+        let back = if degree == 0 { 0.0 } else { power / last };
+        for i in 0..count + 2 {
+            (before[i], now[i]) = (now[i], (x(i) - middle) * now[i] - back * before[i]);
+        }
+        last = power;
+    }
 }
 
 /// ∫ from `low` to `high` of the Lagrange polynomial `i` on up to four nodes: two Gauss nodes are exact.

@@ -10,9 +10,10 @@ from ..base.arrays import F64
 from ..errors import DataError
 from ..records.record import Record
 
-__all__ = ["bridged", "variances"]
+__all__ = ["bridged", "variances", "weighs"]
 
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
+UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -51,13 +52,26 @@ def bridged(rec: Record) -> tuple[F64, F64]:
     return np.ascontiguousarray(y), off
 
 
+def weighs(rec: Record) -> bool:
+    """Whether samples count differently: masked ones, given variances, or steps of unequal length.
+
+    Dense samples have small quadrature weights, and so has their noise, which correlates the lines.
+    """
+    if rec.mask is not None or rec.sigma is not None:
+        return True
+    if rec.dt is not None:
+        return False
+    steps = np.diff(rec.t)
+    return bool(np.std(steps) > UNEVEN * np.mean(steps))
+
+
 def variances(rec: Record, off: F64, order: int) -> F64 | None:
     """Variance of each sample of the outputs (output, time), infinite where nothing is known; None if even.
 
     An interpolated sample counts as an ordinary one with the square of its possible error added, in units of
     the noise that the upper harmonics show. Without noise there it counts for nothing.
     """
-    if rec.mask is None and rec.sigma is None:
+    if not weighs(rec):
         return None
     found = np.ones_like(rec.y) if rec.sigma is None else rec.sigma**2
     if rec.mask is not None:

@@ -18,7 +18,7 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
-from .gaps import bridged, variances
+from .gaps import bridged, variances, weighs
 from .weights import weighting
 
 __all__ = [
@@ -70,7 +70,10 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     else:
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
-        even = all([rec.mask is None and rec.sigma is None for rec in data])
+        # Uneven steps alone refuse no option that needs the plain path.
+        able = options.initial_state == "unknown" and options.noise == "output"
+        own = [rec for rec in data if able or rec.mask is not None or rec.sigma is not None]
+        even = not any([weighs(rec) for rec in own])
     layout = structure.layout(first.outputs, first.inputs)
     if not (layout.plain and options.plain_noise and even):
         return _joint(layout, options, data, first.intersample, sampling)

@@ -112,8 +112,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool) -> Doubt:
     )
     if gain is not None:
         text += (
-            ' Noise in each equation, such as turbulence, explains them better: with noise="process" BIC falls '
-            f"from {gain[0]:.4g} to {gain[1]:.4g}."
+            ' Noise in each equation, such as turbulence, explains them better: with noise="process" BIC '
+            f"falls from {gain[0]:.4g} to {gain[1]:.4g}."
         )
     if found == "either":
         text += (

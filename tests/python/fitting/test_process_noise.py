@@ -452,10 +452,17 @@ def test_turbulence_has_its_standard_deviation_and_spectrum(axis: str) -> None:
         (lambda: mf.ProcessNoise(w=mf.tf([1], [1, 1], delay=0.1)), "without delay"),
         (lambda: mf.dryden(0.0), "tau=0.0 must be above 0"),
         (lambda: mf.dryden(1.0, axis="up"), "'longitudinal'"),
-        (lambda: mf.fit(turbulent(0), GUSTY, noise=mf.ProcessNoise(de=1.0)), "'de' is a channel of the record"),
+        (
+            lambda: mf.fit(turbulent(0), GUSTY, noise=mf.ProcessNoise(de=1.0)),
+            "'de' is a channel of the record",
+        ),
         (
             lambda: mf.simulate(
-                GUSTY.model(AIRCRAFT), input="t", duration=1.0, intervals=50, process_noise=mf.ProcessNoise(w=1.0)
+                GUSTY.model(AIRCRAFT),
+                input="t",
+                duration=1.0,
+                intervals=50,
+                process_noise=mf.ProcessNoise(w=1.0),
             ),
             "'w' is no input of the system",
         ),

@@ -14,6 +14,8 @@ use crate::math::ln_1;
 
 /// Square of a step in standard errors that ends the iteration, over the tolerance of a relative change.
 const CLOSE: f64 = 1e-3;
+/// The same where the criterion falls no further: three hundredths of a standard error.
+const NEAR: f64 = 1e-3;
 /// Halvings of a step before the search ends.
 const HALVINGS: usize = 14;
 /// Cosine of steps that lie along each other, and the most that one is multiplied by.
@@ -74,8 +76,9 @@ impl Driven {
             let whole = self.relaxation(taken);
             self.last.copy_from_slice(&self.step);
             let Some(part) = self.advance(model, theta, levels, whole) else {
-                // Where noise is rounding, so is the criterion.
-                return Sought { steps, settled: length <= tol.sqrt() };
+                // Where noise is rounding, so is the criterion; and it does not know of leverages, nor of how the ends of a
+                // filter enter.
+                return Sought { steps, settled: length <= NEAR };
             };
             taken = part;
             if part * part * length <= CLOSE * tol {

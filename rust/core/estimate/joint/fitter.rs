@@ -204,7 +204,7 @@ impl JointFitter {
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
-            let (wide, narrow) = default_lines(o.method, each, order, window.intervals);
+            let (wide, narrow) = default_lines(o.method, each, order, window.resolved);
             let range = window.given(o.band, order)?.unwrap_or((0, wide));
             // The colour of the noise is read from a wide band even where the fit's is narrow.
             let highest = match o.noise.colour {

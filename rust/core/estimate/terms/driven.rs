@@ -132,11 +132,7 @@ impl<'a, 'b> Rows<'a, 'b> {
     /// Gain of the filter of a noise.
     fn gain(&self, record: usize, line: usize, noise: usize) -> f64 {
         let (num, den) = &self.problem.fitter.o.shapes[noise];
-        let size = |all: &[f64]| {
-            let value = self.value(record, line, all);
-            value.0.hypot(value.1)
-        };
-        size(num) / size(den)
+        size(self.value(record, line, num)) / size(self.value(record, line, den))
     }
 
     /// s^order of a line times e^{−s lag} of a signal.
@@ -146,6 +142,10 @@ impl<'a, 'b> Rows<'a, 'b> {
         let s = spot.power(line, order);
         (s.0 * turn.0 - s.1 * turn.1, s.0 * turn.1 + s.1 * turn.0)
     }
+}
+
+fn size(a: C) -> f64 {
+    (a.0 * a.0 + a.1 * a.1).sqrt()
 }
 
 fn over(a: C, b: C) -> C {
@@ -249,7 +249,7 @@ impl Linear for Rows<'_, '_> {
                 let s = self.operator(record, line, term.order, term.signal);
                 let at = term.equation * q + channel;
                 add(&mut a[at], *g * slope, s, (1.0, 0.0));
-                sizes[at] += (*g * slope).abs() * s.0.hypot(s.1);
+                sizes[at] += (*g * slope).abs() * size(s);
             }
         }
     }
