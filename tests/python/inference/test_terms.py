@@ -103,6 +103,19 @@ def test_the_best_subsets_are_those_of_all_subsets():
         assert value == pytest.approx(best[0])
 
 
+def test_criteria_are_those_of_least_squares():
+    """Also at the end of long chains of sweeps over nearly dependent columns."""
+    t = np.linspace(-1, 1, 150)
+    x = np.stack([t**k if k < 25 else np.sin(k * t) for k in range(60)], axis=1)
+    y = x[:, [1, 3]] @ [300.0, -200.0] + np.random.default_rng(3).standard_normal(150)
+    subsets = Subsets(x.T @ x, x.T @ y, y @ y, np.full(60, 12.0), np.zeros(60, bool))
+    found = subsets.search()
+    assert set(np.flatnonzero(found[0][0])) == {1, 3}
+    for mask, value in found[:200]:
+        left = y - x[:, mask] @ np.linalg.lstsq(x[:, mask], y)[0]
+        assert value == pytest.approx(left @ left + 12.0 * mask.sum(), abs=1e-3)
+
+
 def test_moments_are_those_of_the_likelihood():
     """Estimate and cost against the fit of the core on the same band, levels given."""
     rec, level = duffing(), 0.05
