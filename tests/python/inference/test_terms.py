@@ -177,6 +177,17 @@ def test_equal_terms_are_one_candidate():
     assert found.inclusion["term"].tolist() == ["y", "y**3", "u", "y'", "(y**2)'/2"]
 
 
+def test_terms_are_read_by_the_language_of_equations():
+    rec = duffing()
+    library = "max(y, 0), (y + 1)*u, y/2,, where(y > 0, y, u), 1 < t, -u, y**3"
+    found = library_of(library, "y''", None, rec.outputs, rec.inputs, rec.intersample)
+    assert found.terms == ("max(y, 0)", "(y + 1)*u", "y/2", "where(y > 0, y, u)", "1 < t", "-u", "y**3")
+    names = ["c"] * 7
+    assert found.texts([True] * 7, names)[0] == (
+        "y'' = c*max(y, 0) + c*((y + 1)*u) + c*(y/2) + c*where(y > 0, y, u) + c*(1 < t) + c*(-u) + c*y**3"
+    )
+
+
 def test_terms_that_look_alike_are_named():
     found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
     assert any("sin(y)" in words for words in found.alike)
@@ -222,6 +233,8 @@ REFUSED = {
     "not exact": (lambda rec: mf.select_terms(rec, "y, sin(y')", target="y''"), "no derivative of a signal"),
     "zero": (lambda rec: mf.select_terms(rec, "y, y - y"), "is zero"),
     "a power": (lambda rec: mf.select_terms(rec, "y^2"), "a power is written"),
+    "no comma": (lambda rec: mf.select_terms(rec, "y u"), "a product is written with"),
+    "a parenthesis": (lambda rec: mf.select_terms(rec, "sin(y, u"), "SpecError"),
     "a delay": (lambda rec: mf.select_terms(rec, "y(t - 0.1)"), "delayed signal"),
     "twice": (lambda rec: mf.select_terms(rec, "y", target=["y'", "y'"]), "twice"),
     "a wrong key": (lambda rec: mf.select_terms(rec, {"z'": "y"}), "no left side"),
