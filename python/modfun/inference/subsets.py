@@ -74,7 +74,7 @@ class Subsets:
         return np.frombuffer(key, dtype=bool)
 
     def _swept(self, chosen: Any) -> tuple[Any, F64]:
-        """What of a subset can be told apart, all that stays included, and its table: largest pivots first."""
+        """What of a subset can be told apart, with all that stays, and its table: largest pivots first."""
         mask, table = np.zeros_like(self.keep), self.empty
         for first, least in ((self.keep, 0.0), (chosen & ~self.keep, COLLINEAR)):
             while True:
