@@ -1,6 +1,7 @@
 """How often the right terms are found among candidates: ten systems, beside pySINDy's weak form.
 
-    python benches/terms.py [--records 50] [--systems duffing,lorenz] [--no-rival] [--page docs/terms.md]
+    python benches/terms.py [--records 50] [--systems Duffing,Lorenz] [--no-rival] [--page docs/terms.md]
+    python benches/terms.py --power [--systems Duffing,Lorenz]
 
 Every state is measured with white noise; the library has all monomials of states and inputs up to degree 3
 (5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rival is given the best of its settings
@@ -197,6 +198,34 @@ def weakest(system, level):
     return float(np.min(np.abs(truth[at]) / np.sqrt(np.diag(cov))))
 
 
+def power(system, level, records=1000):
+    """How often the criterion finds the true terms where noise acts to first order on noise-free signals."""
+    from modfun.inference.library import library_of
+    from modfun.inference.moments import Lines
+    from modfun.inference.subsets import Subsets
+    from modfun.inference.term_search import penalties
+    from modfun.inference.terms import _band
+
+    rec, truth, sd = system.record(level, 0), system.theta.ravel(), level * system.rms[:, 0]
+    library = library_of(system.terms, None, None, rec.outputs, rec.inputs, rec.intersample)
+    tops, edge = _band([rec], [sd], library)
+    clean = system.record(0.0, 0)  # no bias to take out
+    lines = Lines(clean, library.columns, library.equation, 0 * sd, tops[0], edge)
+    lines.bend(system.clean)
+    lines.variances = sd**2
+    gram = lines.at(truth, np.arange(truth.size))[0].gram
+    units = np.sqrt(np.diag(gram))
+    size, axes = np.linalg.eigh(gram / units[:, None] / units)
+    root = units[:, None] * axes * np.sqrt(np.maximum(size, 0.0))
+    keep, rng, hits = np.zeros(truth.size, bool), np.random.default_rng(0), 0
+    for _ in range(records):
+        right = gram @ truth + root @ rng.standard_normal(truth.size)
+        cost = truth @ gram @ truth + 1e4  # of no term; the rest cancels
+        subsets = Subsets(gram, right, cost, penalties(keep, library.degrees), keep)
+        hits += np.array_equal(subsets.search([truth != 0])[0][0], truth != 0)
+    return hits / records
+
+
 def percent(rate, records):
     """A rate with its standard error, in per cent (that of one half success more at 0 and 100 %)."""
     inside = (rate * records + 0.5) / (records + 1)
@@ -209,8 +238,14 @@ def main():
     given.add_argument("--records", type=int, default=50)
     given.add_argument("--systems", default=",".join(SYSTEMS))
     given.add_argument("--no-rival", action="store_true")
+    given.add_argument("--power", action="store_true", help="rates by theory alone, at 10 and 20 %% noise")
     given.add_argument("--page")
     options = given.parse_args()
+    if options.power:
+        for name in options.systems.split(","):
+            rates = [percent(power(SYSTEMS[name](), level), 1000) for level in LEVELS[2:]]
+            print(f"{name}: {', '.join(rates)} %", flush=True)
+        return
     head = (
         "system | noise, % | least t | exact, % | superfluous, % | error, % | s "
         "| weak form: exact, % | error, % |"

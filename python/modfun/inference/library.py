@@ -10,6 +10,7 @@ from typing import Any
 
 from ..equations.symbolic.columns import Columns, columns_of, read_term
 from ..errors import SpecError
+from ..language.parser import expression, separated
 
 __all__ = ["Library", "library_of"]
 
@@ -57,7 +58,7 @@ class Library:
         sides: list[list[str]] = [[] for _ in self.targets]
         for on, e, term, name in zip(chosen, self.equation, self.terms, names, strict=True):
             if on:
-                factor = f"({term})" if _is_sum(term) else term
+                factor = term if _is_product(term) else f"({term})"
                 sides[e].append(name if term == "1" else f"{name}*{factor}")
         return [f"{left} = {' + '.join(side) or '0'}" for left, side in zip(self.targets, sides, strict=True)]
 
@@ -160,24 +161,13 @@ def _terms(given: Any, name: str) -> tuple[list[str], set[str]]:
     for text in [given] if isinstance(given, str) else given:
         place = 0
         for match in _FAMILY.finditer(text):
-            found += _split(text[place : match.start()])
+            found += separated(text[place : match.start()], "library")
             own = _polynomials(match["names"], int(match["degree"]))
             found += own
             family.update(own)
             place = match.end()
-        found += _split(text[place:])
+        found += separated(text[place:], "library")
     return found, family
-
-
-def _split(text: str) -> list[str]:
-    """Terms between commas outside of parentheses."""
-    found, depth, start = [], 0, 0
-    for k, sign in enumerate(text):
-        depth += (sign == "(") - (sign == ")")
-        if sign == "," and depth == 0:
-            found.append(text[start:k])
-            start = k + 1
-    return [one.strip() for one in (*found, text[start:]) if one.strip()]
 
 
 def _polynomials(names: str, degree: int) -> list[str]:
@@ -203,10 +193,8 @@ def _polynomials(names: str, degree: int) -> list[str]:
     return found
 
 
-def _is_sum(term: str) -> bool:
-    depth = 0
-    for k, sign in enumerate(term):
-        depth += (sign == "(") - (sign == ")")
-        if sign in "+-/<>%" and depth == 0 and k:
-            return True
-    return False
+def _is_product(term: str) -> bool:
+    """Whether a coefficient may stand before a term without parentheses."""
+    tree = expression(term, "term").tree
+    factors = tree.parts if tree.kind == "product" else (tree,)
+    return all(one.kind in ("name", "number", "call", "power", "prime") for one in factors)

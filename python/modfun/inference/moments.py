@@ -107,6 +107,8 @@ class Lines:
         self.slopes = self.columns.values(y, self.record.u, self.record.t, 0 * self.variances)[1]
 
     def _lines(self, rows: F64, kinds: Sequence[str]) -> C128:
+        if not len(rows):
+            return np.zeros((0, self.top + 1), dtype=np.complex128)
         return core_coefficients(
             np.ascontiguousarray(rows), self.top, list(kinds), [0.0] * len(rows), 0, None
         )
@@ -142,38 +144,42 @@ class Lines:
         total = np.sum(free / np.sqrt(power), axis=1)
         return columns.T @ columns, columns.T @ total
 
-    def at(self, theta: F64) -> tuple[Quadratic, F64]:
-        """The cost at θ, its slope and curvature, and the outputs with the smoothed noise taken away."""
+    def at(self, theta: F64, which: Any) -> tuple[Quadratic, F64]:
+        """The cost at θ, its slope and curvature, and the outputs with the smoothed noise taken away.
+
+        Slope and curvature are those of the candidates `which`, among them all that are not zero in θ.
+        """
         from scipy.linalg import solve_triangular
 
+        theta, equation, candidates = theta[which], self.equation[which], self.candidates[which]
         coefficients = self.targets.copy()
-        np.subtract.at(coefficients, self.equation, theta[:, None, None] * self.candidates)
+        np.subtract.at(coefficients, equation, theta[:, None, None] * candidates)
         through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
         factor = self._factor(through) if np.all(np.isfinite(through)) else None
         if factor is None or not np.all(np.isfinite(factor)):
-            return self._lost()
+            return self._lost(theta.size)
         residual = self.target_lines.copy()
-        np.subtract.at(residual, self.equation, theta[:, None] * self.candidate_lines)
+        np.subtract.at(residual, equation, theta[:, None] * self.candidate_lines[which])
         rows = self._rows(residual, range(len(self.orders))).sum(axis=1)
         solved = solve_triangular(factor, np.column_stack([self.transient, rows]), lower=True)
         basis = np.linalg.qr(solved[:, :-1])[0]
         white = _off(basis, solved[:, -1])
         noise = self._noise(through, solve_triangular(factor, white, lower=True, trans=1))
         if not np.all(np.isfinite(noise)):
-            return self._lost()
-        inside = np.einsum("sct,ct->st", self.slopes, noise)
-        denoised = self.candidate_lines - self._columns(
-            self.candidates, self._lines(inside, ["gregory"] * len(inside))
+            return self._lost(theta.size)
+        used = np.any(candidates != 0, axis=(0, 1)) & np.any(self.slopes != 0, axis=(1, 2))
+        inside = np.einsum("sct,ct->st", self.slopes[used], noise)
+        denoised = self.candidate_lines[which] - self._columns(
+            candidates[:, :, used], self._lines(inside, ["gregory"] * len(inside))
         )
-        columns = _off(basis, solve_triangular(factor, self._rows(denoised, self.equation), lower=True))
+        columns = _off(basis, solve_triangular(factor, self._rows(denoised, equation), lower=True))
         gram, slope = columns.T @ columns, columns.T @ white
         cost = float(white @ white)
         right = gram @ theta + slope
         constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
         return Quadratic(cost, gram, right, constant), self.record.y - noise
 
-    def _lost(self) -> tuple[Quadratic, F64]:
-        count = self.equation.size
+    def _lost(self, count: int) -> tuple[Quadratic, F64]:
         lost = Quadratic(np.inf, np.eye(count), np.zeros(count), np.inf)
         return lost, self.record.y
 
@@ -252,9 +258,9 @@ def _without(transient: F64, columns: F64) -> F64:
     return _off(np.linalg.qr(transient)[0], columns) if transient.shape[1] else columns
 
 
-def cost_of(lines: Sequence[Lines], theta: F64) -> tuple[Quadratic, list[F64]]:
-    """The cost of all records together."""
-    found = [one.at(theta) for one in lines]
+def cost_of(lines: Sequence[Lines], theta: F64, which: Any) -> tuple[Quadratic, list[F64]]:
+    """The cost of all records together, see `Lines.at`."""
+    found = [one.at(theta, which) for one in lines]
     quadratic = Quadratic(
         sum(q.cost for q, _ in found),
         np.asarray(np.sum([q.gram for q, _ in found], axis=0)),
@@ -265,30 +271,28 @@ def cost_of(lines: Sequence[Lines], theta: F64) -> tuple[Quadratic, list[F64]]:
 
 
 def estimate(lines: Sequence[Lines], chosen: Any, start: F64, steps: int = STEPS) -> Estimate:
-    """Maximum likelihood of the chosen candidates, slopes held."""
+    """Maximum likelihood of the chosen candidates, slopes held; curvature of all candidates."""
     at = np.flatnonzero(chosen)
     theta = np.where(chosen, start, 0.0)
-    now, smooth = cost_of(lines, theta)
+    now, _ = cost_of(lines, theta, at)
     settled = False
     for step in range(steps):
-        gram = now.gram[np.ix_(at, at)]
-        slope = (now.right - now.gram @ theta)[at]
         move = np.zeros_like(theta)
-        move[at] = _solve(gram, slope)
-        size = float(move[at] @ gram @ move[at])
-        if size < SETTLED:
+        move[at] = _solve(now.gram, now.right - now.gram @ theta[at])
+        if float(move[at] @ now.gram @ move[at]) < SETTLED:
             settled = True
             break
-        trial, denoised = cost_of(lines, theta + move)
+        trial, _ = cost_of(lines, theta + move, at)
         for _ in range(HALVINGS):
             if trial.cost <= now.cost + SETTLED or (step < FREE and np.isfinite(trial.cost)):
                 break
             move /= 2
-            trial, denoised = cost_of(lines, theta + move)
+            trial, _ = cost_of(lines, theta + move, at)
         else:
             break
-        theta, now, smooth = theta + move, trial, denoised
-    return Estimate(theta, now, settled, smooth)
+        theta, now = theta + move, trial
+    everything, smooth = cost_of(lines, theta, np.arange(theta.size))
+    return Estimate(theta, everything, settled, smooth)
 
 
 def _solve(gram: F64, right: F64) -> F64:

@@ -1,4 +1,10 @@
-"""The best subsets of candidate terms from their Gram matrix: beams forward and backward, then exchange."""
+"""The best subsets of candidate terms from their Gram matrix: beams forward and backward, then exchange.
+
+Each subset S has a table, the moments [[G, r], [rᵀ, c]] swept on S (Goodnight, Am. Stat. 33, 1979): −(G_SS)⁻¹
+within S, what S leaves of G outside, its estimate and what it leaves of r in the last column, and its cost in
+the corner. To put a candidate in or to take it out is one sweep, O(candidates²), and what that does to the
+cost is the square of its last entry over its diagonal entry.
+"""
 
 from __future__ import annotations
 
@@ -38,22 +44,15 @@ class Subsets:
     def __init__(self, gram: F64, right: F64, constant: float, penalty: F64, keep: Any) -> None:
         self.root = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         self.gram, self.right = gram / self.root[:, None] / self.root, right / self.root
-        self.constant, self.penalty, self.keep = constant, penalty, np.asarray(keep, dtype=bool)
+        self.penalty, self.keep = penalty, np.asarray(keep, dtype=bool)
+        self.empty = np.block([[self.gram, self.right[:, None]], [self.right, constant]])
+        self.empty[np.diag_indices(penalty.size)] += RIDGE
         self.found: dict[bytes, float] = {}
 
     @cached_property
     def independent(self) -> Any:
         """A largest subset of columns that can be told apart: by pivots, those that stay first."""
-        left, factor = self.gram.copy(), np.zeros(self.right.size, dtype=bool)
-        for first in (self.keep, ~self.keep):
-            while True:
-                pivots = np.where(first & ~factor, np.diag(left), 0.0)
-                j = int(np.argmax(pivots))
-                if pivots[j] <= COLLINEAR:
-                    break
-                factor[j] = True
-                left = left - np.outer(left[:, j], left[j]) / left[j, j]
-        return factor | self.keep
+        return self._swept(np.ones_like(self.keep))[0]
 
     def estimate(self, chosen: Any) -> F64:
         """Least squares of a subset; the other candidates are zero."""
@@ -64,7 +63,6 @@ class Subsets:
 
     def search(self, seeds: Iterable[Any] = ()) -> list[tuple[Any, float]]:
         """Every subset seen with its criterion, best first; `seeds` are tried for exchanges as well."""
-        self._judge(self.keep[None, :])
         self._forward()
         self._backward()
         best = sorted(self.found, key=self.found.__getitem__)[:POLISHED]
@@ -75,72 +73,88 @@ class Subsets:
     def _mask(self, key: bytes) -> Any:
         return np.frombuffer(key, dtype=bool)
 
+    def _swept(self, chosen: Any) -> tuple[Any, F64]:
+        """What of a subset can be told apart, with all that stays, and its table: largest pivots first."""
+        mask, table = np.zeros_like(self.keep), self.empty
+        for first, least in ((self.keep, 0.0), (chosen & ~self.keep, COLLINEAR)):
+            while True:
+                pivots = np.where(first & ~mask, np.diag(table)[:-1], 0.0)
+                j = int(np.argmax(pivots))
+                if pivots[j] <= least:
+                    break
+                mask[j] = True
+                table = _sweep(table[None], np.array([j]), out=False)[0]
+        return mask | self.keep, table
+
     def _forward(self) -> None:
-        level, best, since = self.keep[None, :], np.inf, 0
-        while since < PATIENCE and level.shape[0] and not level[0].all():
-            level, values = self._next(level, add=True)
+        mask, table = self._swept(self.keep)
+        masks, tables, best, since = mask[None], table[None], np.inf, 0
+        while since < PATIENCE:
+            masks, tables, values = self._next(masks, tables, ~masks)
             lowest = values.min(initial=np.inf)
             best, since = (lowest, 0) if lowest < best else (best, since + 1)
 
     def _backward(self) -> None:
-        level = self.independent[None, :]
-        while level.shape[0] and (level[0] & ~self.keep).any():
-            level, _ = self._next(level, add=False)
+        mask, table = self._swept(np.ones_like(self.keep))
+        masks, tables = mask[None], table[None]
+        while len(masks):
+            masks, tables, _ = self._next(masks, tables, masks)
 
     def _polish(self, chosen: Any) -> None:
         """Exchanges, one candidate for another, until none lowers the criterion."""
-        value = self._judge(chosen[None, :])[0][0]
+        mask, table = self._swept(chosen)
+        value = self._values(mask[None], table[None])[0]
         while True:
-            others = np.flatnonzero(chosen & ~self.keep)
-            without = np.repeat(chosen[None, :], others.size, axis=0)
-            without[np.arange(others.size), others] = False
-            tried = [self._next(chosen[None, :], add=True), self._next(chosen[None, :], add=False)]
-            if others.size:
-                tried.append(self._next(without, add=True))
-            masks = np.vstack([m for m, _ in tried])
-            values = np.concatenate([v for _, v in tried])
-            if not values.size or values.min() >= value - SAME * max(self.penalty.max(), 1e-300):
+            others = np.flatnonzero(mask & ~self.keep)
+            masks = np.vstack([mask, np.repeat(mask[None], others.size, axis=0)])
+            masks[1 + np.arange(others.size), others] = False
+            without = _sweep(np.repeat(table[None], others.size, axis=0), others, out=True)
+            tables = np.concatenate([table[None], without])
+            may = ~masks
+            may[0] = True
+            masks, tables, values = self._next(masks, tables, may)
+            if not values.size or values[0] >= value - SAME * max(self.penalty.max(), 1e-300):
                 return
-            chosen, value = masks[values.argmin()], values.min()
+            # Falls at every step, also where rounding makes the new table's value another.
+            mask, table, value = masks[0], tables[0], values[0]
 
-    def _judge(self, masks: Any) -> tuple[F64, F64, F64]:
-        """Criterion of subsets of one size, and that of each with one candidate more and one less."""
-        at = np.nonzero(masks)[1].reshape(len(masks), -1)
-        size = at.shape[1]
-        inverse = np.linalg.inv(self.gram[at[:, :, None], at[:, None, :]] + RIDGE * np.eye(size))
-        theta = np.einsum("bij,bj->bi", inverse, self.right[at])
-        value = self.constant - np.einsum("bi,bi->b", self.right[at], theta) + self.penalty[at].sum(axis=1)
-        cross = self.gram[:, at].transpose(1, 0, 2)
-        left = 1.0 - np.einsum("bpi,bpi->bp", cross @ inverse, cross)
-        slope = self.right - np.einsum("bpi,bi->bp", cross, theta)
-        sound = ~masks & (left > COLLINEAR)
-        gain = np.where(sound, slope**2 / np.where(sound, left, 1.0), -np.inf)
-        rise = np.full(masks.shape, np.inf)
-        lost = theta**2 / np.maximum(np.einsum("bii->bi", inverse), 1e-300)
-        np.put_along_axis(rise, at, lost, axis=1)
-        rise[:, self.keep] = np.inf
+    def _values(self, masks: Any, tables: F64) -> F64:
+        """Criterion of subsets."""
+        cost = tables[:, -1, -1]
         # A negative cost is one of rounding.
-        value = np.where(value < self.penalty[at].sum(axis=1), np.inf, value)
-        for mask, own in zip(masks, value, strict=True):
-            self.found[mask.tobytes()] = float(own)
-        more = value[:, None] - gain + self.penalty
-        return value, more, value[:, None] + rise - self.penalty
+        values = np.where(cost < 0, np.inf, cost + masks @ self.penalty)
+        self.found.update(zip((mask.tobytes() for mask in masks), values.tolist(), strict=True))
+        return np.asarray(values)
 
-    def _next(self, masks: Any, *, add: bool) -> tuple[Any, F64]:
-        """The best subsets with one candidate more, or less."""
-        _, more, less = self._judge(masks)
-        values = more if add else less
-        order = np.argsort(values, axis=None)
-        new: dict[bytes, float] = {}
-        for place in order[: 4 * WIDTH]:
+    def _next(self, masks: Any, tables: F64, may: Any) -> tuple[Any, F64, F64]:
+        """The best subsets that differ in one candidate of those that `may` change, with their tables."""
+        own = np.diagonal(tables, axis1=1, axis2=2)[:, :-1]
+        sound = may & ~self.keep & np.where(masks, own < 0, own > COLLINEAR)
+        change = tables[:, :-1, -1] ** 2 / np.where(sound, own, 1.0)
+        values = self._values(masks, tables)[:, None] - change + np.where(masks, -1, 1) * self.penalty
+        values = np.where(sound, values, np.inf)
+        new: dict[bytes, tuple[int, int]] = {}
+        for place in np.argsort(values, axis=None)[: 4 * WIDTH]:
             row, column = divmod(int(place), masks.shape[1])
             if not np.isfinite(values[row, column]) or len(new) == WIDTH:
                 break
             mask = masks[row].copy()
-            mask[column] = add
-            new.setdefault(mask.tobytes(), float(values[row, column]))
-        for key, value in new.items():
-            self.found.setdefault(key, value)
-        if not new:
-            return np.zeros((0, masks.shape[1]), dtype=bool), np.zeros(0)
-        return np.array([self._mask(key) for key in new]), np.array(list(new.values()))
+            mask[column] = not mask[column]
+            new.setdefault(mask.tobytes(), (row, column))
+        rows, columns = np.array(list(new.values()), dtype=int).reshape(-1, 2).T
+        for key, row, column in zip(new, rows, columns, strict=True):
+            self.found.setdefault(key, float(values[row, column]))
+        found = np.array([self._mask(key) for key in new], dtype=bool).reshape(-1, masks.shape[1])
+        return found, _sweep(tables[rows], columns, out=masks[rows, columns]), values[rows, columns]
+
+
+def _sweep(tables: F64, at: Any, out: Any) -> F64:
+    """Tables with one candidate each put in, or taken out."""
+    each = np.arange(len(tables))
+    column = tables[each, at]
+    pivot = column[each, at]
+    scaled = column / pivot[:, None]
+    tables = tables - scaled[:, :, None] * column[:, None, :]
+    tables[each, at] = tables[each, :, at] = np.where(out, -1.0, 1.0)[..., None] * scaled
+    tables[each, at, at] = -1.0 / pivot
+    return np.asarray(tables)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import SpecError
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression"]
+__all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression", "separated"]
 
 # The functions of texts everywhere in modfun: how many arguments they take, and what they are of numbers.
 FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
@@ -44,6 +44,7 @@ ALLOWED = f"allowed are signals with primes, parameters, t, pi, {_SIGNS}, D(expr
 
 # Of an equation, and of an expression in given names, for which a function may be given as well.
 MOST_CHARACTERS, MOST_DEPTH = 2000, 60
+MOST_LISTED = 20_000  # characters of a list
 _MOST_CHARACTERS_NAMED, _MOST_DEPTH_NAMED = 1000, 200
 MOST_PRIMES = 12
 
@@ -163,10 +164,25 @@ def expression(text: Any, what: str = "expression", names: Sequence[str] | None 
     return Text(text, what, reader.names, tree)
 
 
+def separated(text: Any, what: str = "list") -> tuple[str, ...]:
+    """The expressions between the commas of a text, in the language of `equation`."""
+    reader, found = _Reader(text, what, most=MOST_LISTED), []
+    while reader.kind != "end":
+        if not reader.take(","):
+            at = reader.at
+            reader.comparison(0)
+            found.append(text[at : reader.last].strip())
+            if reader.kind != "end" and reader.token != ",":
+                reader.finish()
+    return tuple(found)
+
+
 class _Reader:
     """Recursive descent over the tokens; chains of + and * are flat, so that depth is that of parentheses."""
 
-    def __init__(self, text: Any, what: str, names: Sequence[str] | None = None) -> None:
+    def __init__(
+        self, text: Any, what: str, names: Sequence[str] | None = None, most: int | None = None
+    ) -> None:
         if not isinstance(text, str):
             raise SpecError(f"reading the {what}: expected text, got {type(text).__name__}")
         self.names = None if names is None else tuple(names)
@@ -174,9 +190,9 @@ class _Reader:
         self.hints = _HINTS if names is None else _HINTS_NAMED
         self.listed = f"; {ALLOWED}" if names is None else ""  # else `Text.refuse` says it of everything
         self.deepest = MOST_DEPTH if names is None else _MOST_DEPTH_NAMED
-        most = MOST_CHARACTERS if names is None else _MOST_CHARACTERS_NAMED
+        cure = "write it as several texts" if names is None else "pass a function instead"
+        most = most or (MOST_CHARACTERS if names is None else _MOST_CHARACTERS_NAMED)
         if len(text) > most:
-            cure = "write it as several equations" if names is None else "pass a function instead"
             raise SpecError(
                 f"reading the {what}: it has {len(text)} characters, at most {most} are read; {cure}"
             )

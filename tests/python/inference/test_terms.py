@@ -103,6 +103,19 @@ def test_the_best_subsets_are_those_of_all_subsets():
         assert value == pytest.approx(best[0])
 
 
+def test_criteria_are_those_of_least_squares():
+    """Also at the end of long chains of sweeps over nearly dependent columns."""
+    t = np.linspace(-1, 1, 150)
+    x = np.stack([t**k if k < 25 else np.sin(k * t) for k in range(60)], axis=1)
+    y = x[:, [1, 3]] @ [300.0, -200.0] + np.random.default_rng(3).standard_normal(150)
+    subsets = Subsets(x.T @ x, x.T @ y, y @ y, np.full(60, 12.0), np.zeros(60, bool))
+    found = subsets.search()
+    assert set(np.flatnonzero(found[0][0])) == {1, 3}
+    for mask, value in found[:200]:
+        left = y - x[:, mask] @ np.linalg.lstsq(x[:, mask], y)[0]
+        assert value == pytest.approx(left @ left + 12.0 * mask.sum(), abs=1e-3)
+
+
 def test_moments_are_those_of_the_likelihood():
     """Estimate and cost against the fit of the core on the same band, levels given."""
     rec, level = duffing(), 0.05
@@ -164,6 +177,17 @@ def test_equal_terms_are_one_candidate():
     assert found.inclusion["term"].tolist() == ["y", "y**3", "u", "y'", "(y**2)'/2"]
 
 
+def test_terms_are_read_by_the_language_of_equations():
+    rec = duffing()
+    library = "max(y, 0), (y + 1)*u, y/2,, where(y > 0, y, u), 1 < t, -u, y**3"
+    found = library_of(library, "y''", None, rec.outputs, rec.inputs, rec.intersample)
+    assert found.terms == ("max(y, 0)", "(y + 1)*u", "y/2", "where(y > 0, y, u)", "1 < t", "-u", "y**3")
+    names = ["c"] * 7
+    assert found.texts([True] * 7, names)[0] == (
+        "y'' = c*max(y, 0) + c*((y + 1)*u) + c*(y/2) + c*where(y > 0, y, u) + c*(1 < t) + c*(-u) + c*y**3"
+    )
+
+
 def test_terms_that_look_alike_are_named():
     found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
     assert any("sin(y)" in words for words in found.alike)
@@ -209,6 +233,8 @@ REFUSED = {
     "not exact": (lambda rec: mf.select_terms(rec, "y, sin(y')", target="y''"), "no derivative of a signal"),
     "zero": (lambda rec: mf.select_terms(rec, "y, y - y"), "is zero"),
     "a power": (lambda rec: mf.select_terms(rec, "y^2"), "a power is written"),
+    "no comma": (lambda rec: mf.select_terms(rec, "y u"), "a product is written with"),
+    "a parenthesis": (lambda rec: mf.select_terms(rec, "sin(y, u"), "SpecError"),
     "a delay": (lambda rec: mf.select_terms(rec, "y(t - 0.1)"), "delayed signal"),
     "twice": (lambda rec: mf.select_terms(rec, "y", target=["y'", "y'"]), "twice"),
     "a wrong key": (lambda rec: mf.select_terms(rec, {"z'": "y"}), "no left side"),
