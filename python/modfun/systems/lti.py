@@ -183,7 +183,12 @@ class LTI:
             ``.response`` is (output, input, omega); infinite where ω is a pole.
         """
         w = frequencies(omega, "frequency_response")
-        return FrequencyResponse(omega=w, response=self._at(1j * w), outputs=self.outputs, inputs=self.inputs)
+        return FrequencyResponse(
+            omega=w,
+            response=self._at(np.asarray(1j * w, dtype=np.complex128)),
+            outputs=self.outputs,
+            inputs=self.inputs,
+        )
 
     def simulate(
         self,
