@@ -183,12 +183,8 @@ class LTI:
             ``.response`` is (output, input, omega); infinite where ω is a pole.
         """
         w = frequencies(omega, "frequency_response")
-        return FrequencyResponse(
-            omega=w,
-            response=self._at(np.asarray(1j * w, dtype=np.complex128)),
-            outputs=self.outputs,
-            inputs=self.inputs,
-        )
+        g = self._at(np.asarray(1j * w, dtype=np.complex128))
+        return FrequencyResponse(omega=w, response=g, outputs=self.outputs, inputs=self.inputs)
 
     def simulate(
         self,
