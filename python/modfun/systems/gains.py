@@ -12,15 +12,15 @@ AT_ONCE, ROWS = 256, 32  # frequencies, and rows of the triangle, whose solution
 FEW = 10  # frequencies that are quicker one by one
 
 
-def gains(a: F64, b: F64, c: F64, d: F64, omega: F64) -> C128:
-    """G(iω) = C(iω − A)⁻¹B + D, (omega, output, input); infinite where ω is a pole.
+def gains(a: F64, b: F64, c: F64, d: F64, s: C128) -> C128:
+    """G(s) = C(s − A)⁻¹B + D, (s, output, input); infinite where s is a pole.
 
-    Elimination keeps the zeros of A, so that every digit of a response holds that falls by any power of ω.
+    Elimination keeps the zeros of A, so that every digit of a response holds that falls by any power of s.
     """
-    found = np.empty((omega.size, *d.shape), dtype=np.complex128)
-    for k, w in enumerate(omega):
+    found = np.empty((s.size, *d.shape), dtype=np.complex128)
+    for k, point in enumerate(s):
         try:
-            found[k] = c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b) + d
+            found[k] = c @ np.linalg.solve(point * np.eye(len(a)) - a, b) + d
         except np.linalg.LinAlgError:
             found[k] = np.inf
     return found

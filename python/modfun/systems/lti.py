@@ -20,16 +20,7 @@ from ..signals.sources import is_samples, sources
 from .frequency_response import FrequencyResponse
 from .gains import gains
 from .interop import labelled, matrices_to_control, polynomials_to_control, refuse_late, to_scipy
-from .polynomials import (
-    Polynomials,
-    all_equal,
-    by_modulus,
-    companion,
-    roots,
-    strip,
-    text_of,
-    time_unit,
-)
+from .polynomials import Polynomials, all_equal, by_modulus, companion, fractions, roots, strip, time_unit
 from .propagate import intersample_kinds, respond
 
 __all__ = ["LTI", "Delays", "state_space"]
@@ -155,6 +146,29 @@ class LTI:
 
     # What it does ----------------------------------------------------------------------------
 
+    def __call__(self, s: ArrayLike) -> Any:
+        """Transfer function G(s), delays included; infinite at a pole.
+
+        Parameters
+        ----------
+        s : complex array_like
+            Complex frequencies, rad/s.
+
+        Returns
+        -------
+        complex or ndarray
+            Shape of `s`; of several channels (output, input) + shape of `s`.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> print(mf.tf([5], [1, 3, 8])(1).round(4))
+        (0.4167+0j)
+        """
+        at = np.asarray(s, dtype=np.complex128)
+        g = self._at(at.ravel()).reshape(self.shape + at.shape)
+        return g if self.shape != (1, 1) else g[0, 0][()]
+
     def frequency_response(self, omega: ArrayLike) -> FrequencyResponse:
         """Frequency response G(iω), delays included.
 
@@ -169,19 +183,7 @@ class LTI:
             ``.response`` is (output, input, omega); infinite where ω is a pole.
         """
         w = frequencies(omega, "frequency_response")
-        s = 1j * w
-        g = np.empty((*self.shape, w.size), dtype=np.complex128)
-        if self.matrices is None:
-            assert self.numerators is not None
-            assert self.denominators is not None
-            with np.errstate(all="ignore"):
-                for i, (nums, dens) in enumerate(zip(self.numerators, self.denominators, strict=True)):
-                    for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
-                        g[i, j] = np.polyval(n, s) / np.polyval(d, s)
-        else:
-            g[:] = gains(*self.matrices, w).transpose(1, 2, 0)
-        with np.errstate(over="ignore", invalid="ignore"):
-            g *= np.exp(-s * self.path_delays[:, :, None])
+        g = self._at(np.asarray(1j * w, dtype=np.complex128))
         return FrequencyResponse(omega=w, response=g, outputs=self.outputs, inputs=self.inputs)
 
     def simulate(
@@ -391,25 +393,29 @@ class LTI:
             parts = [f"{n} =\n{m}" for n, m in zip("ABCD", self.matrices, strict=True)]
             waiting = f"\ndelay = {self.delay} s" if any(self.delays) else ""
             return "LTI state space\n" + "\n".join(parts) + waiting
-        blocks = []
-        num, den = self.polynomials()
-        late = self.path_delays
-        for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
-            for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
-                top, bottom = text_of(n), text_of(d)
-                if late[i, j]:
-                    top = f"({top}) e^(-{late[i, j]:.6g} s)"
-                width = max(len(top), len(bottom))
-                title = "" if self.shape == (1, 1) else f"input {j + 1} to output {i + 1}\n"
-                blocks.append(
-                    f"{title}{top.center(width).rstrip()}\n{'-' * width}\n{bottom.center(width).rstrip()}"
-                )
-        return "\n\n".join(blocks)
+        return fractions(*self.polynomials(), self.path_delays)
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(repr(self))}</pre>"
 
     # Inside ----------------------------------------------------------------------------------
+
+    def _at(self, s: C128) -> C128:
+        """G at complex frequencies (s,), as (output, input, s)."""
+        g = np.empty((*self.shape, s.size), dtype=np.complex128)
+        if self.matrices is None:
+            assert self.numerators is not None
+            assert self.denominators is not None
+            with np.errstate(all="ignore"):
+                for i, (nums, dens) in enumerate(zip(self.numerators, self.denominators, strict=True)):
+                    for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
+                        top, bottom = np.polyval(n, s), np.polyval(d, s)
+                        g[i, j] = np.where((bottom == 0) & (top != 0), np.inf, top / bottom)
+        else:
+            g[:] = gains(*self.matrices, s).transpose(1, 2, 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            g *= np.exp(-s * self.path_delays[:, :, None])
+        return g
 
     def alike(self) -> list[tuple[tuple[float, ...], list[int]]]:
         """Delays of the inputs, and the outputs that see them so late."""

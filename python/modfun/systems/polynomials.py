@@ -15,6 +15,7 @@ __all__ = [
     "all_equal",
     "by_modulus",
     "companion",
+    "fractions",
     "polynomials_of",
     "root_slopes",
     "roots",
@@ -130,3 +131,19 @@ def text_of(p: F64) -> str:
             ("-" if value < 0 else "") + body if not terms else f" {'-' if value < 0 else '+'} {body}"
         )
     return "".join(terms) or "0"
+
+
+def fractions(num: Polynomials, den: Polynomials, late: F64) -> str:
+    """Fractions of all paths as text, one below the other, with their delays in seconds."""
+    blocks = []
+    for i, (nums, dens) in enumerate(zip(num, den, strict=True)):
+        for j, (n, d) in enumerate(zip(nums, dens, strict=True)):
+            top, bottom = text_of(n), text_of(d)
+            if late[i, j]:
+                top = f"({top}) e^(-{late[i, j]:.6g} s)"
+            width = max(len(top), len(bottom))
+            title = "" if late.shape == (1, 1) else f"input {j + 1} to output {i + 1}\n"
+            blocks.append(
+                f"{title}{top.center(width).rstrip()}\n{'-' * width}\n{bottom.center(width).rstrip()}"
+            )
+    return "\n\n".join(blocks)

@@ -369,3 +369,16 @@ def test_a_fit_with_a_delay_per_path_has_a_model():
     )
     for i, y in enumerate(fit.model.simulate(u=rec.u, dt=rec.dt)):
         np.testing.assert_allclose(y, fit.path_model(i).simulate(u=rec.u, dt=rec.dt), atol=1e-9)
+
+
+def test_call_is_the_transfer_function_at_complex_s():
+    s = np.array([[1.0, 2j], [-0.5 + 1j, 0.3 - 2j]])
+    late = mf.tf([5], [1, 3, 8], delay=0.2)
+    expected = 5 / (s**2 + 3 * s + 8)
+    np.testing.assert_allclose(late(s), expected * np.exp(-0.2 * s), rtol=1e-13)
+    np.testing.assert_allclose(EQ24.to_ss()(s), expected, rtol=1e-13)
+    assert EQ24(1j) == EQ24.frequency_response([1.0]).response[0, 0, 0]
+    two = mf.tf([[[5]], [[1, 2]]], [1, 3, 8])
+    assert two(s).shape == (2, 1, 2, 2)
+    np.testing.assert_allclose(two(s)[1, 0], (s + 2) / 5 * expected, rtol=1e-13)
+    assert np.isinf(abs(mf.tf([1], [1, 1])(-1)))
