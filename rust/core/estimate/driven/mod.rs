@@ -91,12 +91,23 @@ pub(crate) trait Linear {
     ) -> bool;
     /// A column of the transient in each equation.
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]);
+    /// Its derivative by a parameter; whether it depends on that.
+    fn transient_slope(
+        &self,
+        record: usize,
+        line: usize,
+        column: usize,
+        parameter: usize,
+        to: &mut [C],
+    ) -> bool;
 }
 
 /// Rows of one record: Re of the first output on all lines, then Im, then the other outputs, in whole blocks of eight.
 #[derive(Debug, Clone)]
 struct Block {
     transient: Columns,
+    /// Its coefficients at the point that was evaluated.
+    ends: Vec<f64>,
     row: usize,
     rows: usize,
     /// Place of its first line among all.
@@ -189,7 +200,8 @@ impl Driven {
             let sampled = model.record(k);
             let rows = (2 * q * sampled.lines).next_multiple_of(8);
             let transient = Columns::new(isa, rows, model.transients());
-            blocks.push(Block { transient, row, rows, line, sampled });
+            let ends = vec![0.0; model.transients()];
+            blocks.push(Block { transient, ends, row, rows, line, sampled });
             (row, line) = (row + rows, line + sampled.lines);
         }
         let all = row + (line * q * q).next_multiple_of(8);
@@ -304,8 +316,8 @@ impl Driven {
                     }
                 });
             }
-            let taken = &mut self.coefficients[..model.transients()];
-            criterion += block.transient.project(0, rows, taken);
+            criterion += block.transient.project(0, rows, &mut block.ends);
+            block.transient.back(0, &mut block.ends);
             for (i, own) in self.lines[block.line..][..count].iter_mut().enumerate() {
                 own.misfit = (0..2 * q).map(|e| rows[e * count + i] * rows[e * count + i]).sum();
                 criterion += own.left * own.log_p;
@@ -333,6 +345,13 @@ impl Driven {
                 apply(inverse, r, noise);
                 for j in 0..p {
                     let depends = model.slope(k, i, j, noise, a, slope);
+                    for (column, end) in block.ends.iter().enumerate() {
+                        if model.transient_slope(k, i, column, j, x) {
+                            for (to, x) in slope.iter_mut().zip(&*x) {
+                                *to = (to.0 - end * x.0, to.1 - end * x.1);
+                            }
+                        }
+                    }
                     whiten(lower, slope);
                     let column = &mut self.jacobian[j * all + block.row..][..block.rows];
                     spread(slope, own.count, column, (count, i));

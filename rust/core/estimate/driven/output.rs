@@ -111,6 +111,10 @@ impl Linear for Output<'_> {
         false
     }
 
+    fn transient_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
+        false
+    }
+
     fn measured(&self) -> bool {
         self.d.noise == Noise::Process
     }

@@ -111,6 +111,39 @@ impl<'a, 'b> Rows<'a, 'b> {
         }
     }
 
+    /// The same by a parameter; whether it depends on that.
+    fn enter_slope_by(
+        &self,
+        record: usize,
+        line: usize,
+        parameter: usize,
+        (noise, gain): (usize, f64),
+        to: &mut [C],
+    ) -> bool {
+        to.fill((0.0, 0.0));
+        let e = self.equations();
+        let mut depends = false;
+        let slopes = e.slopes.iter().zip(&self.values[e.terms.len()..]);
+        for ((t, _), g) in slopes.filter(|((_, own), _)| *own == parameter) {
+            depends |= self.enter(record, line, noise, e.terms[*t], g * gain, to);
+        }
+        depends
+    }
+
+    /// What the states of a filter begin and end with enters as its noise does: by s^j/den. Which noise a column of the
+    /// transient belongs to, and that factor; none for those of the equations.
+    fn end_of(&self, record: usize, line: usize, column: usize) -> Option<(usize, C)> {
+        let mut place = column.checked_sub(self.transients)?;
+        for (noise, (_, den)) in self.problem.fitter.o.shapes.iter().enumerate() {
+            if place + 1 < den.len() {
+                let by = over(self.power(record, line, place), self.value(record, line, den));
+                return Some((noise, by));
+            }
+            place -= den.len() - 1;
+        }
+        None
+    }
+
     fn omega(&self, record: usize, line: usize) -> f64 {
         let lines = self.problem.spots[record].lines;
         (line + lines.first) as f64 * lines.omega0
@@ -140,7 +173,7 @@ impl<'a, 'b> Rows<'a, 'b> {
         let spot = &self.problem.spots[record];
         let turn = spot.turn(line, self.equations().lag(signal, &[]));
         let s = spot.power(line, order);
-        (s.0 * turn.0 - s.1 * turn.1, s.0 * turn.1 + s.1 * turn.0)
+        times(s, turn)
     }
 }
 
@@ -151,6 +184,10 @@ fn size(a: C) -> f64 {
 fn over(a: C, b: C) -> C {
     let size = b.0 * b.0 + b.1 * b.1;
     ((a.0 * b.0 + a.1 * b.1) / size, (a.1 * b.0 - a.0 * b.1) / size)
+}
+
+fn times(a: C, b: C) -> C {
+    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }
 
 fn add(to: &mut C, by: f64, s: C, v: C) {
@@ -207,18 +244,15 @@ impl Linear for Rows<'_, '_> {
         noise: usize,
         to: &mut [C],
     ) -> bool {
-        to.fill((0.0, 0.0));
-        if self.problem.fitter.o.shapes.is_empty() {
-            return false;
-        }
-        let e = self.equations();
-        let gain = self.gain(record, line, noise);
-        let mut depends = false;
-        let slopes = e.slopes.iter().zip(&self.values[e.terms.len()..]);
-        for ((t, _), g) in slopes.filter(|((_, own), _)| *own == parameter) {
-            depends |= self.enter(record, line, noise, e.terms[*t], g * gain, to);
-        }
-        depends
+        let shaped = !self.problem.fitter.o.shapes.is_empty();
+        shaped
+            && self.enter_slope_by(
+                record,
+                line,
+                parameter,
+                (noise, self.gain(record, line, noise)),
+                to,
+            )
     }
 
     fn measured(&self) -> bool {
@@ -285,23 +319,27 @@ impl Linear for Rows<'_, '_> {
     }
 
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]) {
-        let Some(mut place) = column.checked_sub(self.transients) else {
-            self.problem.spots[record].transient(line, column, to);
-            return;
-        };
-        // What the states of a filter begin and end with enters as its noise does.
-        for (noise, (_, den)) in self.problem.fitter.o.shapes.iter().enumerate() {
-            let order = den.len() - 1;
-            if place < order {
+        match self.end_of(record, line, column) {
+            None => self.problem.spots[record].transient(line, column, to),
+            Some((noise, by)) => {
                 self.enter_by(record, line, noise, 1.0, to);
-                let by = over(self.power(record, line, place), self.value(record, line, den));
-                to.iter_mut().for_each(|own| {
-                    *own = (own.0 * by.0 - own.1 * by.1, own.0 * by.1 + own.1 * by.0)
-                });
-                return;
+                to.iter_mut().for_each(|own| *own = times(*own, by));
             }
-            place -= order;
         }
+    }
+
+    fn transient_slope(
+        &self,
+        record: usize,
+        line: usize,
+        column: usize,
+        parameter: usize,
+        to: &mut [C],
+    ) -> bool {
+        let Some((noise, by)) = self.end_of(record, line, column) else { return false };
+        let depends = self.enter_slope_by(record, line, parameter, (noise, 1.0), to);
+        to.iter_mut().for_each(|own| *own = times(*own, by));
+        depends
     }
 }
 
