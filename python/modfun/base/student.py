@@ -9,7 +9,9 @@ import numpy as np
 from ..errors import SpecError
 from .arrays import F64
 
-__all__ = ["normal_factor", "probability", "root", "student_factor", "student_interval"]
+__all__ = ["confidence", "normal_factor", "probability", "root", "student_factor", "student_interval"]
+
+LEAST = 0.5  # of the level of an interval: what is less is meant as its complement
 
 
 def root(variances: Any) -> F64:
@@ -19,9 +21,20 @@ def root(variances: Any) -> F64:
 
 
 def probability(what: str, level: Any) -> float:
-    """The level of an interval, between 0 and 1."""
+    """A level between 0 and 1."""
     if isinstance(level, bool) or not isinstance(level, float | int | np.floating) or not 0 < level < 1:
         raise SpecError(f"{what}: level={level!r} must lie between 0 and 1, as 0.95")
+    return float(level)
+
+
+def confidence(what: str, level: Any) -> float:
+    """The part of intervals that are to hold the truth."""
+    level = probability(what, level)
+    if level < LEAST:
+        raise SpecError(
+            f"{what}: level={level!r} is the part of the intervals that hold the truth, not the part that do "
+            "not; for 95 % intervals give level=0.95"
+        )
     return float(level)
 
 

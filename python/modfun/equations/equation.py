@@ -139,6 +139,12 @@ class Equation(Written):
             raise SpecError(
                 f"Equation: {twice[0]!r} is named twice among outputs, inputs, hidden and varying"
             )
+        for name in (name for name in names if name not in roles):
+            signal = next((own for own in roles if name in (f"d{own}", f"{own}dot", f"{own}_dot")), None)
+            if signal is not None and (name != f"d{signal}" or "dt" in names):
+                raise SpecError(
+                    f"Equation: {name!r} would be a parameter; write the derivative of {signal} as {signal}'"
+                )
         own: dict[str, None] = {}
         for name in names:
             if name in coefficients:

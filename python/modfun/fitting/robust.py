@@ -66,15 +66,37 @@ def robust_fit(
         if moved < SETTLED:
             break
     # Weights count as known in the covariances; that they follow the residuals costs information.
-    lost = (tail + 3.0) / (tail + 1.0)
+    lost = _lost(fit, tail, weights, errors)
     return replace(
         fit,
         options=asked,
         tail=tail,
         cov_nonrobust=fit.cov_nonrobust * lost,
-        cov_hc3=fit.cov_hc3 * lost**2,
+        cov_hc3=fit.cov_hc3 * lost,
         cov_spectral=fit.cov_spectral * lost,
     )
+
+
+def _lost(fit: Any, tail: float, weights: Sequence[F64], errors: Sequence[F64]) -> float:
+    """By how much variances are larger than those of known weights at the level of the lines.
+
+    An M-estimate with the score psi(z) = w z of z = e/scale has the variance scale² E psi²/(E psi')² over the
+    number of samples (P. J. Huber, Robust Statistics, Wiley, 1981, section 3.2), known weights count as
+    level/E w; means over the samples stand for expectations. The level of the lines is no such mean: few
+    lines see the large errors that the weights take from the estimate.
+    """
+    w = np.concatenate([own[np.isfinite(own)] for own in weights])
+    square = np.maximum((tail + 1) / w - tail, 0.0)
+    slope = float(np.mean(w**2 * (tail - square))) / (tail + 1)
+    score, mean = float(np.mean(w**2 * square)), float(np.mean(w))
+    over = []
+    for i, level in enumerate(np.diag(fit.noise_cov)):
+        e, own = (
+            np.concatenate([each[i][np.isfinite(each[i])] for each in both]) for both in (errors, weights)
+        )
+        scale = float(np.sum(e**2) / np.sum((tail + 1) / own - tail))
+        over.append(scale / level)
+    return float(np.mean(over)) * score * mean / slope**2
 
 
 def _errors(fit: Any, weighed: Record, rec: Record) -> F64:

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.progress import Progress
-from ..base.student import probability
+from ..base.student import confidence
 from ..base.tables import Table, nearest
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
@@ -147,7 +147,7 @@ class Bootstrap(FitMany):
 
     def _ends(self, level: float, method: str | None) -> tuple[F64, F64]:
         """Limits and their Monte Carlo standard errors, each (p, 2)."""
-        level = probability("conf_int", level)
+        level = confidence("conf_int", level)
         method = self._method(method)
         theta, value = self._good(2), self.fit.params
         tails = np.array([(1 - level) / 2, (1 + level) / 2])

@@ -224,7 +224,10 @@ def select_terms(
     for rec in records:
         refuse_own_noise(rec, "select_terms", "take a piece without them, rec.window(start, stop)")
         if rec.dt is None:
-            raise DataError("select_terms: a record is sampled unevenly; resample it, rec.resample(dt)")
+            raise DataError(
+                "select_terms: a record is sampled unevenly; interpolate it onto even times, as "
+                "numpy.interp does"
+            )
     first = records[0]
     found = library_of(library, target, keep, first.outputs, first.inputs, first.intersample)
     levels = [_levels(rec, noise, found.columns.parts.shape[1] - 1) for rec in records]

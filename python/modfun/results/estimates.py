@@ -13,7 +13,7 @@ import numpy as np
 from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
-from ..base.student import probability, root, student_interval
+from ..base.student import confidence, root, student_interval
 from ..base.tables import nearest
 from ..errors import DataError, FitError, SpecError
 from ..models.layout import Layout
@@ -199,7 +199,7 @@ class Estimates:
         level : float, default 0.95
             Between 0 and 1.
         """
-        level = probability("conf_int", level)
+        level = confidence("conf_int", level)
         free = [name not in self.at_bound for name in self.param_names]
         errors = np.where(free, self.bse, np.nan)
         return np.column_stack(self.interval(self.params, errors, level, self.degrees))
@@ -213,7 +213,7 @@ class Estimates:
 
     def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
         """Lower and upper limits of estimates with these standard errors (Student's t)."""
-        level = probability("interval", level)
+        level = confidence("interval", level)
         if np.any(np.asarray(errors) < 0):
             raise SpecError(
                 f"interval: standard errors are not negative, these go down to {np.min(errors):.4g}"

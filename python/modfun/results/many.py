@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.optional import optional
-from ..base.student import probability, student_interval
+from ..base.student import confidence, student_interval
 from ..base.tables import Table, nearest
 from ..base.words import STATUS
 from ..errors import SpecError
@@ -62,7 +62,7 @@ class FitMany:
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (replicate, p, 2), from Student's t; nan where there is no estimate."""
-        level = probability("conf_int", level)
+        level = confidence("conf_int", level)
         return np.stack(student_interval(self.params, self.bse, self.degrees, level), axis=-1)
 
     @property

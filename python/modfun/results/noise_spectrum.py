@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.student import normal_factor, probability
+from ..base.student import confidence, normal_factor
 from ..base.tables import Table
 from ..errors import SpecError
 
@@ -15,7 +15,7 @@ __all__ = ["noise_spectrum"]
 
 def noise_spectrum(fit: Any, level: float) -> Table:
     """Noise level of each row over the band, with intervals; see `Fit.noise_spectrum`."""
-    level = probability("noise_spectrum", level)
+    level = confidence("noise_spectrum", level)
     if fit.process_levels is not None:
         raise SpecError(
             f"noise_spectrum: with noise={fit.options.noise!r} standard errors rest on its levels, "

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.student import normal_factor, probability, root
+from ..base.student import confidence, normal_factor, root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..models.process import ProcessNoise
@@ -30,7 +30,7 @@ def process_noise(fit: Estimates, level: float) -> Table:
     SpecError
         For fits that take all noise as that of the samples.
     """
-    level = probability("process_noise", level)
+    level = confidence("process_noise", level)
     if fit.process_levels is None:
         raise SpecError(
             f"process_noise: with noise={fit.options.noise!r} all noise is taken as that of the samples; fit "

@@ -14,7 +14,7 @@ from ..base.arguments import complexes, public, reals
 from ..base.arrays import C128, F64
 from ..base.optional import optional
 from ..base.samples import band_edges, frequencies, numbered
-from ..base.student import probability
+from ..base.student import confidence
 from ..base.tables import Table
 from ..errors import DataError, SpecError
 from .drawing import curves_of, draw_bode, span
@@ -187,7 +187,7 @@ class FrequencyResponse:
         return _root(np.einsum("kii->ik", self.cov).real).reshape(self.response.shape)
 
     def radius(self, level: float = 0.95) -> F64 | None:
-        """Radius of the circles about the gains that hold them with this probability, (output, input, omega).
+        """Radius of the circles about the gains that hold them with this confidence, (output, input, omega).
 
         `|Ĝ − G|²` over its variance is distributed as F with 2 and 2 `degrees` degrees of freedom where the
         noise is normal; as χ²/2 where `degrees` is not known. None where no covariance is known.
@@ -201,7 +201,7 @@ class FrequencyResponse:
         SpecError
             A level that is not between 0 and 1.
         """
-        level = probability("radius", level)
+        level = confidence("radius", level)
         bse = self.bse
         if bse is None:
             return None

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arguments import public
 from ..base.arrays import F64
-from ..base.student import probability
+from ..base.student import confidence
 from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.written import channel_names
@@ -235,7 +235,7 @@ def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
     """
     from scipy.stats import chi2
 
-    level = probability("timelag.errors", level)
+    level = confidence("timelag.errors", level)
     model = fit.model
     if not isinstance(model, NonlinearModel):
         raise SpecError("timelag.errors: give a fit of mf.timelag.equation(...) or of a linear mf.Equation")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..base.arguments import public
 from ..base.arrays import F64
-from ..base.student import probability, student_interval
+from ..base.student import confidence, student_interval
 from ..base.tables import Table, nearest
 from ..errors import SpecError
 from . import drawing
@@ -167,7 +167,7 @@ class Sinusoids(_Tones):
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
-        level = probability("conf_int", level)
+        level = confidence("conf_int", level)
         return np.column_stack(student_interval(self.params, self.bse, self.df_resid, level))
 
     def estimates(self) -> dict[str, float]:

@@ -242,3 +242,9 @@ def test_levels_that_the_residuals_agree_with_stay(seed):
     )
     fit = mf.fit(rec, short_period())
     np.testing.assert_array_equal(fit.levels, fit.seen)
+
+
+@pytest.mark.parametrize("text", ["dy/dt = -a*y", "ydot = -a*y", "y_dot + a*y = 0"])
+def test_a_derivative_that_is_written_otherwise_is_refused(text):
+    with pytest.raises(mf.SpecError, match="write the derivative of y as y'"):
+        mf.Equation(text)

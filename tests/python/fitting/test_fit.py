@@ -515,3 +515,8 @@ def test_a_wide_band_that_was_given_has_two_starts(noise):
         assert fit.success
         assert np.max(np.roots([1, *fit.params[:2]]).real) < 3
         assert np.all(np.abs(fit.params - [0.5, -2.0, 5.0]) < 8 * fit.bse)
+
+
+def test_a_level_that_is_meant_as_its_complement_is_refused():
+    with pytest.raises(mf.SpecError, match=r"for 95 % intervals give level=0\.95"):
+        mf.fit(REC, TF20).conf_int(0.05)
