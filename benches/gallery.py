@@ -10,11 +10,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 HEAD = """
-Equations of sixteen kinds, each simulated, fitted and compared with what it was made of. A script stands in
-`examples/gallery` and has no more than forty lines; `tests/python/docs/test_gallery.py` runs all of them.
-The noise is white, nsr its standard deviation over the rms of the noise-free
-outputs. Below stand equation, truth and estimate; the rest is `mf.simulate(equation.model(truth), ...)` and
-`mf.fit(rec, equation)`. Written by `python benches/gallery.py`.
+This page simulates sixteen kinds of nonlinear equations, fits them and compares the estimates with the true
+values. Each script in `examples/gallery` has at most forty lines; `tests/python/docs/test_gallery.py` runs
+all of them. The noise is white; nsr is its standard deviation divided by the rms of the noise-free outputs.
+Each section shows the equation and the results. The rest of a script is
+`mf.simulate(equation.model(truth), ...)` and `mf.fit(rec, equation)`. `python benches/gallery.py` writes this
+page.
 """
 ROW = "| `{}` | {:g} | {:.4g} ± {:.2g} | {:+.1f} |"
 
@@ -42,9 +43,11 @@ def main():
         parts.append(
             f"\n## {title}\n\n`examples/gallery/{script.name}`. {' '.join(story.split())}\n\n"
             f"```python\nimport modfun as mf\n\n{equation(text)}\n```\n\n"
-            f"{rec.intervals + 1} samples over {rec.duration:g} s, nsr {nsr}; lines up to "
-            f"{fit.band[1]:.3g} rad/s; simulation and record agree to {score} dB.\n\n"
-            "| parameter | true | found | errors off |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
+            f"{rec.intervals + 1} samples over {rec.duration:g} s, nsr {nsr}; harmonics up to "
+            f"{fit.band[1]:.3g} rad/s; signal-to-error ratio {score} dB.\n\n"
+            "| parameter | true value | estimate ± se | difference / se |\n|---|---|---|---|\n"
+            + "\n".join(rows)
+            + "\n"
         )
     (ROOT / "docs" / "gallery.md").write_text("".join(parts), encoding="utf-8")
 

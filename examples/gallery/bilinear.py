@@ -1,6 +1,7 @@
-"""Bilinear: a heat exchanger, whose coolant flow u carries heat in proportion to the temperature y itself.
+"""Bilinear: a heat exchanger.
 
-y' + a*y + c*y*u = b*u: the product of the noisy output with the known input is a signal like any other.
+The coolant flow u carries off heat in proportion to the temperature y itself. The product of the noisy output
+and the known input is a signal like any other.
 """
 
 import modfun as mf

@@ -1,6 +1,7 @@
-"""Delayed feedback: a shower, whose water takes half a second from the tap to the skin.
+"""Delayed feedback: a shower.
 
-y is the temperature error, fed back h seconds late; u disturbs it. The shifted output is a signal of its own.
+The water takes half a second from the tap to the skin. y is the temperature error, fed back h seconds late,
+and u disturbs it. The delayed output is treated as a signal of its own.
 """
 
 import modfun as mf

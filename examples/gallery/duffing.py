@@ -1,7 +1,8 @@
-"""Duffing oscillator: a beam between magnets, whose spring stiffens as it bends.
+"""Duffing oscillator: a beam between magnets.
 
-A shaker drives the beam with three tones; its deflection y is measured with noise of 10 % of its rms. The
-cubic spring makes y**3 of the noisy y a signal; its bias is removed.
+The spring stiffens as the beam bends. A shaker drives the beam with three tones, and its deflection y is
+measured with noise of 10 % of its rms. The cubic spring makes `y**3` of the noisy y a signal; its bias is
+removed.
 """
 
 import modfun as mf

@@ -1,6 +1,7 @@
-"""FitzHugh-Nagumo: a nerve that fires; v is its voltage, w how tired it is.
+"""FitzHugh-Nagumo: a nerve that fires.
 
-Fast and slow parts in turn make relaxation oscillations. Both signals are measured.
+v is the voltage of the nerve and w its recovery. Fast and slow motion alternate in relaxation oscillations.
+Both signals are measured.
 """
 
 import modfun as mf

@@ -1,7 +1,8 @@
-"""Hammerstein: a heater whose power is no straight function of the voltage, before a linear furnace.
+"""Hammerstein: a heater with a curved characteristic before a linear furnace.
 
-u is the voltage about its working point, y the temperature: second order, driven by u + c2*u**2 + c3*u**3.
-The voltage is held between samples. b multiplies c2 and c3, so that coefficients are products of parameters.
+u is the voltage about its working point and y the temperature. The furnace is of second order and is driven
+by `u + c2*u**2 + c3*u**3`. The voltage is held between samples. b multiplies c2 and c3, so some coefficients
+are products of parameters.
 """
 
 import modfun as mf

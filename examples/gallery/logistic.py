@@ -1,7 +1,8 @@
-"""Logistic growth: a stock of fish that is fished.
+"""Logistic growth: a fish stock under fishing.
 
-y is the stock in kilotonnes, r its rate of growth a year, K what the sea feeds, u the effort of the fleet,
-which takes q*y*u. The coefficient of y**2 is r/K. The effort always changes: that tells the three apart.
+y is the stock in kilotonnes, r its rate of growth per year, K the stock that the sea can feed, and u the
+effort of the fleet, which catches `q*y*u`. The coefficient of `y**2` is r/K. The effort keeps changing, which
+allows all three to be estimated.
 """
 
 import modfun as mf

@@ -1,7 +1,7 @@
 """Lotka-Volterra: hares and lynxes, both counted.
 
-Hares x multiply and are eaten, lynxes z starve without them; t in years. The two equations share nothing but
-the product x*z, and are fitted together with the noise of both counts.
+Hares x multiply and are eaten; lynxes z starve without them; t is in years. The two equations share only the
+product `x*z`. They are fitted together, with the noise of both counts.
 """
 
 import modfun as mf

@@ -1,7 +1,8 @@
-"""Lotka-Volterra when only the hares are counted: nobody sees the lynxes.
+"""Lotka-Volterra with only the hares counted.
 
-The lynxes z are eliminated: x*x'' - x'**2 = ... holds for the hares alone. How strongly a lynx eats (b) is
-then out of reach, as only b*z shows; it is held at 1, which counts lynxes in that unit.
+The lynxes z are not observed, so they are eliminated: `x*x'' - x'**2 = ...` contains hares only. It does not
+determine how much one lynx eats (b), because only `b*z` appears. b is fixed at 1, which defines the unit of
+the lynxes.
 """
 
 import modfun as mf

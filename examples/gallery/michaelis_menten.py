@@ -1,7 +1,8 @@
-"""Michaelis-Menten: a reactor is fed with substrate, which an enzyme uses up, the slower the rarer it gets.
+"""Michaelis-Menten: an enzyme in a fed reactor.
 
-s' = u - V*s/(K + s), multiplied out: (K + s)*(s' - u) + V*s = 0, in which s*s' is (s**2)'/2. s is the
-concentration of the substrate, u the feed in its units an hour.
+The enzyme uses up the substrate, more slowly the rarer it becomes. s is the concentration of the substrate
+and u its feed, in concentration per hour. `s' = u - V*s/(K + s)` is multiplied out:
+`(K + s)*(s' - u) + V*s = 0`, in which `s*s'` is `(s**2)'/2`.
 """
 
 import modfun as mf

@@ -1,7 +1,7 @@
-"""Pendulum at angles where sin q is not q.
+"""Pendulum at large angles.
 
-A motor at the pivot swings it up to two radians; k = g/l tells the length l, d the friction. The mean of
-sin(q + noise) is exp(-sigma**2/2) sin q, which is undone.
+A motor at the pivot swings it up to two radians, where sin q is far from q. k = g/l gives the length l, and d
+is the friction. Noise multiplies the mean of sin q by `exp(-sigma**2/2)`; the fit corrects this.
 """
 
 import modfun as mf

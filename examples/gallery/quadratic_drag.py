@@ -1,6 +1,7 @@
-"""Drag of a bicycle: rolling resistance c0, and air that goes with the square of the speed.
+"""Drag of a bicycle: rolling resistance and air.
 
-v is the speed in m/s, u the force on the pedals in units of the rider's usual one, which gives b in m/s^2.
+The rolling resistance is c0; the drag of the air grows with the square of the speed v in m/s. u is the force
+on the pedals in units of the rider's usual force, so b is in m/s^2.
 """
 
 import modfun as mf

@@ -1,7 +1,8 @@
-"""Roll of a ship in waves: damping by eddies goes with the square of the roll rate.
+"""Roll of a ship in waves.
 
-phi is the roll angle, p its rate (both measured, by a vertical gyro and a rate gyro), m the moment of the
-waves over the inertia. The restoring moment softens at large angles.
+Eddies damp the roll with the square of its rate. phi is the roll angle and p its rate, both measured, by a
+vertical gyro and a rate gyro. m is the moment of the waves divided by the inertia. The restoring moment
+softens at large angles.
 """
 
 import modfun as mf

@@ -1,8 +1,8 @@
 """Unsteady lift of a wing at high angle of attack, of indicial type (after Chin and Lan).
 
-The lift y answers to a step of the angle of attack at once by the part 1 - a, and by the rest with the
-rate b, as the separation on the wing moves; its static curve k*(alpha + c*alpha**3) bends down towards the
-stall. alpha in rad is given by the motion of the rig and known.
+The lift y responds to a step of the angle of attack with the part 1 - a at once, and with the rest at the
+rate b, as the separation on the wing moves. Its static curve `k*(alpha + c*alpha**3)` bends down towards the
+stall. alpha, in rad, is prescribed by the test rig and known.
 """
 
 import modfun as mf

@@ -1,7 +1,7 @@
-"""Van der Pol: a valve oscillator that feeds itself when small and damps itself when large.
+"""Van der Pol: a valve oscillator.
 
-y is the grid voltage, u a signal coupled in. (1 - y**2)*y' is (y - y**3/3)', so that no derivative of the
-noisy y is ever taken.
+Small oscillations grow and large ones are damped. y is the grid voltage and u a signal coupled in.
+`(1 - y**2)*y'` is `(y - y**3/3)'`, so the noisy y is never differentiated.
 """
 
 import modfun as mf

@@ -1,7 +1,7 @@
-"""Wiener: a linear tank seen through a curved sensor.
+"""Wiener: a linear tank measured by a curved sensor.
 
-v = y + c*y**3 is the level that the sensor's reading y stands for; v itself obeys a linear equation of second
-order. Primes on a bracket differentiate what is in it.
+`v = y + c*y**3` is the level that belongs to the sensor's reading y. v obeys a linear equation of second
+order. Primes on a bracket differentiate its content.
 """
 
 import modfun as mf
