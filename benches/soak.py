@@ -62,10 +62,10 @@ def section(replicates: int) -> str:
         HEADING,
         "",
         f"{replicates:,} replicates of one cell: eq. (24), N = 64, NSR 0.2, `ls` on six harmonics with its "
-        "intervals, on one thread, with both runs at once. Resident memory was read every second; each column "
-        "has the largest value up to that share of the time. A summary holds sums and a histogram, whose size "
-        'depends on the bins, not on the replicates; `keep="samples"` would add 24 bytes per replicate, in '
-        "memory or in the file of `directory=`. `make soak` writes this section.",
+        "intervals, on one thread, with both runs at once. Resident memory was read every second; each "
+        "column has the largest value up to that share of the time. A summary holds sums and a histogram, "
+        'whose size depends on the bins, not on the replicates; `keep="samples"` would add 24 bytes per '
+        "replicate, in memory or in the file of `directory=`. `make soak` writes this section.",
         "",
         machine(),
         "",

@@ -1,7 +1,7 @@
 """Parabolic damping: the time-varying system of NASA NAG-1-1065.
 
 The damping of an oscillator falls and rises again during the record, `c(t) = c0 + c1*t + c2*t**2`. Its three
-weights are parameters. `fit.varying` gives the curve with its standard error.
+weights are parameters. The fit's `varying` gives the curve with its standard error.
 """
 
 import modfun as mf
