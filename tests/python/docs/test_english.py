@@ -1,4 +1,4 @@
-"""Prose of README, pages and changes: numbers begin with a digit, and some phrases do not come back.
+"""Prose of pages and of files beside them: numbers begin with a digit, and some phrases do not come back.
 
 Left out are blocks of code, code type and pages that programs write.
 """
@@ -11,7 +11,7 @@ from places import ROOT
 WRITTEN = {f"docs/{name}.md" for name in ("benchmarks", "performance", "rivals", "trial", "validation")}
 PAGES = sorted(
     page
-    for page in [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")]
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
     if str(page.relative_to(ROOT)) not in WRITTEN
 )
 NOT_PROSE = re.compile(r"^```.*?^```$|`[^`\n]+`|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
