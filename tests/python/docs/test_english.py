@@ -1,4 +1,4 @@
-"""Prose of pages, README, changes and CONTRIBUTING: numbers begin with a digit, and some phrases do not come back.
+"""Prose of all pages: numbers begin with a digit, and some phrases do not come back.
 
 Left out are blocks of code, code type and pages that programs write.
 """
