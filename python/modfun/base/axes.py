@@ -36,7 +36,7 @@ def take_axes(
     except Exception:  # of whatever the conversion of an unknown object raises
         given = [ax]
     if other := [one for one in given if not hasattr(one, "plot")]:
-        raise SpecError(f"plot: ax holds {shown(other[0])}, which is no Axes; give those of matplotlib")
+        raise SpecError(f"plot: ax holds {shown(other[0])}, which is not an Axes; give those of matplotlib")
     if len(given) != count:
         raise SpecError(f"plot: ax has {len(given)} Axes where {count} are needed, or a single one for all")
     return given

@@ -96,7 +96,7 @@ def refuse_nonfinite(names: Sequence[str], values: F64) -> None:
     if largest.size and largest.max() > LARGEST:
         worst = int(np.argmax(largest))
         raise DataError(
-            f"Record: channel {names[worst]!r} reaches {largest[worst]:.3g}, whose square is no number; give "
+            f"Record: channel {names[worst]!r} reaches {largest[worst]:.3g}, whose square overflows; give "
             "it in another unit"
         )
 
@@ -174,7 +174,7 @@ def intersample_of(
         for name in given:
             if name not in inputs:
                 raise SpecError(
-                    f"Record: intersample names {name!r}, which is no input; {nearest(name, inputs)}"
+                    f"Record: intersample names {name!r}, which is not an input; {nearest(name, inputs)}"
                 )
         words = tuple(given.get(name, AUTO) for name in inputs)
     elif isinstance(given, str):

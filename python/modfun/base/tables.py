@@ -273,7 +273,7 @@ def nearest(name: object, known: Sequence[str]) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names for a message, cut where there are very many or very long ones, as in a file that is no table."""
+    """Names for a message, cut where they are many or long, as in a file that is not a table."""
     shown = [name if len(name) <= LONG else f"{name[:LONG]}…" for name in map(str, names[:MANY])]
     more = f", … ({len(names)} in all)" if len(names) > MANY else ""
     return (", ".join(shown) or "none") + more
@@ -283,7 +283,7 @@ def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
     try:
         plain = [None if value is np.ma.masked else value for value in values]
     except Exception:  # of whatever an unknown object raises
-        raise SpecError(f"Table: {shown(values)} is no column; give a list of values") from None
+        raise SpecError(f"Table: {shown(values)} is not a column; give a list of values") from None
     try:
         array = np.array(plain)
     except ValueError:  # ragged sequences

@@ -60,7 +60,7 @@ Step = Annotated[
 Between = Annotated[
     list[str] | None,
     typer.Option(
-        "--intersample", help="Inputs between samples: auto, smooth, zoh or foh; once, or one an input."
+        "--intersample", help="Inputs between samples: auto, smooth, zoh or foh; once, or one per input."
     ),
 ]
 On = Annotated[
@@ -68,7 +68,7 @@ On = Annotated[
 ]
 Only = Annotated[str | None, typer.Option(help="Which of these records, counted from 0, such as 0,1,2.")]
 Missing = Annotated[str, typer.Option(help="Gaps in outputs: refuse, or mask to leave them out.")]
-Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one an input.")]
+Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one per input.")]
 Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")]
 Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
 Trend = Annotated[str, typer.Option(help="auto, none, constant or linear.")]
@@ -152,13 +152,13 @@ def fit(
     output: Outputs = None,
     input: Inputs = None,
     poles: Annotated[
-        list[int] | None, typer.Option(help="Number of poles, default 2; with separate, also one an output.")
+        list[int] | None, typer.Option(help="Number of poles, default 2; with separate, also one per output.")
     ] = None,
     zeros: Annotated[
         list[str] | None,
         typer.Option(
-            help="Number of zeros, default poles - 1; once, or one an input (none: no path), or one an "
-            "output with commas between inputs (1,none)."
+            help="Number of zeros, default poles - 1; once, or one per input (none: no path), or one "
+            "per output with commas between inputs (1,none)."
         ),
     ] = None,
     delay: Annotated[

@@ -215,7 +215,7 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise SpecError(f"--until {name}={text}: {text!r} is no number; give it as {name}=0.001") from None
+        raise SpecError(f"--until {name}={text}: {text!r} is not a number; give it as {name}=0.001") from None
 
 
 def _label(labels: Sequence[Any], text: str) -> Any:

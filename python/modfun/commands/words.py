@@ -32,7 +32,7 @@ Json = Annotated[
 def by_path(
     option: str, given: list[str] | None, one: Callable[[str], Any], channels: tuple[int, int]
 ) -> Any:
-    """What was given once, one an input, or one an output with commas between the inputs."""
+    """What was given once, one per input, or one per output with commas between the inputs."""
     if not given:
         return None
     rows = [[one(part) for part in word.split(",")] for word in given]
@@ -43,7 +43,7 @@ def by_path(
     if len(rows) != outputs or any(len(row) != inputs for row in rows):
         raise SpecError(
             f"{option} {f' {option} '.join(given)}: there are {outputs} output(s) and {inputs} input(s); "
-            "give one value, one an input, or one list an output with commas between the inputs"
+            "give one value, one per input, or one list per output with commas between the inputs"
         )
     return rows if outputs > 1 else rows[0]
 

@@ -101,7 +101,7 @@ class Equation(Written):
         params: Mapping[str, float | Free] | None = None,
     ) -> None:
         if not isinstance(text, str | Sequence):
-            raise SpecError(f'Equation: {text!r} is no equation; write one as text, "y\' + a*y = b*u"')
+            raise SpecError(f'Equation: {text!r} is not an equation; write one as text, "y\' + a*y = b*u"')
         texts = (text,) if isinstance(text, str) else tuple(text)
         if not texts:
             raise SpecError('Equation: there is no equation; write one, as "y\' + a*y = b*u"')

@@ -23,7 +23,7 @@ def rows_of(matrix: Any) -> int:
         return len(matrix)
     except Exception:  # of whatever an unknown object raises
         raise SpecError(
-            f"StateSpace: A={shown(matrix)} is no matrix; give rows of numbers and names"
+            f"StateSpace: A={shown(matrix)} is not a matrix; give rows of numbers and names"
         ) from None
 
 
@@ -52,7 +52,9 @@ def _entry(where: str, given: Any) -> Entry:
         source = expression(given, f"entry {where}")
         for node in source.tree.walk():
             if node.kind in ("prime", "compare") or node.primes or (node.kind == "name" and node.parts):
-                source.refuse(node.at, node.end, "is no number or parameter; a matrix has no signals")
+                source.refuse(
+                    node.at, node.end, "is neither a number nor a parameter; a matrix has no signals"
+                )
         return float(given) if source.tree.kind == "number" else given
     if type(given).__module__.partition(".")[0] == "sympy":
         from .symbolic.words import said  # SymPy's own object: it is loaded already
@@ -86,7 +88,7 @@ def _is_flat(name: str, given: Any) -> bool:
     try:
         return all(isinstance(one, str) or np.ndim(one) == 0 for one in given)
     except Exception:  # of whatever an unknown object raises
-        raise SpecError(f"StateSpace: {name}={shown(given)} is no matrix; give rows") from None
+        raise SpecError(f"StateSpace: {name}={shown(given)} is not a matrix; give rows") from None
 
 
 def state_of(c: Sequence[Entry], d: Sequence[Entry]) -> int | None:

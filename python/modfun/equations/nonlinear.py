@@ -116,7 +116,7 @@ class NonlinearModel:
         Parameters
         ----------
         u : array_like, str, callable, or a list of these, or Signals, optional
-            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input; or
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one per input; or
             `mf.signals`, which bring dt and intersample. Seen through a delay before the start, samples
             hold their first value, text and functions are evaluated there. None for a system without inputs.
         dt : float
@@ -341,6 +341,6 @@ def _known(given: Any, grid: F64) -> Signal | Function:
     if values.shape != grid.shape:
         raise DataError(
             f"simulating: a varying coefficient has {values.size} samples where the record has {grid.size}; "
-            "give one a sample, or a function of t"
+            "give one per sample, or a function of t"
         )
     return Signal.of(values, grid)

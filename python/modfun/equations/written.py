@@ -282,7 +282,7 @@ def outputs_left(model: Written, names: Sequence[str]) -> tuple[str, ...]:
     kind = type(model).__name__
     for name in names:
         if name not in model.outputs:
-            raise SpecError(f"{kind}.without: {name!r} is no output; {nearest(name, model.outputs)}")
+            raise SpecError(f"{kind}.without: {name!r} is not an output; {nearest(name, model.outputs)}")
     left = tuple(name for name in model.outputs if name not in names)
     if not left:
         raise SpecError(f"{kind}.without: no output is left; name fewer than {', '.join(names)}")
@@ -295,7 +295,7 @@ def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple
     Raises
     ------
     SpecError
-        A name that is no parameter, or a value that is neither a finite number nor `Free`.
+        A name that is not a parameter, or a value that is neither a finite number nor `Free`.
     """
     if given is None:
         return ()

@@ -115,9 +115,9 @@ def crlb(
         from the initial states that it found.
     nsr : float or sequence of float
         Noise standard deviation over the root mean square of the noise-free response, one for all outputs
-        or one an output. Give this or `sigma`.
+        or one per output. Give this or `sigma`.
     sigma : float, sequence of float, or array_like (output, output)
-        Noise standard deviation, one or one an output; or the covariance matrix of the outputs' noise.
+        Noise standard deviation, one or one per output; or the covariance matrix of the outputs' noise.
     params : mapping of str to float, optional
         Values of the parameters of a structure, delays included.
     trend : {None, "constant", "linear"}
@@ -255,16 +255,18 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
     if not np.all(np.isfinite(values)) or np.any(sizes <= 0) or sizes.shape not in ((), (q,)):
         raise SpecError(
             f"crlb: {name}={sigma if nsr is None else nsr!r} must be a number above 0"
-            + (f", or {q} of them, one an output" if q > 1 else "")
+            + (f", or {q} of them, one per output" if q > 1 else "")
             + (", or their covariance matrix" if nsr is None and q > 1 else "")
         )
     if matrix:
         if not np.allclose(values, values.T, rtol=1e-9, atol=0):
-            raise SpecError("crlb: sigma= is no covariance matrix: it is not symmetric")
+            raise SpecError("crlb: sigma= is not a covariance matrix: it is not symmetric")
         try:
             np.linalg.cholesky(values)
         except np.linalg.LinAlgError:
-            raise SpecError("crlb: sigma= is no covariance matrix: it is singular, or not positive") from None
+            raise SpecError(
+                "crlb: sigma= is not a covariance matrix: it is singular, or not positive"
+            ) from None
         return values
     if nsr is not None and np.any(rms == 0):
         raise DataError("crlb: the response from rest is zero, so nsr says nothing; give sigma=")

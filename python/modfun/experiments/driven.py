@@ -71,7 +71,8 @@ def _names(sys: Any, given: ProcessNoise) -> tuple[str, ...]:
     missing = [name for name in given.names if name not in sys.inputs]
     if missing:
         raise SpecError(
-            f"simulate: process_noise: {missing[0]!r} is no input of the system; it has {list(sys.inputs)}"
+            f"simulate: process_noise: {missing[0]!r} is not an input of the system; "
+            f"it has {list(sys.inputs)}"
         )
     if np.any(sys.path_delays != sys.path_delays[0]):
         raise SpecError("simulate: process_noise=ProcessNoise(...) takes one delay an input, not a path")

@@ -184,8 +184,8 @@ def simulate(
     process_noise : float, sequence of float or ProcessNoise, default 0
         Level of white noise w that drives a linear system itself, as turbulence or load do: root of its power
         spectral density (two-sided, of hertz), as `Fit.process_noise` tells it. Of transfer functions on the
-        right of A(p) y = B(p) u + w, one for all outputs or one an output; of state spaces on that of
-        x' = A x + B u + w, one for all states or one a state; or ProcessNoise, through inputs of the system
+        right of A(p) y = B(p) u + w, one for all outputs or one per output; of state spaces on that of
+        x' = A x + B u + w, one for all states or one per state; or ProcessNoise, through inputs of the system
         that `input` then leaves out. Its response is stationary where the system is stable, else it begins
         at zero.
     initial_state : "zero", "random" or array_like, default "zero"

@@ -154,7 +154,7 @@ def _item(item: Any, file: Any, h5py: Any) -> Any:
     if isinstance(item, h5py.Group):
         fields = {name: _item(value, file, h5py) for name, value in item.items()}
         bare = [isinstance(one, h5py.Dataset) and "MATLAB_class" not in one.attrs for one in item.values()]
-        if bare and all(bare):  # an array of structs keeps bare references, one a struct, by field
+        if bare and all(bare):  # an array of structs keeps bare references, one per struct, by field
             return [dict(zip(fields, values, strict=True)) for values in zip(*fields.values(), strict=True)]
         return fields
     if item.attrs.get("MATLAB_empty", 0):

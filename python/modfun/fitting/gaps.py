@@ -21,7 +21,7 @@ def bridged(rec: Record) -> tuple[F64, F64]:
     """Outputs with masked samples interpolated, and how far each may be off; both (output, time).
 
     A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
-    `NEAR` nearest ones is taken as its error. Across long gaps it grows beyond all measure.
+    `NEAR` nearest ones is treated as its error. Across long gaps it grows beyond all measure.
 
     Raises
     ------

@@ -39,8 +39,8 @@ def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:
             levels = np.broadcast_to(np.asarray(given, dtype=float), (count,))
         except (TypeError, ValueError):
             raise SpecError(
-                f"fit: noise=Noise({name}=...) of equations takes standard deviations, one or one a channel "
-                f"({count})"
+                f"fit: noise=Noise({name}=...) of equations: give standard deviations, "
+                f"one or one per channel ({count})"
             ) from None
         found += levels.tolist()
     return found

@@ -26,7 +26,7 @@ def weighting(
     Raises
     ------
     DataError, SpecError
-        Levels that are not to be had, or for another number of channels.
+        Levels that are not available, or for another number of channels.
     """
     if options.noise == "log-normal":
         raise SpecError(
@@ -96,7 +96,7 @@ def _covariance(name: str, given: Any, channels: int) -> tuple[F64, tuple[Callab
 def _count(name: str, have: int, wanted: int) -> None:
     if have != wanted:
         raise SpecError(
-            f"fit: noise of {have} {name} channel(s) for a record with {wanted}; give one a channel of {name}"
+            f"fit: noise of {have} {name} channel(s) for a record of {wanted}; give one per channel of {name}"
         )
 
 

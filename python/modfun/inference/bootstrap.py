@@ -96,9 +96,10 @@ class Bootstrap(FitMany):
 
         Notes
         -----
-        Eq. (24), white noise of 20 %, 400 records, 500 refits each: of the 95 % intervals of the parametric
-        kind held the truth 94.8 % (studentized), 92.3 (percentile) and 91.5 (basic), of the wild kind 94.5,
-        95.6 and 96.0, ± .8. With 200 refits or a dozen lines one to three points less.
+        Eq. (24), white noise of 20 %, 400 records, 500 refits each: 95 % intervals of the parametric kind
+        contained the true value in 94.8 % (studentized), 92.3 % (percentile) and 91.5 % (basic); those of the
+        wild kind in 94.5, 95.6 and 96.0 % (all ± 0.8 %). With 200 refits or a dozen lines, coverage is one to
+        three points lower.
         """
         return self._ends(level, method)[0]
 

@@ -111,7 +111,7 @@ def _refuse_noisy_inputs(fit: Fit) -> None:
     if noise == "errors-in-variables" or (isinstance(noise, Noise) and noise.u is not None):
         raise SpecError(
             "bootstrap: the fit has noisy inputs, and a replicate would need them without their noise, which "
-            "nobody knows; use fit.bse, or an mf.MonteCarlo of fit.model with inputs of your choice"
+            "is unknown; use fit.bse, or an mf.MonteCarlo of fit.model with inputs of your choice"
         )
 
 

@@ -28,7 +28,7 @@ class CommonPoles:
     Attributes
     ----------
     poles, zeros : Table
-        A row a distinct value: pole or zero (rad/s; of a complex pair the upper one), omega, omega_bse, the
+        One row per distinct value: pole or zero (rad/s; upper one of a complex pair), omega, omega_bse, the
         outputs that have it, p_value of the test that theirs are one (nan where a single output has it).
     denominator : ndarray, shape (n,), or None
         a1 … an of the one denominator that explains all best; None where the orders differ.
@@ -92,7 +92,7 @@ class _Root:
 def common_poles(fit: Fit, *, level: float = 0.01) -> CommonPoles:
     """Find the poles and zeros that outputs share, by reducing a fit with separate denominators.
 
-    Roots of different outputs are taken as one where a Wald test with the fit's covariance does not object,
+    Roots of different outputs are treated as one where a Wald test with the fit's covariance does not object,
     the closest first; the shared value is the one that explains all of them best (generalised least squares
     with their covariance). Where all orders agree, all denominators are tested at once: what is reduced is
     the vector of their coefficients, to the one denominator of the report's eq. (25).

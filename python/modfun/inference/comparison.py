@@ -24,7 +24,7 @@ SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 
 @public
 class Comparison(Table):
-    """Scores of several fits on one record, a row a fit and output; see `compare`.
+    """Scores of several fits on one record, one row per fit and output; see `compare`.
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
     each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
@@ -105,7 +105,7 @@ def _bics(fits: list[Fit]) -> list[float]:
 
 @public
 class CrossValidation(Table):
-    """Scores on records left out of the fit, a row an estimator, record and output; see `cross_validate`.
+    """Scores on records left out of the fit, one row per estimator, record and output; see `cross_validate`.
 
     Columns: model, record (index of the one left out), output, signal_to_error (dB), fit_percent, r2, theil,
     status (of the fit to the others; "overflow": the model is too unstable to be simulated).
@@ -140,7 +140,7 @@ class CrossValidation(Table):
     __slots__ = ()
 
     def summary(self) -> Table:
-        """Median scores over the records, a row an estimator and output, with the worst fit_percent."""
+        """Median scores over the records, one row per estimator and output, with the worst fit_percent."""
         keys = list(dict.fromkeys(zip(self["model"], self["output"], strict=True)))
         columns: dict[str, list[Any]] = {"model": [m for m, _ in keys], "output": [o for _, o in keys]}
         of = [(self["model"] == m) & (self["output"] == o) for m, o in keys]

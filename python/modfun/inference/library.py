@@ -38,7 +38,7 @@ class Library:
     columns : Columns
         Of the targets, followed by the candidates.
     left_out : tuple of str
-        Polynomials that are no derivative of a signal.
+        Polynomials that are not the derivative of a signal.
     """
 
     targets: tuple[str, ...]
@@ -141,7 +141,7 @@ def _own(given: Any, left: str, targets: tuple[str, ...], name: str) -> Any:
         return given
     if strangers := [key for key in given if key not in targets]:
         raise SpecError(
-            f"{WHAT}: {name}= has terms for {strangers[0]!r}, which is no left side; these are "
+            f"{WHAT}: {name}= has terms for {strangers[0]!r}, which is not a left side; these are "
             f"{', '.join(targets)}"
         )
     if left not in given and name == "library":

@@ -47,7 +47,7 @@ class OrderSelection:
     Attributes
     ----------
     table : Table
-        A row a candidate, over the same real equations for all: poles, zeros, unknowns (parameters and
+        One row per candidate, over the same real equations for all: poles, zeros, unknowns (parameters and
         the transient coefficients that the order needs), cost, residual (root mean square of the weighted
         residuals, in units of the output: the report's residual norm), chi2 and p_value (cost in units of
         the noise of the high band; the p-value counts the scatter of that level), aicc, bic,

@@ -175,7 +175,7 @@ def select_terms(
         Candidates: terms, ``"y, y**2, sin(y), y*y', u, u*y, 1"``, and families, ``"polynomials of y, u up to
         3"`` (all monomials, with 1), separated by commas. Each must be a function of channels and time,
         or a derivative of one. One library serves all equations unless a mapping gives each its own.
-        Monomials of a family that are no derivative of a signal, such as ``y'**2``, are left out.
+        Monomials of a family that are not the derivative of a signal, such as ``y'**2``, are left out.
     target : str or sequence of str, optional
         Left sides, ``"y''"``. Default: the first derivative of each output.
     keep : like `library`, optional
@@ -192,7 +192,7 @@ def select_terms(
     Raises
     ------
     SpecError
-        A term outside the language or of no use, a name that is no channel, an empty or too large library.
+        A term outside the language or of no use, a name that is not a channel, an empty or too large library.
     DataError
         Uneven or masked samples, or a record too short for the library.
     FitError

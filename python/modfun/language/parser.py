@@ -54,11 +54,11 @@ _TOKEN = re.compile(
     re.ASCII | re.DOTALL,
 )
 _HINTS = {
-    "^": "is no operator: a power is written **",
+    "^": "is not an operator: a power is written **",
     "//": "is an unknown operator: a quotient is written /",
-    "’": "is no prime: a derivative is written with the apostrophe, y'",
-    "′": "is no prime: a derivative is written with the apostrophe, y'",
-    '"': "is no prime: a second derivative is written with two apostrophes, y''",
+    "’": "is not a prime: a derivative is written with the apostrophe, y'",
+    "′": "is not a prime: a derivative is written with the apostrophe, y'",
+    '"': "is not a prime: a second derivative is written with two apostrophes, y''",
     "==": "is written =",
 }
 _HINTS_NAMED = {name: _HINTS[name] for name in ("^", "//")} | {

@@ -23,7 +23,7 @@ class Noise:
     ----------
     y : float, sequence of float, (output, output) array, callable, or sequence of callable
         Standard deviations of the samples of the outputs, their covariance matrix, or power spectra:
-        functions of omega (rad/s, array in, array out), one for all outputs or one an output, in units in
+        functions of omega (rad/s, array in, array out), one for all outputs or one per output, in units in
         which white noise of standard deviation s has the constant spectrum s².
     u : as `y`, optional
         Of the inputs; left out: they are exact.
@@ -99,12 +99,12 @@ def _given(name: str, given: Any) -> Any:
     if values.ndim == 2:
         if values.shape[0] != values.shape[1] or not np.allclose(values, values.T, rtol=1e-9, atol=0):
             raise SpecError(
-                f"Noise: {name} of shape {values.shape} is no covariance matrix: it must be symmetric"
+                f"Noise: {name} of shape {values.shape} is not a covariance matrix: it must be symmetric"
             )
         least = 1e-12 if name == "y" else -1e-12
         if np.min(np.linalg.eigvalsh(values)) < least * np.max(np.diag(values)):
             raise SpecError(
-                f"Noise: {name} is no covariance matrix: it has a negative eigenvalue, or is singular"
+                f"Noise: {name} is not a covariance matrix: it has a negative eigenvalue, or is singular"
             )
         return tuple(map(tuple, values.tolist()))
     if np.any(values < 0) or (name == "y" and np.any(values == 0)):

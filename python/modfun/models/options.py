@@ -94,7 +94,7 @@ class Options:
         look = _checked if isinstance(given.get("band"), tuple) else _looked_up
         try:
             return look(what, **given)
-        except TypeError:  # a list or array is no key
+        except TypeError:  # a list or array is not a key
             return _checked(what, **given)
 
     def settled(self) -> Options:

@@ -22,7 +22,7 @@ Filter = tuple[tuple[float, ...], tuple[float, ...]]
 @public
 @dataclass(frozen=True, init=False, repr=False)
 class ProcessNoise:
-    """Noise that enters through inputs of the model that nobody measured, such as gusts.
+    """Noise that enters through unmeasured inputs of the model, such as gusts.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class ProcessNoise:
     def __init__(self, **inputs: Any) -> None:
         if not inputs:
             raise SpecError(
-                "ProcessNoise: name an input of the model that nobody measured, as in ProcessNoise(w=1.0); "
+                "ProcessNoise: name an unmeasured input of the model, as in ProcessNoise(w=1.0); "
                 'noise in each equation by itself is noise="process"'
             )
         object.__setattr__(self, "filters", tuple((name, _filter(name, own)) for name, own in inputs.items()))
@@ -77,15 +77,15 @@ class ProcessNoise:
 
 
 def with_inputs(rec: Record, noise: Any) -> Record:
-    """The record with an input of zeros for each that nobody measured; itself where there is none."""
+    """The record with an input of zeros for each unmeasured one; itself where there is none."""
     names = noise.names if isinstance(noise, ProcessNoise) else ()
     if not names or (rec.inputs[-len(names) :] == names and not rec.u[-len(names) :].any()):
         return rec
     taken = [name for name in names if name in (*rec.inputs, *rec.outputs)]
     if taken:
         raise SpecError(
-            f"noise=ProcessNoise: {taken[0]!r} is a channel of the record; name an input of the model that "
-            "nobody measured"
+            f"noise=ProcessNoise: {taken[0]!r} is a channel of the record; "
+            "name an unmeasured input of the model"
         )
     return rec._like(
         u=np.vstack([rec.u, np.zeros((len(names), rec.t.size))]),

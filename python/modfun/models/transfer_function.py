@@ -49,15 +49,15 @@ class TransferFunction:
     Parameters
     ----------
     poles : int, or sequence of int
-        Order n of the denominator, at least 1; with denominator="separate" also one an output.
+        Order n of the denominator, at least 1; with denominator="separate" also one per output.
     zeros : int, or sequence of int and None, or sequence of such sequences, optional
-        Degree of the numerators: one for all, one an input, or [output][input]; None where there is no
+        Degree of the numerators: one for all, one per input, or [output][input]; None where there is no
         path. Default: poles − 1 (None where outputs differ in their poles).
     delay : float or Free, or sequence of these, or sequence of such sequences, default 0
-        Delay in s: known, or to be estimated (`Free` with a `max`); one for all inputs, one an input, or
+        Delay in s: known, or to be estimated (`Free` with a `max`); one for all inputs, one per input, or
         [output][input]. A `Free` given for an input is one parameter, given for a path it is one of its own.
     denominator : {"common", "separate"}, optional
-        For several outputs: one denominator that all share (report, eq. 25), or one an output (eq. 26).
+        For several outputs: one denominator that all share (report, eq. 25), or one per output (eq. 26).
     params : mapping from name to float or Free, optional
         Parameters that are held at a number (``{"a2": 0.0}``: an integrator), or bounded.
 
@@ -77,7 +77,7 @@ class TransferFunction:
     Parameters are a1 … an, then the numerator of each input in descending powers: b0, b1, … with one
     input, b0[de], b1[de], … with several. With several outputs the output stands first, b0[q,de]; with
     denominator="separate" in the denominators, too: a1[q]. Delays come last: delay, delay[de]. What is
-    held is no parameter of the fit.
+    held is not a parameter of the fit.
 
     References
     ----------
@@ -115,7 +115,9 @@ class TransferFunction:
         if is_sequence(poles):
             orders = tuple(order_of(n) for n in poles)  # type: ignore[union-attr]
             if not orders:
-                raise SpecError("TransferFunction: poles=[] names no output; give a number, or one an output")
+                raise SpecError(
+                    "TransferFunction: poles=[] names no output; give a number, or one per output"
+                )
             if denominator != "separate":
                 raise SpecError(
                     f"TransferFunction: poles={list(orders)} gives each output its own; that takes "
@@ -383,7 +385,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
     for what, own, have in (("output", structure.n_outputs, q), ("input", structure.n_inputs, k)):
         if own is not None and own != have and not (what == "input" and have == 0):
             raise SpecError(
-                f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay one an "
+                f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay, one per "
                 f"{what} of the record, or select its {what}s"
             )
     if not k and structure.n_inputs is not None:

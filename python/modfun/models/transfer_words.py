@@ -32,7 +32,7 @@ Delay = float | Free
 
 
 def depth(value: Any) -> int:
-    """0 of a number for all, 1 of a row (one an input), 2 of a table [output][input]."""
+    """0 of a number for all, 1 of a row (one per input), 2 of a table [output][input]."""
     return 0 if not isinstance(value, tuple) else 2 if any(isinstance(one, tuple) for one in value) else 1
 
 
@@ -42,7 +42,7 @@ def nested(name: str, value: Any, one: Callable[[Any], Any]) -> Any:
         return one(value)
     rows = [is_sequence(item) for item in value]
     if not rows:
-        raise SpecError(f"TransferFunction: {name}=[] names no input; give one number, or one an input")
+        raise SpecError(f"TransferFunction: {name}=[] names no input; give one number, or one per input")
     if any(rows) and not all(rows):
         raise SpecError(
             f"TransferFunction: {name}={value!r} mixes numbers and lists; give a list an output, each with a "
@@ -131,7 +131,7 @@ def delay_of(value: Any) -> float | Free:
         late = real("TransferFunction", "delay", value, finite=False)
     except SpecError:
         raise SpecError(
-            f"TransferFunction: delay={value!r} is no number; give known delays in seconds, or mf.Free(...)"
+            f"TransferFunction: delay={value!r} is not a number; give delays in seconds, or mf.Free(...)"
         ) from None
     if not (np.isfinite(late) and late >= 0):
         raise SpecError(f"TransferFunction: delay={value!r} s must be finite and at least 0")

@@ -58,7 +58,7 @@ def record(rec: Record, ax: Any = None) -> Any:
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one channel or one was given, otherwise one a channel.
+        One Axes where there is one channel or one was given, otherwise one per channel.
 
     See Also
     --------
@@ -93,7 +93,7 @@ def signals(given: Signals, ax: Any = None) -> Any:
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one input or one was given, otherwise one an input.
+        One Axes where there is one input or one was given, otherwise one per input.
 
     See Also
     --------
@@ -128,7 +128,7 @@ def spectrum(spec: Spectrum, ax: Any = None, *, hz: bool = False) -> Any:
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one channel or one was given, otherwise one a channel.
+        One Axes where there is one channel or one was given, otherwise one per channel.
 
     See Also
     --------
@@ -198,12 +198,12 @@ def track(found: Track, ax: Any = None) -> Any:
     found : Track
         Of `Stream.follow`. Moments whose estimates cannot be used are left out.
     ax : Axes or sequence of Axes, optional
-        One a parameter; new ones by default.
+        One per parameter; new ones by default.
 
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one parameter, otherwise one a parameter.
+        One Axes where there is one parameter, otherwise one per parameter.
 
     See Also
     --------
@@ -276,7 +276,7 @@ def comparison(table: Comparison, ax: Any = None) -> Any:
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one output or one was given, otherwise one an output.
+        One Axes where there is one output or one was given, otherwise one per output.
 
     See Also
     --------

@@ -146,18 +146,18 @@ def _doubtful(record: Samples, name: str, form: str) -> Iterator[str]:
     """Say where nobody declared an input and its samples leave it open."""
     if form == "stairs":
         yield (
-            f"Input {name!r} is taken as held: it goes up and down by one step at a time. If it was measured "
+            f"Input {name!r} is assumed held: it goes up and down by one step at a time. If it was measured "
             "and coarsely rounded, give intersample='smooth'; else declare intersample='zoh'."
         )
     if form == "rough":
         yield (
-            f"Input {name!r} is taken as smooth, but has power up to the highest frequencies. If each value "
+            f"Input {name!r} is assumed smooth, but has power up to the highest frequencies. If each value "
             "was held for one sample, give intersample='zoh'; if that is noise, declare "
             "intersample='smooth'."
         )
     if form == "smooth" and (part := _half_a_sample(record, name)):
         yield (
-            f"Input {name!r} is taken as smooth; a command held for one sample each looks the same, and is "
+            f"Input {name!r} is assumed smooth; a command held for one sample each looks the same, and is "
             f"half a sample late, which is {100 * part:.0f} % of an output. If it was held, give "
             "intersample='zoh'; else declare intersample='smooth'."
         )

@@ -136,7 +136,7 @@ def _field(fields: Fields, *names: str) -> Any:
 
 
 def _of(value: Any, experiment: int) -> Any:
-    """Return what belongs to one experiment, where a cell holds one an experiment."""
+    """Return what belongs to one experiment, where a cell holds one per experiment."""
     if isinstance(value, list):
         return value[experiment] if experiment < len(value) else None
     return value

@@ -46,7 +46,7 @@ def open_columns(source: Any, part: str | None = None) -> Columns:
     if hasattr(source, "columns") and hasattr(source, "__getitem__"):
         return open_frame(source, "the frame", getattr(source, "attrs", None))
     raise SpecError(
-        f"read: {type(source).__name__} is no source; give a path to a {KINDS} file, a pandas or polars "
+        f"read: {type(source).__name__} is not a source; give a path to a {KINDS} file, a pandas or polars "
         "frame, an xarray object, or a dictionary of arrays"
     )
 

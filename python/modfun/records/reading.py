@@ -276,7 +276,9 @@ def _per_output(given: PerOutput | None, out: dict[str, str], option: str) -> di
         return dict.fromkeys(out, given)
     for name in given:
         if name not in out:
-            raise SpecError(f"read: {option} names {name!r}, which is no output; {nearest(name, list(out))}")
+            raise SpecError(
+                f"read: {option} names {name!r}, which is not an output; {nearest(name, list(out))}"
+            )
     return dict(given)
 
 

@@ -62,7 +62,7 @@ class Record(Samples):
         Units by channel name, for labels only: nothing is converted.
     intersample : {"auto", "smooth", "zoh", "foh"} or a sequence or mapping of them, default "auto"
         How the inputs go between samples: smoothly (band-limited), held, or in straight lines; one word
-        for all inputs, one an input, or words by input name (inputs left out are "auto"). "auto" takes
+        for all inputs, one per input, or words by input name (inputs left out are "auto"). "auto" takes
         the word from the samples: stretches of equal values between jumps are held, lines between corners are
         straight, and all else is smooth, coarsely rounded measurements included. A command that changes at
         every sample and follows something smooth, such as a sweep, looks smooth even if it was held: declare
@@ -71,7 +71,7 @@ class Record(Samples):
         Further channels to carry along, such as an event marker for `split`.
     mask : array_like of bool, shape (time,) or (output, time), optional
         True where a sample of the outputs counts, False where it is left out (an outlier, a dropout); one
-        row for all outputs or one an output. What `y` holds there, nan included, is replaced by straight
+        row for all outputs or one per output. What `y` holds there, nan included, is replaced by straight
         lines between the good samples on both sides, or the nearest good one at the ends, so that `y` is
         finite throughout; fits do not use these values. Inputs must be known everywhere.
     sigma : array_like, shape (time,) or (output, time), optional
@@ -189,7 +189,9 @@ class Record(Samples):
         known = (*out_names, *in_names, *kept)
         for name in units or {}:
             if name not in known:
-                raise SpecError(f"Record: units names {name!r}, which is no channel; {nearest(name, known)}")
+                raise SpecError(
+                    f"Record: units names {name!r}, which is not a channel; {nearest(name, known)}"
+                )
         words, forms = decided(intersample_of(intersample, in_names), us, None if step else times)
         self._set(
             y=ys,

@@ -335,7 +335,7 @@ class Samples:
         for name, unit in (units or {}).items():
             if name not in (*self.outputs, *self.inputs, *keep):
                 raise SpecError(
-                    f"assign: units names {name!r}, which is no channel; "
+                    f"assign: units names {name!r}, which is not a channel; "
                     f"{nearest(name, (*self.outputs, *self.inputs, *keep))}"
                 )
             labels[str(name)] = str(unit)

@@ -35,7 +35,7 @@ class RationalFit:
     theta : ndarray, shape (parameter,)
         In the order of ``layout.param_names``.
     poles : tuple of ndarray of complex
-        rad/s, of each denominator: one if it is common, else one an output.
+        rad/s, of each denominator: one if it is common, else one per output.
     response : ndarray of complex, shape (output, input, omega)
         The fitted response, delays included.
     cost : float

@@ -48,7 +48,7 @@ class Reduction:
         Twice the sum of the Hankel singular values left out: what `hinf_error` of balanced truncation
         cannot exceed. nan for a frequency response.
     errors : Table
-        A row a model (this one, and balanced truncation to the same order): h2, h2_relative, hinf,
+        One row per model (this one, and balanced truncation to the same order): h2, h2_relative, hinf,
         hinf_relative, largest_relative (of ‖G − Ĝ‖/‖G‖, down to 80 dB below the largest ‖G‖), cost (the
         criterion that was minimised).
     nit : int

@@ -203,7 +203,7 @@ def regressors(
     Raises
     ------
     SpecError
-        Not a TransferFunction, several outputs, or harmonics that are no whole number.
+        Not a TransferFunction, several outputs, or harmonics that are not a whole number.
     DataError
         A delay with uneven samples, or one as long as the record.
 

@@ -67,7 +67,7 @@ def frf(
         Angular frequencies, rad/s, on lines of the record or between them. Default: all lines of the longest
         record (or window), within `band`.
     method : {"lrm", "lpm", "modulating", "periodic"}
-        "lrm": A of the same degree as B, one an output: it follows resonances that are a few lines wide.
+        "lrm": A of the same degree as B, one per output: it follows resonances that are a few lines wide.
         "lpm": A = 1. "modulating", the report's: A = 1, and differences over m instead of T, not weighted by
         their covariance (which would be "lpm"). "periodic": quotients of spectra on the lines that the inputs
         excite, for whole periods of a steady response, the last sample of a record in the phase of its first;

@@ -30,7 +30,7 @@ class Collinearity:
     Attributes
     ----------
     table : Table
-        A row a parameter: value, se classical, variance_inflation (of its squared standard error,
+        One row per parameter: value, se classical, variance_inflation (of its squared standard error,
         beside regressors at right angles) and collinearity, in per cent: 100 (1 - 1/inflation), the share
         of the regressor that the others explain.
     condition : float

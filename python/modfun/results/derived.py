@@ -36,7 +36,7 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
 
 def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
     if isinstance(given, str):
-        # A name such as b0[q,de] is no word of the language: it is read under one that is.
+        # A name such as b0[q,de] is not a word of the language: it is read under one that is.
         words = {name: f"p{k}_" for k, name in enumerate(names) if not name.isidentifier() and name in given}
         if not words:
             return function_of(given, names)

@@ -33,24 +33,24 @@ PIECE = 1 << 15  # intervals of which long records' levels are made
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Tests of one fit; `Fit.check` speaks where a p-value is below .01.
+    """Tests of one fit; `Fit.check` speaks where a p-value is below 0.01.
 
     Attributes
     ----------
     chi2_p : float
         Probability of a chi-square as large, at the noise level of the high band, whose own scatter is
-        counted (`level_p`). `check` objects below .01, and above .99 where the ratio is below 1/1.5.
+        counted (`level_p`). `check` objects below 0.01, and above 0.99 where the ratio is below 1/1.5.
     level_ratio : float
         Noise level of the fit over that of the high band.
     correlation, colour : Whiteness
         Neighbouring lines (Ljung-Box); level over the band (Kolmogorov-Smirnov). Of several outputs the
-        worst, its p-value times their number. `check` objects below .01.
+        worst, its p-value times their number. `check` objects below 0.01.
     correlated, coloured : str
         Which output that is.
     colour_ratio : float
         Level of the lower over that of the upper half of the band.
     further : tuple of Explained
-        What further columns would explain of the residuals, an event last. `check` objects below .01 over
+        What further columns would explain of the residuals, an event last. `check` objects below 0.01 over
         their number.
     """
 
@@ -167,7 +167,7 @@ def surely_stable(denominator: Sequence[float]) -> bool:
 
 
 def fewest_samples(fit: Estimates) -> float:
-    """Fewest samples a period of the highest harmonic used, over the records."""
+    """Fewest samples per period of the highest harmonic used, over the records."""
     return min(n / max(hi, 1) for n, (_, hi) in zip(fit.intervals, fit.lines, strict=True))
 
 

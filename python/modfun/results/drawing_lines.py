@@ -44,7 +44,7 @@ def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: 
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one channel or one was given, otherwise one a channel.
+        One Axes where there is one channel or one was given, otherwise one per channel.
 
     See Also
     --------

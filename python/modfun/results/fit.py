@@ -144,7 +144,7 @@ class Fit(Estimates):
     def damp(self) -> Table:
         """Poles with natural frequency, damping ratio, time constant and standard errors.
 
-        One row a complex pair (upper member) and one a real pole. omega in rad/s, time constants in s;
+        One row per complex pair (upper member) and one per real pole. omega in rad/s, time constants in s;
         standard errors by the delta method, dp/da_j = -p^(n-j)/A'(p). A repeated pole has no finite ones.
         """
         self.need_numbers("damp")
@@ -156,9 +156,9 @@ class Fit(Estimates):
         """What is wrong or doubtful about the fit, in sentences with numbers and the first cure to try.
 
         What is beyond doubt comes first; the first of it is what `fit` warns of. Tests object where their
-        p-value is below .01: residuals above the noise level of the high band (chi-square, which counts the
+        p-value is below 0.01: residuals above the noise level of the high band (chi-square, which counts the
         scatter of that level) or below 1/1.5 of it, neighbouring lines correlated, not one level over the
-        band. Further columns are tested one by one, at .01 over their number: a response to an input that
+        band. Further columns are tested one by one, at 0.01 over their number: a response to an input that
         the model lacks (neighbouring structures are fitted then, to name the one that lowers BIC most),
         powers of the simulated output, a system that changes, a drift, an event at one time. With white
         noise each of these tests objects to about one right model in a hundred (neighbouring lines: up to
@@ -334,7 +334,7 @@ class Fit(Estimates):
             Least squares on the sampled free response; or a Luenberger observer run backwards in time
             (report, section 4.7), which is a few per cent less accurate at best.
         eigenvalues : array_like, optional
-            Of the observer's error backwards in time, rad/s, one a pole, with negative real parts.
+            Of the observer's error backwards in time, rad/s, one per pole, with negative real parts.
             Default: the frequencies of the poles, decaying as fast as these do forwards, and at least by
             one time constant over the record.
 
@@ -374,7 +374,7 @@ class Fit(Estimates):
         Returns
         -------
         Table
-            A row an output (and a record).
+            One row per output (and a record).
         """
         return scores.score(self, rec)
 

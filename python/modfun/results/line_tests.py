@@ -31,7 +31,7 @@ def correlation_of_lines(residuals: Sequence[C128], lags: int | None = None) -> 
 
     Parameters
     ----------
-    residuals : sequence of (line,) complex arrays, one a record
+    residuals : sequence of (line,) complex arrays, one per record
         Whitened residuals.
     lags : int, optional
         Highest lag; default min(10, a quarter of the lines).

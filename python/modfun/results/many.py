@@ -102,7 +102,7 @@ class FitMany:
         )
 
     def to_pandas(self) -> Any:
-        """A pandas.DataFrame (extra ``pandas``): a row a replicate, bse of a1 as column "a1_bse"."""
+        """A pandas.DataFrame (extra ``pandas``): one row per replicate, bse of a1 as column "a1_bse"."""
         columns: dict[str, Any] = dict(zip(self.param_names, self.params.T, strict=True))
         columns |= {f"{name}_bse": bse for name, bse in zip(self.param_names, self.bse.T, strict=True)}
         columns |= {"status": self.status, "cost": self.cost, "nit": self.nit}

@@ -163,7 +163,7 @@ class EquationFit(Fit):
     def polynomials(self, output: int = 0) -> Never:
         """Not for equations: their coefficients have names of their own."""
         raise SpecError(
-            "polynomials: the parameters of equations are no coefficients of a transfer function; "
+            "polynomials: the parameters of equations are not coefficients of a transfer function; "
             "use fit.params, or fit.model"
         )
 

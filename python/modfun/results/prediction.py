@@ -202,7 +202,7 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
         )
     if np.abs(state).max(initial=0.0) > LARGEST:
         raise SpecError(
-            f"predict: initial_state reaches {np.abs(state).max():.3g}, whose square is no number; take "
+            f"predict: initial_state reaches {np.abs(state).max():.3g}, whose square overflows; take "
             "other units"
         )
     return state
@@ -236,7 +236,7 @@ def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
 
 
 def _forced_uneven(model: LTI, rec: Record) -> F64:
-    """Exact at uneven instants; smooth inputs are taken as straight between samples."""
+    """Exact at uneven instants; smooth inputs are treated as straight between samples."""
     a, b, c, d, _ = model.scaled()
     held = [kind == "zoh" for kind in rec.intersample]
     return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)

@@ -20,7 +20,7 @@ __all__ = ["in_words", "process_noise"]
 def process_noise(fit: Estimates, level: float) -> Table:
     """Levels of both kinds of noise; see `Fit.process_noise`.
 
-    A row a level: of each output ("measurement", the standard deviation of a sample) and of each equation
+    One row per level: of each output ("measurement", the standard deviation of a sample) and of each equation
     ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its
     right, A(p) y = B(p) u + w; of `ProcessNoise` the factor of each filter); with its standard error, its
     interval, normal on the logarithm, and its share of the noise of the output over the lines used.
@@ -33,7 +33,7 @@ def process_noise(fit: Estimates, level: float) -> Table:
     level = confidence("process_noise", level)
     if fit.process_levels is None:
         raise SpecError(
-            f"process_noise: with noise={fit.options.noise!r} all noise is taken as that of the samples; fit "
+            f"process_noise: with noise={fit.options.noise!r} all noise is that of the samples; fit "
             'with noise="process"'
         )
     values, cov, shares = fit.process_levels

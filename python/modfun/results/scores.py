@@ -65,7 +65,7 @@ def r2(y: F64, simulated: F64) -> float:
 def theil(y: F64, simulated: F64) -> float:
     """Theil's inequality coefficient, RMS(y - simulated) / (RMS(y) + RMS(simulated)): 0 perfect, 1 worst.
 
-    Flight-test practice takes values below .25 to .3 for a good model.
+    In flight tests, values below 0.25 to 0.3 indicate a good model.
     """
     y, simulated = _pair(y, simulated)
     with np.errstate(divide="ignore", invalid="ignore"):

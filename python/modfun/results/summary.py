@@ -230,7 +230,7 @@ def parameters(
     for name in units or {}:
         if name not in fit.param_names:
             raise SpecError(
-                f"table: units names {name!r}, which is no parameter; {nearest(name, fit.param_names)}"
+                f"table: units names {name!r}, which is not a parameter; {nearest(name, fit.param_names)}"
             )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(bound, np.nan, fit.params / fit.bse)

@@ -114,6 +114,6 @@ def band_of(what: str, given: Any, dt: float) -> tuple[float, float]:
     if edges[1] >= np.pi / dt:
         raise SpecError(
             f"{what}: the band goes to {edges[1]:g} rad/s, and samples {dt:g} s apart end at "
-            f"{np.pi / dt:.4g} rad/s; lower the band or dt (eight samples a period are good)"
+            f"{np.pi / dt:.4g} rad/s; lower the band or dt (eight samples per period are good)"
         )
     return float(edges[0]), float(edges[1])

@@ -38,7 +38,7 @@ def multisine(
     odd: bool = False,
     seed: int | None = None,
 ) -> Signals:
-    """Orthogonal multisines with low relative peak factor, one an input.
+    """Orthogonal multisines with low relative peak factor, one per input.
 
     The lines are the multiples of 2π/T in the band, T the duration less the rests, dealt out to the inputs
     in turn: so inputs that move at once are orthogonal over T, and each covers the band. Phases start as
@@ -54,9 +54,9 @@ def multisine(
     duration : float
         Length of one period, s, rests included.
     dt : float
-        Sampling interval, s; eight samples a period of the upper edge are good.
+        Sampling interval, s; eight samples per period of the upper edge are good.
     amplitude : float or sequence of float, default 1
-        Largest `|u|`, of all inputs or one an input.
+        Largest `|u|`, of all inputs or one per input.
     power : array_like or callable, optional
         Relative power of each line in the band, in order of frequency, or a function of an array of rad/s
         that returns it. Default: the same for all.
@@ -73,7 +73,7 @@ def multisine(
     Returns
     -------
     Signals
-        "smooth" between samples. ``.peak_factor`` says what was reached: .98 to 1.06 for one or two inputs,
+        "smooth" between samples. ``.peak_factor`` is the value reached: 0.98 to 1.06 for one or two inputs,
         up to 1.13 for more, 1.2 with four lines an input.
 
     Raises
@@ -223,7 +223,7 @@ def _power(given: Any, omega: F64) -> F64:
         power = np.zeros(0)
     if power.shape != omega.shape or not np.all(np.isfinite(power) & (power >= 0)):
         raise SpecError(
-            f"multisine: power= must give {omega.size} finite numbers of at least 0, one a line from "
+            f"multisine: power= must give {omega.size} finite numbers of at least 0, one per line from "
             f"{omega[0]:.4g} to {omega[-1]:.4g} rad/s; it has shape {power.shape}"
         )
     return power

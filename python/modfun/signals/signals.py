@@ -182,7 +182,7 @@ class Signals:
         return Spectrum(frozen(omega), frozen(lines), self.inputs, {})
 
     def to_table(self) -> Table:
-        """A row an input: peak, rms, peak factor, energy, rate, and the band of 90 % of its power."""
+        """One row per input: peak, rms, peak factor, energy, rate, and the band of 90 % of its power."""
         spectrum = self.spectrum()
         low, high = [], []
         for row in spectrum.amplitude:
@@ -265,7 +265,7 @@ class Signals:
         Parameters
         ----------
         factor : float or sequence of float
-            What they are multiplied by, one for all or one an input; not 0.
+            What they are multiplied by, one for all or one per input; not 0.
 
         Returns
         -------
@@ -294,7 +294,9 @@ class Signals:
         step = number("resample: dt", dt)
         count = round(self.duration / step)
         if count < 1 or abs(count * step - self.duration) > 1e-6 * step:
-            raise SpecError(f"resample: {self.duration:g} s are no whole number of intervals of {step:g} s")
+            raise SpecError(
+                f"resample: {self.duration:g} s are not a whole number of intervals of {step:g} s"
+            )
         t: F64 = np.arange(count + 1.0) * step
         rows = []
         for name, row, kind, exact in zip(self.inputs, self.u, self.intersample, self.functions, strict=True):
@@ -369,7 +371,7 @@ class Signals:
         if len(self.inputs) != count:
             raise SpecError(
                 f"{what}: {len(self.inputs)} signal(s), {', '.join(self.inputs)}, for a system with {count} "
-                "input(s); give one an input"
+                "input(s); give one per input"
             )
         if names is None or tuple(names) == self.inputs:
             return self

@@ -76,7 +76,7 @@ def evaluate(source: Source, t: ArrayLike) -> F64:
         )
     if array.size and np.abs(array).max() > LARGEST:
         raise DataError(
-            f"evaluating {what}: it reaches {np.abs(array).max():.3g}, whose square is no number; give it in "
+            f"evaluating {what}: it reaches {np.abs(array).max():.3g}, whose square overflows; give it in "
             "another unit"
         )
     return np.ascontiguousarray(array)
@@ -112,7 +112,7 @@ def sources(given: Any, inputs: int) -> list[Source]:
     if len(found) != inputs:
         raise SpecError(
             f"giving the input: {len(found)} signal(s) for a system with {inputs} input(s); "
-            "give one a system input, as a list or as an array (input, time)"
+            "give one per system input, as a list or as an array (input, time)"
         )
     return found
 

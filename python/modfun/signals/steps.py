@@ -112,7 +112,7 @@ def multistep(
         Natural frequency of the mode to be excited, rad/s. The unit is π/(2 omega), to the nearest sample,
         so that a pulse of width 2 is half a period of the mode: the customary rule of flight test, which
         puts the mode in the middle of the band of a 3-2-1-1 (half of its highest energy density at least
-        from .28/unit to 2.65/unit rad/s).
+        from 0.28/unit to 2.65/unit rad/s).
     amplitude : float or sequence of float, default 1
         Height of the first pulse, the others alternate in sign; negative begins downwards. Or a height a
         pulse, before the alternation.

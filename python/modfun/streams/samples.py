@@ -60,7 +60,7 @@ def refuse_record(
     SpecError, DataError
     """
     if not isinstance(rec, Record):
-        raise SpecError(f"Stream.follow: {type(rec).__name__} is no Record; push samples, or make one")
+        raise SpecError(f"Stream.follow: {type(rec).__name__} is not a Record; push samples, or make one")
     if (rec.outputs, rec.inputs) != (outputs, inputs):
         raise DataError(
             f"Stream.follow: the record has outputs {list(rec.outputs)}, inputs {list(rec.inputs)}, the "

@@ -84,7 +84,7 @@ class Track:
         return self.params[:, self.param_names.index(name)]
 
     def table(self) -> Table:
-        """A row a moment: t, each parameter with its standard error ("a1", "a1_bse"), status."""
+        """One row per moment: t, each parameter with its standard error ("a1", "a1_bse"), status."""
         columns: dict[str, Any] = {"t": self.t}
         for k, name in enumerate(self.param_names):
             columns |= {name: self.params[:, k], f"{name}_bse": self.bse[:, k]}

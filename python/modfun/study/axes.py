@@ -70,7 +70,7 @@ def levels(nsr: Any) -> Axis:
     for v in flat:
         if not (np.isfinite(v) and v >= 0):
             raise SpecError(
-                f"MonteCarlo: nsr holds {v}; noise levels are finite and at least 0, .1 being 10 %"
+                f"MonteCarlo: nsr holds {v}; noise levels are finite and at least 0, 0.1 being 10 %"
             )
     if len(set(flat)) < len(flat):
         raise SpecError("MonteCarlo: nsr names a level twice; give each once")

@@ -39,13 +39,13 @@ class Contender:
     call : callable or None
         A user's estimator; None for one that runs in the compiled core.
     estimators : tuple of Estimator
-        One a group, with the band settled; empty for a user's estimator.
+        One per group, with the band settled; empty for a user's estimator.
     structures : tuple of TransferFunction, Equation, StateSpace or None
-        What is fitted, one a group; None: a function without a structure.
+        What is fitted, one per group; None: a function without a structure.
     params : tuple of tuple of str
-        Names of the parameters, one a group.
+        Names of the parameters, one per group.
     truth : tuple of ndarray
-        True parameters, one a group; nan where unknown.
+        True parameters, one per group; nan where unknown.
     """
 
     name: str

@@ -126,7 +126,7 @@ class Figures:
     # Tables ----------------------------------------------------------------------------------------
 
     def table(self) -> Table:
-        """Every figure with its Monte Carlo standard error: a row a cell, estimator and parameter.
+        """Every figure with its Monte Carlo standard error: one row per cell, estimator and parameter.
 
         `maxiter`, where there are any, counts estimates that did not settle and are in the figures.
         """
@@ -155,7 +155,7 @@ class Figures:
     def relative(self) -> Table:
         """Figures relative to the true parameters, in %, root mean square over the parameters.
 
-        The report's footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. A row a cell
+        NAG-1-1065, footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. One row per cell
         and estimator. Without any bias the figure is not 0 but about sd/√R, its Monte Carlo noise. The
         standard errors are those of the delta method with fully correlated parameters, so at most too
         large. `maxiter` as in `table`.

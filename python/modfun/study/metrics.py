@@ -60,7 +60,7 @@ class Metrics(Mapping[str, Metric]):
         return len(self._found)
 
     def table(self) -> Table:
-        """A row a cell, estimator and metric."""
+        """One row per cell, estimator and metric."""
         figures = ("mean", "mean_mcse", "sd", "sd_mcse", "count", "failures")
         columns: dict[str, list[object]] = {name: [] for name in (*self._axes, "metric", *figures)}
         for where in np.ndindex(*(len(labels) for labels in self._axes.values())):

@@ -263,7 +263,7 @@ class MonteCarlo:
             numbers. "auto" takes coefficients where that is less work, no function of yours needs a record,
             and all estimators use one rule and one window; in a directory, what was drawn there.
         coverage : bool
-            Whether to count how often the 95 % intervals hold the truth.
+            Whether to count how often the 95 % intervals contain the true value.
 
         Returns
         -------
@@ -345,7 +345,7 @@ def _simulated(
 
 
 def _driven(system: Any) -> bool:
-    """Whether a system has inputs (True for what is no system)."""
+    """Whether a system has inputs (True for what is not a system)."""
     each = list(system.values()) if isinstance(system, Mapping) else [system]
     return any(not isinstance(one, LTI | NonlinearModel) or one.shape[1] > 0 for one in each)
 

@@ -60,7 +60,7 @@ def page_of(results: Figures, directory: str | os.PathLike[str] | None, title: s
         ),
         section("figure", "Bias and standard deviation", lambda: _figure(results)),
         section(
-            "figures", "Every figure", lambda: Grid.of(results.table(), "Every figure, a row a parameter")
+            "figures", "Every figure", lambda: Grid.of(results.table(), "Every figure, one row per parameter")
         ),
         *([] if not results.metrics else [_metrics(results)]),
         section("failures", "Failures", lambda: _failures(results)),
@@ -103,14 +103,15 @@ def _findings(results: Figures) -> Iterable[str]:
             said += f"; largest bias {np.nanmax(share[np.isfinite(share)]):.3g} standard deviations"
         if np.any(np.isfinite(held)):
             said += (
-                f"; 95 % intervals{_kind(results, k)} hold the truth in {100 * np.nanmin(held):.1f} to "
+                f"; 95 % intervals{_kind(results, k)} contain the true value in "
+                f"{100 * np.nanmin(held):.1f} to "
                 f"{100 * np.nanmax(held):.1f} % of replicates"
             )
         yield f"{said}."
 
 
 def _kind(results: Figures, k: int) -> str:
-    """Whose intervals were counted, of an estimator that is no function."""
+    """Whose intervals were counted, of an estimator that is not a function."""
     own = results._plan.contenders[k].estimators
     return f" ({own[0].options.cov_type})" if own else ""
 

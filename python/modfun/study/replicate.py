@@ -26,7 +26,7 @@ def replicate(
 ) -> tuple[Record, dict[str, Any]]:
     """Record and fits of a replicate in a cell of a study; see `Results.replicate`."""
     if isinstance(number, bool) or not isinstance(number, int | np.integer):
-        raise SpecError(f"replicate: {number!r} is no number of a replicate; give 0 to {replicates - 1}")
+        raise SpecError(f"replicate: {number!r} is not a number of a replicate; give 0 to {replicates - 1}")
     if not 0 <= number < replicates:
         raise SpecError(f"replicate: {number} is outside of 0 to {replicates - 1}")
     known = [a.name for a in plan.axes]

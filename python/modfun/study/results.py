@@ -48,7 +48,7 @@ class Results(Figures):
         Median error, of counts in bins 0.4 to 0.8 % of the error wide; nan beyond 2²⁰ times the truth.
         Standard error 1.2533 sd/√R, as for normal estimates.
     coverage, coverage_mcse : ndarray
-        Share c of 95 % intervals that hold the truth: those of each estimator's `cov_type`, HC3's unless
+        Share c of 95 % intervals that contain the true value: of each estimator's `cov_type`, HC3's unless
         "nonrobust" was asked for; of functions, those of the Fit that they returned. Standard error
         √(c̃(1 − c̃)/R) with half a case added on both sides, c̃ = (cR + ½)/(R + 1), so that it is not 0 where
         all or none do.

@@ -32,7 +32,7 @@ EXAMPLE = """\
 # Each key is the argument of mf.MonteCarlo with the same name. What stands below a line in [brackets]
 # belongs to that table, so plain keys come first.
 
-input = "sin(t**2/5)"            # a text in t; a list of samples; a list of these, one an input
+input = "sin(t**2/5)"            # a text in t; a list of samples; a list of these, one per input
 duration = 10.0                  # length of a record, s
 intervals = 256                  # sampling intervals; a record has one sample more
 
@@ -180,7 +180,7 @@ def _structure(key: Key, value: Any) -> TransferFunction:
 def _zeros(key: Key, value: Any) -> Any:
     each = value if isinstance(value, list) else [value]
     if not all(values.is_a(one, int) or one == "none" for one in each):
-        raise key.wrong(value, 'a whole number, or a list with one an input, "none" where it has no path')
+        raise key.wrong(value, 'a whole number, or a list with one per input, "none" where it has no path')
     degrees = [None if one == "none" else one for one in each]
     return degrees if isinstance(value, list) else degrees[0]
 
@@ -188,7 +188,7 @@ def _zeros(key: Key, value: Any) -> Any:
 STRUCTURE: dict[str, Reader] = {
     "poles": values.plain("a whole number", int),
     "zeros": _zeros,
-    "delay": values.several("seconds: a number, or a list with one an input", int, float),
+    "delay": values.several("seconds: a number, or a list with one per input", int, float),
 }
 
 
@@ -196,7 +196,7 @@ STRUCTURE: dict[str, Reader] = {
 
 
 def _input(key: Key, value: Any) -> Any:
-    """A text, samples or a function, or a list of them, one an input."""
+    """A text, samples or a function, or a list of them, one per input."""
     if values.is_function(value):
         return values.function("a function of t")(key, value)
     if isinstance(value, str) or (isinstance(value, list) and values.numeric(value)):
@@ -340,6 +340,6 @@ KEYS: dict[str, Reader] = {
     "model": _structure,
     "replicates": values.plain("a whole number", int),
     "seed": values.plain("a whole number", int),
-    "intersample": values.several('"smooth", "zoh" or "foh", or a list with one an input', str),
+    "intersample": values.several('"smooth", "zoh" or "foh", or a list with one per input', str),
     **OPTIONS,
 }

@@ -32,7 +32,7 @@ class FrequencyResponse:
     omega : array_like, shape (omega,)
         Angular frequencies, rad/s.
     response : array_like of complex, shape (output, input, omega), optional
-        Gains; a one-dimensional array is taken as one output and one input.
+        Gains; a one-dimensional array is treated as one output and one input.
     magnitude_db, phase_deg : array_like, optional
         Points of a Bode diagram instead of `response`, in the same shape: 20 log₁₀|G| and the angle in
         degrees.

@@ -200,7 +200,7 @@ class LTI:
         Parameters
         ----------
         u : array_like, str, callable, or a list of these, or Signals
-            Input: samples (time,) or (input, time), or signals as text or functions of t, one an input; or
+            Input: samples (time,) or (input, time), or signals as text or functions of t, one per input; or
             `mf.signals`, which bring dt and intersample.
             Before t = 0 (seen through a delay) samples hold their first value, while text and functions
             are evaluated at negative times.
@@ -372,7 +372,7 @@ class LTI:
         Raises
         ------
         SpecError
-            There is a delay and `pade` is not given, or is no whole number above 0.
+            There is a delay and `pade` is not given, or is not a whole number above 0.
         """
         if self.matrices is not None:
             made = matrices_to_control(self.matrices, self.input_delays("to_control"), pade)

@@ -26,7 +26,7 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] | Sequence[S
     Parameters
     ----------
     num : array_like, or nested lists of them, or a system of python-control or SciPy
-        Numerator in descending powers of s: one polynomial; a list of polynomials, one an input; or a
+        Numerator in descending powers of s: one polynomial; a list of polynomials, one per input; or a
         list (output) of lists (input) of polynomials. A `control.TransferFunction`, `control.StateSpace`
         or `scipy.signal.lti` object stands alone; one in state space stays so.
     den : array_like, or nested lists of them
@@ -70,7 +70,7 @@ def tf(num: Any, den: Any = None, *, delay: float | Sequence[float] | Sequence[S
     if any(len(row) != inputs for row in [*nums, *dens]) or len(dens) != outputs:
         raise SpecError(
             f"mf.tf: num has {outputs} output(s) of {[len(r) for r in nums]} input(s), den "
-            f"{len(dens)} of {[len(r) for r in dens]}; give one denominator, or one a path, nested as num"
+            f"{len(dens)} of {[len(r) for r in dens]}; give one denominator, or one per path, nested as num"
         )
     top, bottom = [], []
     for num_row, den_row in zip(nums, dens, strict=True):
@@ -118,7 +118,7 @@ def ss(
     D : array_like, optional
         Feedthrough (output, input), default zero.
     delay : float or sequence of float
-        Delay of the inputs, s, at least 0; one, or one an input.
+        Delay of the inputs, s, at least 0; one, or one per input.
 
     Returns
     -------

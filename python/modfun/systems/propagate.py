@@ -1,7 +1,7 @@
 """Exact output of a linear system at the samples, for inputs held, interpolated or smooth between them.
 
 Nothing is discretised approximately: held (zoh) and linearly interpolated (foh) inputs are propagated by
-matrix exponentials, also with delays that are no whole number of samples; smooth inputs by six-point
+matrix exponentials, also with delays that are not a whole number of samples; smooth inputs by six-point
 Gauss-Legendre quadrature of the convolution inside each sample.
 """
 
@@ -30,7 +30,7 @@ def intersample_kinds(
     kinds = (given,) * len(inputs) if isinstance(given, str) else tuple(given)
     if len(kinds) != len(inputs):
         raise SpecError(
-            f"reading intersample: {len(kinds)} entries for {len(inputs)} input(s); give one, or one an input"
+            f"reading intersample: {len(kinds)} entries for {len(inputs)} input(s); give one, or one each"
         )
     known = (AUTO, *INTERSAMPLE)
     for kind in kinds:
@@ -105,7 +105,7 @@ class Inputs:
         self.dt, self.intervals = dt, intervals
         # Inputs of one kind go through the core together: (which inputs, kind, samples, nodes).
         self.groups: list[tuple[list[int], str, F64, F64 | None]] = []
-        # Held and interpolated inputs whose delay is no whole number of samples go alone.
+        # Held and interpolated inputs whose delay is not a whole number of samples go alone.
         self.fractional: list[tuple[int, str, F64, float]] = []
         grid: F64 = np.arange(intervals + 1.0) * dt
         for kind in INTERSAMPLE:

@@ -64,7 +64,7 @@ class Design:
         return Controller(self.transformation, self.K, dt)
 
     def table(self) -> Table:
-        """A row a root of the closed loop."""
+        """One row per root of the closed loop."""
         values = np.concatenate([self.moved, self.left])
         order = np.argsort(-values.real, kind="stable")
         word = np.array(["placed"] * self.moved.size + ["of the plant"] * self.left.size)[order]
@@ -156,7 +156,7 @@ class Controller:
         sample = reals("Controller.step", "x", x)
         if sample.shape != self.z.shape or not np.all(np.isfinite(sample)):
             raise SpecError(
-                f"Controller.step: x has shape {sample.shape}; give {self.z.size} finite numbers, one a state"
+                f"Controller.step: x has shape {sample.shape}; give {self.z.size} numbers, one per state"
             )
         self._x[1:] = self._x[:-1]
         self._x[0] = sample

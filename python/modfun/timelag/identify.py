@@ -193,7 +193,7 @@ def errors(fit: Fit, level: float = 0.95) -> list[Uncertainty]:
     """What a fit leaves uncertain of the matrices, for `DelaySystem.mu`.
 
     One error an axis of the estimates' covariance, so long that the box of all holds the joint confidence
-    region of this level; estimated lags are taken as exact.
+    region of this level; estimated lags are treated as exact.
 
     Parameters
     ----------

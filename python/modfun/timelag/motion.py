@@ -112,7 +112,7 @@ class Motion:
         self.reads = [[self._read(s, lag) for lag, _ in self.late] for s in range(self.pieces)]
 
     def _read(self, piece: int, lag: float) -> tuple[NDArray[np.int64], F64]:
-        """Where the delayed state is read, piece by piece back, and with what weights, a row a node."""
+        """Where the delayed state is read, piece by piece back, and with what weights, one row per node."""
         edges = self.edges
         middle = 0.5 * (edges[piece] + edges[piece + 1])
         at = self.nodes[piece] - lag / self.dt

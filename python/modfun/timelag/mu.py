@@ -315,7 +315,7 @@ def _stacked(plant: Plant, block: Uncertainty) -> F64:
     rows = {len(m) for given in (block.A, block.B) for m in given.values()}
     if len(rows) != 1 or (block.kind != "full" and rows != {plant.order}):
         raise SpecError(
-            f"mu: an error has matrices of {sorted(rows)} rows; give {plant.order}, one a state (of a full "
+            f"mu: an error has matrices of {sorted(rows)} rows; give {plant.order}, one per state (of a full "
             "block any number, the same in all)"
         )
     parts = []

@@ -20,7 +20,7 @@ Lagged = tuple[tuple[float, F64], ...]  # matrices with their lags, s, rising
 
 DEGREES = (16, 32, 64, 128, 256)  # of the collocation polynomials, until all roots are found
 LARGEST = 2000  # rows of the largest eigenvalue problem
-NEWTON = 60  # steps at most: a double root needs one a digit
+NEWTON = 60  # steps at most: a double root needs one per digit
 EXACT = 1e-10  # residual of a root, relative to the matrices
 SAME = 1e-5  # roots closer than this, relative to their size, may be one
 TURN = 0.7  # rad that the determinant may turn from one point of the contour to the next
@@ -69,7 +69,7 @@ class Roots:
         return self.values.imag
 
     def table(self) -> Table:
-        """A row a root: real and imaginary part, damping ratio, residual."""
+        """One row per root: real and imaginary part, damping ratio, residual."""
         size = np.abs(self.values)
         with np.errstate(invalid="ignore", divide="ignore"):
             damping = np.where(size > 0, -self.values.real / size, np.nan)
@@ -95,7 +95,7 @@ def span(a: Lagged) -> float:
 
 
 def characteristic(a: Lagged, s: C128) -> C128:
-    """The matrices sI − Σ A_k e^{−s h_k}, one an entry of s."""
+    """The matrices sI − Σ A_k e^{−s h_k}, one per entry of s."""
     s = np.asarray(s, dtype=np.complex128)[..., None, None]
     found: C128 = s * np.eye(len(a[0][1])) - sum(np.exp(-s * h) * m for h, m in a)
     return found

@@ -95,7 +95,7 @@ class Transformation:
         return found
 
     def table(self) -> Table:
-        """A row a root: kept, or left where it is."""
+        """One row per root: kept, or left where it is."""
         values = np.concatenate([self.kept, self.left])
         place = ["kept"] * self.kept.size + ["left"] * self.left.size
         title = (
@@ -228,7 +228,7 @@ def _named(roots: C128, keep: Sequence[complex], n: int) -> C128:
         at = int(np.argmin(gaps))
         if not gaps[at] <= SAME * max(abs(one), 1.0):
             raise SpecError(
-                f"transformation: keep= has {one:.6g}, which is no root of the system (the nearest of "
+                f"transformation: keep= has {one:.6g}, which is not a root of the system (the nearest of "
                 f"{roots.size} is {roots[at]:.6g}); take them from poles(count)"
             )
         found.append(roots[at])

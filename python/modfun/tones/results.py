@@ -192,7 +192,7 @@ class Sinusoids(_Tones):
         return np.where(self.weights > 0, self.y - self.predict(), np.nan)
 
     def summary(self) -> Table:
-        """A row a tone, its standard errors beside; how it went in the title."""
+        """One row per tone, its standard errors beside; how it went in the title."""
         columns: dict[str, Any] = {"tone": np.arange(1, len(self) + 1)}
         errors = self.bse.reshape(len(self.kinds), len(self))
         for kind, error in zip(self.kinds, errors, strict=True):

@@ -274,7 +274,7 @@ def _samples(data: Record | Batch | ArrayLike, dt: float | None) -> tuple[NDArra
         )
     if np.abs(y).max() > LARGEST:
         raise DataError(
-            f"sinusoids: the samples reach {np.abs(y).max():.3g}, whose square is no number; give them in "
+            f"sinusoids: the samples reach {np.abs(y).max():.3g}, whose square overflows; give them in "
             "another unit"
         )
     if dt is None or not real("sinusoids", "dt", dt) > 0:

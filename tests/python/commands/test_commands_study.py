@@ -465,7 +465,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "no study": (["run", "no.toml", "--out", "a"], "mc init"),
     "no out": (["run", "study.toml"], "--out"),
     "words of keep": (["run", "study.toml", "--out", "a", "--keep", "all"], "samples"),
-    "until without number": (["run", "study.toml", "--out", "a", "--until", "bias=low"], "no number"),
+    "until without number": (["run", "study.toml", "--out", "a", "--until", "bias=low"], "not a number"),
     "until of nothing": (["run", "study.toml", "--out", "a", "--until", "bias"], "bias=0.001"),
     "until of another figure": (["run", "study.toml", "--out", "a", "--until", "bais=1"], "bias"),
     "until and shard": (["run", "study.toml", "--out", "a", "--until", "bias=1", "--shard", "0/2"], "until"),

@@ -65,7 +65,7 @@ def test_a_table_for_the_report(found):
     np.testing.assert_array_equal(np.column_stack([table["5 %"], table["95 %"]]), fit.conf_int(0.9))
     assert table.to_dict()["value"] == fit.params.tolist()
     assert fit.table() == fit.summary().parameters
-    with pytest.raises(mf.SpecError, match="'Mw', which is no parameter"):
+    with pytest.raises(mf.SpecError, match="'Mw', which is not a parameter"):
         fit.table(units={"Mw": "1/s"})
 
 
@@ -81,7 +81,7 @@ def test_units_follow_what_is_converted():
     assert turned.units == {"q": "rad/s", "extra": "deg/s"}
     assert rec.assign(units={"de": "deg"}).units == {"q": "deg/s", "de": "deg"}
     assert rec.assign(q=rec["q"]).units == {}
-    with pytest.raises(mf.SpecError, match="'Q', which is no channel; did you mean 'q'"):
+    with pytest.raises(mf.SpecError, match="'Q', which is not a channel; did you mean 'q'"):
         rec.assign(units={"Q": "rad/s"})
 
 

@@ -442,7 +442,7 @@ def test_without_hides_an_output():
     assert full.without("z") == mf.Equation(full.texts, outputs=["x"], hidden=["z"])
     with pytest.raises(mf.SpecError, match="no output is left"):
         full.without("x", "z")
-    with pytest.raises(mf.SpecError, match="'w' is no output"):
+    with pytest.raises(mf.SpecError, match="'w' is not an output"):
         full.without("w")
 
 

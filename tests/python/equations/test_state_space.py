@@ -174,8 +174,8 @@ def test_equal_pickled_and_stored(name):
         (lambda: mf.StateSpace([["a", 1]]), r"A has shape \(1, 2\), with this A it is \(1, 1\)"),
         (lambda: mf.StateSpace([["a"]], [[1], [2]]), "B has shape"),
         (lambda: mf.StateSpace([["a"]], [[1]], [[1, 2]]), "C has shape"),
-        (lambda: mf.StateSpace([["y'"]]), "no number or parameter"),
-        (lambda: mf.StateSpace([["a(t)"]]), "no number or parameter"),
+        (lambda: mf.StateSpace([["y'"]]), "neither a number nor a parameter"),
+        (lambda: mf.StateSpace([["a(t)"]]), "neither a number nor a parameter"),
         (lambda: mf.StateSpace([["x1"]]), "'x1' stands in a matrix"),
         (lambda: mf.StateSpace([["a*t"]]), "'t' stands in a matrix"),
         (lambda: mf.StateSpace([["__import__('os')"]]), "not part of the language"),
@@ -190,7 +190,7 @@ def test_equal_pickled_and_stored(name):
         (lambda: mf.StateSpace([["a"]], params={"b": 1.0}), "params names 'b'"),
         (lambda: mf.StateSpace(np.zeros((30, 30))), "1 to 20 states"),
         (lambda: short_period().without("alpha", "q"), "no output is left"),
-        (lambda: short_period().without("de"), "'de' is no output"),
+        (lambda: short_period().without("de"), "'de' is not an output"),
     ],
 )
 def test_what_does_not_fit(make, why):

@@ -154,7 +154,7 @@ FOUND = {
         lambda: mf.reduce(mf.tf([1], [1, 1]).frequency_response([1.0, 2.0]), 1, weight=[np.nan, 1.0]),
         "finite",
     ),
-    "a sample of another system": (lambda: controller().step([1.0, 2.0]), "one a state"),
+    "a sample of another system": (lambda: controller().step([1.0, 2.0]), "one per state"),
     "a past of another system": (lambda: controller().reset(u=[np.nan]), "finite samples"),
     "a step beyond floats": (
         lambda: mf.tf([1], [1, 1]).simulate(u=np.arange(9.0), dt=np.float64(1e308)),
@@ -174,11 +174,11 @@ FOUND = {
     "a step of tones beyond floats": (lambda: mf.sinusoids(np.cos(T), 1, dt=1e-200), "out of range"),
     "tones whose squares overflow": (
         lambda: mf.sinusoids(1e299 * np.cos(T), 1, dt=0.1),
-        "whose square is no number",
+        "whose square overflows",
     ),
     "a state whose squares overflow": (
         lambda: mf.fit(REC, TF2).predict(REC, initial_state=[1e200, 0]),
-        "whose square is no number",
+        "whose square overflows",
     ),
     "gains that are not there": (
         lambda: mf.tf([1], [1, 1]).frequency_response([1.0, 2.0]).take([7]),

@@ -353,7 +353,7 @@ def test_a_linear_state_space_has_poles():
         ({"noise": "coloured"}, "spectral, which hold whatever the colour"),
         ({"output_weights": [1.0]}, r"give noise=mf.Noise"),
         ({"extended": False}, "equations use all indices"),
-        ({"noise": mf.Noise(y=[0.1, 0.2])}, r"one or one a channel \(1\)"),
+        ({"noise": mf.Noise(y=[0.1, 0.2])}, r"one or one per channel \(1\)"),
         ({"correct": 1}, "must be True"),
         ({"band": 1e6}, "lower the edge"),
         ({"band": (0.3, 0.7)}, "real equations for"),

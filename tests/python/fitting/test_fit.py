@@ -407,7 +407,7 @@ BAD = {
     "wrong number of inputs": (
         lambda: mf.fit(REC, mf.TransferFunction(poles=2, zeros=[0, 0])),
         mf.SpecError,
-        "one an input",
+        "one per input",
     ),
     "an input that stands still": (
         lambda: mf.fit(mf.Record(y=REC.y, u=np.ones(257), dt=REC.dt), TF20),

@@ -102,7 +102,7 @@ def test_progress_is_shown_on_request_only(batch, capsys):
         (lambda b: mf.fit_many([], TF20), mf.DataError, "at least one"),
         (lambda b: mf.fit_many(b.y, TF20), mf.SpecError, "make a Record"),
         (lambda b: mf.fit_many(b, TF20, threads=1.5), mf.SpecError, "whole number"),
-        (lambda b: mf.fit_many(b, mf.TransferFunction(poles=2, zeros=[0, 0])), mf.SpecError, "one an input"),
+        (lambda b: mf.fit_many(b, mf.TransferFunction(poles=2, zeros=[0, 0])), mf.SpecError, "one per input"),
         (lambda b: mf.fit_many(b, TF20, harmonics=500), mf.ModfunError, "harmonic"),
         (
             lambda b: mf.fit_many(mf.Batch(y=np.full((2, 257), np.nan), u=b.u, dt=b.dt), TF20),

@@ -447,7 +447,7 @@ def test_turbulence_has_its_standard_deviation_and_spectrum(axis: str) -> None:
 @pytest.mark.parametrize(
     ("call", "text"),
     [
-        (lambda: mf.ProcessNoise(), "name an input of the model"),
+        (lambda: mf.ProcessNoise(), "name an unmeasured input of the model"),
         (lambda: mf.ProcessNoise(w=-1.0), "above 0"),
         (lambda: mf.ProcessNoise(w=mf.tf([1], [1, 1], delay=0.1)), "without delay"),
         (lambda: mf.dryden(0.0), "tau=0.0 must be above 0"),
@@ -464,7 +464,7 @@ def test_turbulence_has_its_standard_deviation_and_spectrum(axis: str) -> None:
                 intervals=50,
                 process_noise=mf.ProcessNoise(w=1.0),
             ),
-            "'w' is no input of the system",
+            "'w' is not an input of the system",
         ),
     ],
 )

@@ -83,7 +83,7 @@ def ar_record(rng: np.random.Generator, pole: float) -> mf.Record:
     [("parametric", 0.0, 0.83, 0.93), ("wild", 0.0, 0.87, 0.95), ("wild", 0.95, 0.87, 0.97)],
 )
 def test_intervals_cover(kind: str, pole: float, low: float, high: float) -> None:
-    """Share of 90 % intervals that hold the truth, in 300 records and for all three parameters.
+    """Share of 90 % intervals that contain the true value, in 300 records and for all three parameters.
 
     Its standard error is at most .019 (three parameters, correlated, counted once); the limits lie at
     least two of them away from the long-run shares .876 (parametric), .913 and .92 (wild), of 900

@@ -78,7 +78,7 @@ def test_numbers_in_and_out():
         (lambda: TransferFunction(poles=2, zeros=[None, None]), "no input with a path"),
         (lambda: TransferFunction(poles=2, zeros=[[1], [0]]), "whether they share their poles"),
         (lambda: TransferFunction(poles=2, delay=-0.1), "at least 0"),
-        (lambda: TransferFunction(poles=2, delay="late"), "no number"),
+        (lambda: TransferFunction(poles=2, delay="late"), "not a number"),
         (lambda: TransferFunction(poles=2, delay=np.nan), "finite"),
         (lambda: TransferFunction(poles=2, zeros=[1, 1], delay=[0.1]), "different numbers of inputs"),
         (lambda: TransferFunction(poles=2, zeros=[1, 1]).param_names(["a", "b", "c"]), "made for 2 input"),

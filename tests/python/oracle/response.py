@@ -45,7 +45,7 @@ def transient(y, u, line, half, degree):
 
 
 def rational(y, u, line, half, degree, reweightings=0):
-    """A of the same degree, one an output; rows divided by the last A, `reweightings` times."""
+    """A of the same degree, one per output; rows divided by the last A, `reweightings` times."""
     y, u, r = around(y, line, half), around(u, line, half), powers(half, degree)
     ours = [u[j] * r[s] for s in range(degree + 1) for j in range(len(u))]
     shared = np.concatenate([ours, r + 0j]).T

@@ -59,7 +59,7 @@ class Result:
 
 
 class Problem:
-    """Terms on the lines low..top of a record v (channels, N+1) with noise levels sigma, one a channel.
+    """Terms on the lines low..top of a record v (channels, N+1) with noise levels sigma, one per channel.
 
     `correct` takes the bias of nonlinear signals away; slopes are taken at `at` (default: at v).
     """

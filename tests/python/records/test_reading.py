@@ -204,7 +204,7 @@ def test_columns_of_masks_and_sigmas():
     both = read(gap, outputs=["q", "r"], mask={"r": "ok"}, missing="mask")
     assert both.mask[0].all()
     assert np.array_equal(both.mask[1], ok & (T <= 1.9))
-    with pytest.raises(SpecError, match="mask names 'x', which is no output; there are: q"):
+    with pytest.raises(SpecError, match="mask names 'x', which is not an output; there are: q"):
         read(source, outputs="q", mask={"x": "ok"})
     with pytest.raises(SpecError, match="no column 'okay'; did you mean 'ok'"):
         read(source, outputs="q", mask="okay")
@@ -293,7 +293,7 @@ def test_refused_files(file, case):
 
 
 SOURCES = {
-    "list": ([1, 2], SpecError, "list is no source; give a path"),
+    "list": ([1, 2], SpecError, "list is not a source; give a path"),
     "lengths": ({**ARRAYS, "q": Q[1:]}, DataError, "differ in length .*q 100"),
     "complex": ({**ARRAYS, "q": Q + 1j}, DataError, "'q' is complex; .*two columns"),
     "time first": ({"t": T, "q": np.zeros((50, 2))}, DataError, r"\(channel, time\), transposed"),

@@ -577,7 +577,11 @@ REFUSED = {
         "there are: auto, smooth, zoh, foh",
     ),
     "holds": (lambda: Record(y=Y, u=U, dt=1, intersample=["zoh"] * 2), SpecError, "2 words for 1 inputs"),
-    "hold of x": (lambda: Record(y=Y, u=U, dt=1, intersample={"x": "zoh"}), SpecError, "no input; .*are: u"),
+    "hold of x": (
+        lambda: Record(y=Y, u=U, dt=1, intersample={"x": "zoh"}),
+        SpecError,
+        "not an input; .*are: u",
+    ),
     "no channel": (lambda: Record(y=Y, dt=1, outputs="pitch")["ptich"], SpecError, "did you mean 'pitch'"),
     "window off": (lambda: Record(y=Y, dt=0.02).window(20, 30), DataError, "holds 0 samples.*from 0 to 10 s"),
     "window back": (lambda: Record(y=Y, dt=0.02).window(5, 2), DataError, "holds 0 samples"),

@@ -37,7 +37,7 @@ def test_a_bode_plot_of_something_else_is_refused(fit, other):
 
 @pytest.mark.parametrize("ax", [5, "axes", [1, 2]])
 def test_what_is_no_axes_is_refused(fit, ax):
-    with pytest.raises(mf.SpecError, match="no Axes"):
+    with pytest.raises(mf.SpecError, match="not an Axes"):
         mf.plot.residuals(fit, ax=ax)
 
 

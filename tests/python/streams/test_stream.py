@@ -358,7 +358,7 @@ def test_bad_samples_are_refused_and_nothing_is_taken():
     for bad in (0, 1.5, True, 10**30):
         with pytest.raises(mf.SpecError, match="every="):
             live.follow(rec, every=bad)
-    with pytest.raises(mf.SpecError, match="ndarray is no Record"):
+    with pytest.raises(mf.SpecError, match="ndarray is not a Record"):
         live.follow(rec.y)
     with pytest.raises(mf.DataError, match="record's inputs are zoh, the stream's smooth"):
         live.follow(mf.Record(y=rec.y, u=rec.u, dt=DT, intersample="zoh"))

@@ -26,7 +26,7 @@ def test_a_study(keep: str) -> None:
     ).run(keep=keep, progress=False)
     frame, data = res.to_pandas(), res.to_xarray()
     assert frame.columns.tolist() == list(res.table().columns)
-    assert len(frame) == 2 * 2 * (3 + 4)  # the zero of "two" is no parameter of "one"
+    assert len(frame) == 2 * 2 * (3 + 4)  # the zero of "two" is not a parameter of "one"
     row = frame[(frame.system == "two") & (frame.nsr == 0.4) & (frame.estimator == "ml")].iloc[1]
     one = data.sel(system="two", nsr=0.4, estimator="ml", parameter="a2")
     for name in ("bias", "bias_mcse", "sd", "sd_mcse", "rmse", "median", "coverage", "coverage_mcse", "crlb"):

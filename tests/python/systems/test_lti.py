@@ -243,7 +243,7 @@ def test_step():
         (lambda: mf.tf([1], [1, np.nan]), "finite"),
         (lambda: mf.tf([1], [1, "x"]), "text; give real numbers"),
         (lambda: mf.tf([], [1]), "empty"),
-        (lambda: mf.tf([[1], [2]], [[1, 1], [1, 2], [1, 3]]), "one a path"),
+        (lambda: mf.tf([[1], [2]], [[1, 1], [1, 2], [1, 3]]), "one per path"),
         (lambda: mf.tf("5/(s+1)"), "give num and den"),
         (lambda: mf.ss(np.eye(2), np.ones(3), np.ones((1, 2))), "must be"),
         (lambda: mf.ss([[np.inf]], [1.0], [1.0]), "finite"),

@@ -138,7 +138,7 @@ def test_roots_can_be_chosen():
     t = plant.transformation(keep=[-1.39895 + 5.09352j, -1.39895 - 5.09352j])
     assert np.sort_complex(np.linalg.eigvals(t.A)) == pytest.approx(np.sort_complex(roots[1:3]), abs=1e-10)
     assert t.left[0] == pytest.approx(roots[0])
-    with pytest.raises(mf.SpecError, match="no root of the system"):
+    with pytest.raises(mf.SpecError, match="not a root of the system"):
         plant.transformation(keep=[-1.0, -2.0])
     with pytest.raises(mf.SpecError, match="2 states; give 2"):
         plant.transformation(keep=[-1.0])
@@ -371,7 +371,7 @@ def test_the_controller_in_real_time_is_that_of_the_simulation():
         (lambda: several().mu(several().place([-1, -2])), "nothing is uncertain"),
         (lambda: several().mu(several().place([-1, -2]), A={0.2: np.eye(2)}), "has the lags 0, 0.375, 1"),
         (lambda: several().place("fast"), "place: poles='fast' is text; give real numbers"),
-        (lambda: several().transformation(keep=[np.nan, 1]), "no root of the system"),
+        (lambda: several().transformation(keep=[np.nan, 1]), "not a root of the system"),
         (lambda: several().simulate("K", duration=1, dt=0.1), "K='K' is text; give real numbers"),
         (lambda: several().simulate(duration="long", dt=0.1), "duration='long' must be a number"),
         (lambda: several().simulate(duration=1e9, dt=0.1), "shorter time"),

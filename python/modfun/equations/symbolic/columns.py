@@ -121,7 +121,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
     Raises
     ------
     SpecError
-        A text outside the language, with a name that is no channel, or with a delay.
+        A text outside the language, with a name that is not a channel, or with a delay.
     """
     moving, parsed = Moving({*outputs, *inputs}), expression(text, "term")
     known = (*outputs, *inputs, "t", *CONSTANTS)
@@ -129,7 +129,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
     if strangers := [name for name in named if name not in known]:
         channels = ", ".join((*outputs, *inputs))
         raise SpecError(
-            f"{what}: the term {text!r} has {strangers[0]!r}, which is no channel of the record "
+            f"{what}: the term {text!r} has {strangers[0]!r}, which is not a channel of the record "
             f"({channels}); terms have no parameters inside, so write a number"
         )
     expr = meaning(parsed, moving)
@@ -147,7 +147,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             shape,
             degree,
             (),
-            f"{what}: the term {text!r} cannot be used: {said(fault.term)} is no derivative of a signal; "
+            f"{what}: the term {text!r} cannot be used: {said(fault.term)} is not a derivative of a signal; "
             "leave it out, or measure the derivative as a channel of its own",
         )
     terms = []
@@ -181,7 +181,7 @@ def columns_of(
     Raises
     ------
     SpecError
-        A text outside the language, with a name that is no channel, or that is no derivative of a signal.
+        A text outside the language, a name that is not a channel, or not the derivative of a signal.
     """
     read = [read_term(text, outputs, inputs, what) for text in texts]
     if fault := next((one.fault for one in read if one.fault), None):

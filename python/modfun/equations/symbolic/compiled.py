@@ -79,7 +79,7 @@ class Compiled:
         What was done and why, a sentence each.
     varying : dict of str to tuple of (str, sympy.Expr)
         Of each coefficient c(t) = Σ c_j f_j(t) the names of c_j and the functions f_j, of `time` or
-        symbols of `known`. A c_j that is held is no parameter: its number stands in `fixed`.
+        symbols of `known`. A c_j that is held is not a parameter: its number stands in `fixed`.
     fixed : dict of str to float
         Parameters that are held.
     """

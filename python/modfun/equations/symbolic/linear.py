@@ -78,7 +78,7 @@ def polynomials(
     den : list of Expr
         Descending powers, the first is 1.
     num : list of list of Expr
-        One an input, descending powers, as long as `den`.
+        One per input, descending powers, as long as `den`.
     """
     n = a.shape[0]
     den, adjugate = [sympy.S.One], sympy.eye(n)

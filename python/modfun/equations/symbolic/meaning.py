@@ -134,13 +134,13 @@ class _Meaning:
         if node.parts:
             self.refuse(
                 node,
-                f"calls {name!r}, which is no function; {nearest(name, [*FUNCTIONS, 'D'])}. A product is "
+                f"calls {name!r}, which is not a function; {nearest(name, [*FUNCTIONS, 'D'])}. A product is "
                 f"written with *, a delayed signal y(t - h), a coefficient that varies is named in varying=",
             )
         if primes:
             self.refuse(
                 node,
-                f"has primes, but {name!r} is no signal: name it in outputs=, in inputs= or, not measured, "
+                f"has primes, but {name!r} is not a signal: list it in outputs=, inputs= or, not measured, "
                 "in hidden=",
             )
         if name == "t":
@@ -162,7 +162,7 @@ class _Meaning:
         if not named and not (late.is_Rational and late >= 0):
             self.refuse(
                 node,
-                "is no delayed signal: write y(t - h), h one parameter or seconds of at least 0 "
+                "is not a delayed signal: write y(t - h), h one parameter or seconds of at least 0 "
                 "(a product is written with *)",
             )
         return late
@@ -172,7 +172,7 @@ class _Meaning:
         if len(node.parts) == 2:
             given = node.parts[1]
             if given.kind != "number" or not str(given.value).isdigit() or int(given.value) > 12:
-                self.refuse(given, "is no order of a derivative: write a whole number from 0 to 12")
+                self.refuse(given, "is not an order of a derivative: write a whole number from 0 to 12")
             times = int(given.value)
         return self.derivative(node, self.of(node.parts[0]), times)
 

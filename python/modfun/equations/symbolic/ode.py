@@ -98,7 +98,7 @@ def first_order(
     if len(equations) != len(signals):
         raise SpecError(
             f"simulating: {len(equations)} equation(s) for the {len(signals)} signals {', '.join(signals)}; "
-            "give as many equations as signals that are no inputs (phi' = p, say, where both are measured)"
+            "give as many equations as signals that are not inputs (phi' = p, say, where both are measured)"
         )
     solved = _solved(equations, [jet(s, n) for s, n in tops.items()])
     x = [jet(s, k) for s, n in tops.items() for k in range(n)]
@@ -121,7 +121,7 @@ def first_order(
             pasts[symbol] = Past(x.index(channel), delay)
         else:
             raise SpecError(
-                f"simulating: {channel} stands with a delay, but is no state of the equation "
+                f"simulating: {channel} stands with a delay, but is not a state of the equation "
                 f"({', '.join(map(str, x))}); lower derivatives may be delayed, the highest may not"
             )
     theta = [sympy.Symbol(name, real=True) for name in parameters]

@@ -128,7 +128,7 @@ def tape(results: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> tuple
     Raises
     ------
     SpecError
-        A symbol that is no input, or a function that the core does not know.
+        A symbol that is not an input, or a function that the core does not know.
     """
     writer = _Writer({symbol: k for k, symbol in enumerate(inputs)})
     places = [writer.write(sympy.sympify(expr)) for expr in results]
