@@ -385,8 +385,8 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
     for what, own, have in (("output", structure.n_outputs, q), ("input", structure.n_inputs, k)):
         if own is not None and own != have and not (what == "input" and have == 0):
             raise SpecError(
-                f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay, one per "
-                f"{what} of the record, or select its {what}s"
+                f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay, one "
+                f"per {what} of the record, or select its {what}s"
             )
     if not k and structure.n_inputs is not None:
         raise SpecError(

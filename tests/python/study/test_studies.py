@@ -223,7 +223,7 @@ def test_rivals_take_part() -> None:
         ({"model": mf.TransferFunction(poles=2), "system": mf.tf([[[1]], [[2]]], [1, 1])}, "share"),
         ({"input": "sin(x)"}, "allowed"),
         ({"input": np.zeros(5)}, "one value a time"),
-        ({"input": ["t", "t"]}, "one a system input"),
+        ({"input": ["t", "t"]}, "one per system input"),
         ({"input": "0"}, "moves"),
         ({"duration": 0.0}, "seconds above 0"),
         ({"intervals": 0}, "whole number from 1 to 10000000"),

@@ -55,7 +55,7 @@ def test_estimates_that_did_not_settle_are_counted_where_there_are_any(tmp_path:
     both = int(res.status["maxiter"][:, 1].sum())
     assert f"{both} estimates in the figures did not settle" in page
     assert page.count("did not settle") == 1
-    assert "95 % intervals (spectral) hold" in page
+    assert "95 % intervals (spectral) contain" in page
 
 
 def test_a_monte_carlo_error_that_is_unknown_is_nan() -> None:
