@@ -27,7 +27,7 @@ def equation(text):
 
 def main():
     """Write the page."""
-    parts = ["# Gallery\n\n", " ".join(HEAD.split()), "\n"]
+    parts = ["# Sixteen equations\n\n", " ".join(HEAD.split()), "\n"]
     for script in SCRIPTS:
         text = script.read_text(encoding="utf-8")
         title, story = text.split('"""')[1].split("\n\n", 1)

@@ -30,7 +30,24 @@ templates_path = ["_templates"]
 # Pages whose ```python blocks are run while the site is built, and what they print and draw is shown.
 executed_pages = ["index", "tour", "howto/*", "explanation/*"]
 # Pages whose links to other pages are the order of their section.
-section_pages = ["guides", "examples", "project", "records/README", "howto/README", "explanation/README"]
+section_pages = [
+    "start",
+    "guides",
+    "examples",
+    "evidence",
+    "development",
+    "records/README",
+    "howto/README",
+    "explanation/README",
+]
+# Executed pages that are offered as notebooks, too.
+notebooks = [
+    "tour",
+    "howto/write_equation",
+    "howto/several_manoeuvres",
+    "howto/add_estimator",
+    "explanation/method",
+]
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "amsmath"]
 myst_fence_as_directive = ["math"]
@@ -64,9 +81,8 @@ html_copy_source = False
 html_theme_options = {
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
-    "show_prev_next": False,
-    "footer_start": ["copyright"],
+        "footer_start": ["copyright"],
     "footer_end": [],
-    "header_links_before_dropdown": 9,
+    "header_links_before_dropdown": 8,
 }
-html_sidebars = {"index": [], "install": [], "tour": []}
+html_sidebars = {"index": []}

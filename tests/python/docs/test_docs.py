@@ -46,9 +46,11 @@ def blocks(language):
 
 SECTIONS = [
     "docs/index.md",
+    "docs/start.md",
     "docs/guides.md",
     "docs/examples.md",
-    "docs/project.md",
+    "docs/evidence.md",
+    "docs/development.md",
 ]  # and READMEs of folders
 
 
