@@ -81,7 +81,7 @@ html_copy_source = False
 html_theme_options = {
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
-        "footer_start": ["copyright"],
+    "footer_start": ["copyright"],
     "footer_end": [],
     "header_links_before_dropdown": 8,
 }

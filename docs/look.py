@@ -27,7 +27,7 @@ SITE, PICTURES = ROOT / "target" / "docs", ROOT / "target" / "look"
 WIDTHS, THEMES = (1300, 390), ("light", "dark")
 HEIGHT = 2000
 
-# The page itself, then what scrolls or is cut inside it: code, tables and formulas may, nothing else.
+# The page itself, then what scrolls or is cut inside it. Code, tables, formulas and pictures of cards may.
 MEASURE = """(() => {
   const found = [], root = document.documentElement;
   const guilty = box => {
@@ -40,7 +40,7 @@ MEASURE = """(() => {
     const wide = e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1;
     const style = getComputedStyle(e);
     const may = style.overflowX === "visible" || style.textOverflow === "ellipsis";
-    if (wide && !may && !e.closest("pre, .pst-scrollable-table-container, .formula"))
+    if (wide && !may && !e.closest("pre, .pst-scrollable-table-container, .formula, .sd-card"))
       found.push(`${e.className || e.tagName} holds ${e.scrollWidth} px in ${e.clientWidth}: ${guilty(e)}`);
   }
   for (const e of document.querySelectorAll("main img"))

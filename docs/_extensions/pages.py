@@ -81,13 +81,22 @@ def offered(app: Sphinx, page: str, text: str) -> str:
 
 def overview(folder: Path, text: str) -> str:
     """The index of the reference with the names of its pages, by page."""
-    parts = [text]
+    parts = [text, ".. currentmodule:: modfun", ""]
     for page in re.findall(r"^   (\w+)$", text, re.MULTILINE):
         title, _, rest = (folder / f"{page}.rst").read_text(encoding="utf-8").split("\n", 2)
-        names = [f"   modfun.{name}" for table in TABLE.findall(rest) for name in table.split()]
+        names = [f"   {name}" for table in TABLE.findall(rest) for name in table.split()]
         intro = rest.strip().split("\n\n")[0]
         table = [".. autosummary::", "   :nosignatures:", "", *names] if names else []
-        parts += ["", f":doc:`{title} <{page}>`", "-" * (len(title) + len(page) + 10), "", intro, "", *table, ""]
+        parts += [
+            "",
+            f":doc:`{title} <{page}>`",
+            "-" * (len(title) + len(page) + 10),
+            "",
+            intro,
+            "",
+            *table,
+            "",
+        ]
     return "\n".join(parts)
 
 
