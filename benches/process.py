@@ -61,7 +61,7 @@ class Aircraft:
     """Records of a short period, 50 samples a second, in white noise of both equations or in gusts."""
 
     def __init__(self, duration, tau=None):
-        self.duration, self.scale = duration, None
+        self.duration = duration
         self.plain, self.truth = SHORT, np.array(list(AIRCRAFT.values()))
         if tau is None:
             self.name = f"short period, white noise in both equations, {duration:g} s"
@@ -74,6 +74,15 @@ class Aircraft:
             self.noise, self.model = mf.ProcessNoise(gust=mf.dryden(tau)), GUSTY
             self.sensors = [0.001, 0.002]
             self.levels = [*self.sensors, 0.01]
+        still = mf.simulate(
+            SHORT.model(AIRCRAFT), input=ELEVATOR, duration=duration, intervals=round(50 * duration),
+            intersample="zoh", inputs=["de"],
+        )  # fmt: skip
+        bound = mf.crlb(
+            self.model, still, params=AIRCRAFT, sigma=self.sensors, process_noise=self.process,
+            trend="constant",
+        )  # fmt: skip
+        self.scale = np.array([bound[name] for name in AIRCRAFT])
 
     def record(self, seed):
         clean = mf.simulate(

@@ -15,11 +15,13 @@ from ..base.tables import Table, nearest
 from ..base.words import TRENDS
 from ..errors import DataError, SpecError
 from ..models.options import WORDS
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.fit import Fit
 from ..signals import Signals
+from .innovations import Innovations
 from .known_models import noise_of, record_for, valued
 from .sensitivities import trend_rows
 from .slopes import Known, Slopes
@@ -92,13 +94,14 @@ def crlb(
     *,
     nsr: ArrayLike | None = None,
     sigma: ArrayLike | None = None,
+    process_noise: ArrayLike | ProcessNoise = 0.0,
     params: Mapping[str, float] | None = None,
     trend: str | None = None,
     initial_state: str | None = None,
     model: TransferFunction | None = None,
     start: ArrayLike | None = None,
 ) -> Bound:
-    """Cramér–Rao bound of the parameters under white noise on the sampled outputs.
+    """Cramér–Rao bound of the parameters under white noise on the sampled outputs, and in the system.
 
     The bound is (Σ SᵀR⁻¹S)⁻¹ with S the derivatives of the outputs at a sample, R the covariance of their
     noise; those to the initial state (and to the trend) of each record are nuisance. Of linear systems S is
@@ -118,6 +121,9 @@ def crlb(
         or one per output. Give this or `sigma`.
     sigma : float, sequence of float, or array_like (output, output)
         Noise standard deviation, one or one per output; or the covariance matrix of the outputs' noise.
+    process_noise : float, sequence of float or ProcessNoise, default 0
+        Level of noise that drives a linear system, as `simulate` takes it. All levels of noise, those of the
+        samples too, are then unknown (a level of 0 is known), as they are to a fit with ``noise="process"``.
     params : mapping of str to float, optional
         Values of the parameters of a structure, delays included.
     trend : {None, "constant", "linear"}
@@ -151,13 +157,17 @@ def crlb(
 
     Notes
     -----
+    With process noise the bound is that of the exact likelihood of the samples, by a Kalman filter and the
+    derivatives of its innovations.
+
     Each output of a transfer function has an initial state of its own, as in `fit`. The states of a
     StateSpace are one system's; there an unknown offset of each output is also what an unknown constant in
     each equation amounts to, unless A is singular.
 
     References
     ----------
-    H. L. Van Trees, Detection, Estimation, and Modulation Theory, Part I, Wiley, 1968, section 2.4.
+    H. L. Van Trees, Detection, Estimation, and Modulation Theory, Part I, Wiley, 1968, section 2.4; A. Klein,
+    G. Mélard, T. Zahaf, Linear Algebra and its Applications 321, 2000 (process noise).
 
     Examples
     --------
@@ -198,7 +208,7 @@ def crlb(
             if start is None and initial_state == "unknown":
                 states = [sys.initial_state(k).state for k in range(len(sys.records))]
         if nsr is None and sigma is None:
-            sigma = noise_of(sys)
+            sigma, process_noise = noise_of(sys)
             if experiment is sys.records:
                 levels = sys.level_ratios
         trend = sys.trend if trend is None else trend
@@ -214,7 +224,8 @@ def crlb(
             f"crlb: the experiment is a {kind}; give a Record, mf.signals, or a list of these, one or more"
         )
     known = valued(sys, params, model, given[0])
-    records = [record_for(known, one) for one in given]
+    driving = isinstance(process_noise, ProcessNoise) or np.any(reals("crlb", "process_noise", process_noise))
+    records = [record_for(known, one, process_noise) for one in given]
     if initial_state == "rest":
         records = [_from_rest(rec, trend) for rec in records]
     each_state = states * (len(records) // len(states))
@@ -227,16 +238,27 @@ def crlb(
         raise DataError("crlb: the response grows without bound; shorten the experiment")
     cov = _covariance(nsr, sigma, np.sqrt(np.mean(y**2, axis=1)))
     size = np.zeros(len(known.names))
-    factors = []
+    factors: list[Any] = []
+    information: Any = 0.0
     each = np.broadcast_to(levels, (len(records), len(cov)))
     for rec, one, over in zip(records, found, each, strict=True):
         t = trend_rows(trend, rec.t.size)
         offsets = np.kron(np.eye(len(cov)), t).reshape(-1, len(cov), rec.t.size)
         nuisance = np.concatenate([one.state if initial_state == "unknown" else one.state[:0], offsets])
-        columns = _whitened(np.concatenate([one.params, nuisance]), cov * np.outer(over, over), rec)
+        columns, of_record = np.concatenate([one.params, nuisance]), cov * np.outer(over, over)
+        if driving:
+            free = initial_state == "unknown"
+            filtering = Innovations(known, process_noise, of_record, float(rec.dt or 0), free=free)
+            columns, found_in_cov = filtering.filtered(columns, rec)
+            information = information + found_in_cov
+        else:
+            columns = _whitened(columns, of_record, rec)
         wanted, rest = columns[:, : size.size], columns[:, size.size :]
         size = np.hypot(size, np.linalg.norm(wanted, axis=0))
         factors.append(np.linalg.qr(_without(wanted, rest), mode="r"))
+    if driving:
+        factors.append(_beside_levels(information, size.size))
+        size = np.hypot(size, np.linalg.norm(factors[-1], axis=0))
     half = _inverse(np.vstack(factors), size, known)
     noise = np.sqrt(np.diag(cov))
     sd = float(noise[0]) if noise.size == 1 else noise
@@ -323,6 +345,13 @@ def _without(columns: F64, nuisance: F64) -> F64:
     for _ in range(2):  # twice is enough for rounding
         columns = columns - u @ (u.T @ columns)
     return columns
+
+
+def _beside_levels(information: F64, count: int) -> F64:
+    """A root of the information on the first so many parameters, those behind them being unknown."""
+    own, both, levels = information[:count, :count], information[:count, count:], information[count:, count:]
+    values, vectors = np.linalg.eigh(own - both @ np.linalg.pinv(levels, hermitian=True) @ both.T)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
 def _inverse(factor: F64, size: F64, known: Known) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,80 +15,149 @@ from ..models.process import ProcessNoise
 from ..systems.lti import LTI, state_space
 from ..systems.making import tf
 
-__all__ = ["driven", "measured"]
+__all__ = ["Driven", "NoiseModel", "driven", "measured", "noise_model"]
 
 
-def driven(sys: Any, given: Any, dt: float, intervals: int, seed: int, replicate: int) -> F64:
-    """The response (output, time) to noise of levels `given`, as `simulate` describes them.
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """x' = A x + G w, y = C x, where w is white noise of unit density.
 
-    A sample of the state follows from the one before with noise of the covariance that the density has over
-    dt (C. F. Van Loan, IEEE Trans. Automatic Control 23, 1978).
+    Attributes
+    ----------
+    a, c, enters : ndarray
+        A (state, state), C (output, state) and G (state, noise).
+    own : int
+        States of the system; those of filters follow.
     """
+
+    a: F64
+    c: F64
+    enters: F64
+    own: int
+
+    def over(self, dt: float) -> tuple[F64, F64]:
+        """How a sample of the state follows from the one before: transition, and covariance of its noise.
+
+        C. F. Van Loan, IEEE Trans. Automatic Control 23, 1978.
+        """
+        from scipy.linalg import expm
+
+        n = len(self.a)
+        density = self.enters @ self.enters.T
+        whole = expm(np.block([[-self.a, density], [np.zeros((n, n)), self.a.T]]) * dt)
+        step = whole[n:, n:].T
+        cov = step @ whole[:n, n:]
+        return step, (cov + cov.T) / 2
+
+    def start(self, known: int = 0) -> F64:
+        """Covariance of the state that noise has driven for long, its first entries being known."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        cov, a, enters = np.zeros_like(self.a), self.a[known:, known:], self.enters[known:]
+        if np.all(np.linalg.eigvals(a).real < 0):  # else it begins at zero
+            cov[known:, known:] = solve_continuous_lyapunov(a, -enters @ enters.T)
+        return cov
+
+
+def noise_model(sys: Any, given: Any, who: str = "simulate") -> NoiseModel:
+    """How noise of levels `given`, which `simulate` describes, moves the outputs of a linear system."""
     if isinstance(given, ProcessNoise):
-        a, c, enters = _through_inputs(sys, given)
-        levels = np.ones(enters.shape[1])
-    else:
-        levels = np.atleast_1d(reals("simulate", "process_noise", given))
-        a, c, enters = _by_equation(sys)
+        return NoiseModel(*_through_inputs(sys, given, who), len(sys.A))
+    levels = np.atleast_1d(reals(who, "process_noise", given))
+    a, c, enters = _by_equation(sys, who)
     if levels.ndim != 1 or levels.size not in (1, enters.shape[1]) or not np.all(levels >= 0):
         raise SpecError(
-            f"simulate: process_noise={given!r} must be a level of at least 0, one for all or one for each "
+            f"{who}: process_noise={given!r} must be a level of at least 0, one for all or one for each "
             f"of the {enters.shape[1]} equations of the system"
         )
-    from scipy.linalg import expm, solve_continuous_lyapunov
+    return NoiseModel(a, c, enters * levels, len(a))
 
-    n = len(a)
-    density = (enters * levels**2) @ enters.T
-    whole = expm(np.block([[-a, density], [np.zeros((n, n)), a.T]]) * dt)
-    step = whole[n:, n:].T
-    draws = normals(seed, "noise_y", len(c), replicate, 0, n * (intervals + 2)).reshape(n, intervals + 2)
-    noise = _root(step @ whole[:n, n:]) @ draws[:, 1:]
-    stable = bool(np.all(np.linalg.eigvals(a).real < 0))
-    start = _root(solve_continuous_lyapunov(a, -density)) @ draws[:, 0] if stable else np.zeros(n)
-    # Noise of a step is an input held over it that leaves the state where the noise would.
-    held = np.linalg.solve(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]) * dt)[:n, n:], noise)
-    return state_space(a, np.eye(n), c, np.zeros((len(c), n)), (0.0,) * n).respond(
-        list(held), dt, intervals, start, "zoh"
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Responses of a linear system to noise, stationary where the system is stable, else from zero.
+
+    Attributes
+    ----------
+    first : ndarray, shape (state, state)
+        Root of the covariance of the state at t = 0.
+    held : ndarray, shape (state, state)
+        Of unit noise of a step the input that, held over it, leaves the state where the noise would.
+    system : LTI
+        Of these inputs.
+    dt : float
+        Sampling interval, s.
+    intervals : int
+    """
+
+    first: F64
+    held: F64
+    system: LTI
+    dt: float
+    intervals: int
+
+    def response(self, seed: int, replicate: int, group: int = 0) -> F64:
+        """Outputs (output, time) of an address of random numbers."""
+        (outputs, _), n = self.system.shape, len(self.held)
+        count = self.intervals + 2
+        # The address of an output that is not there, beside those of the noise of the samples.
+        draws = normals(seed, "noise_y", outputs, replicate, group, n * count).reshape(n, count)
+        held = list(self.held @ draws[:, 1:])
+        return self.system.respond(held, self.dt, self.intervals, self.first @ draws[:, 0], "zoh")
+
+
+def driven(sys: Any, given: Any, dt: float, intervals: int, who: str = "simulate") -> Driven:
+    """What responses to noise of levels `given`, which `simulate` describes, are made of."""
+    from scipy.linalg import expm
+
+    model = noise_model(sys, given, who)
+    a, (n, outputs) = model.a, (len(model.a), len(model.c))
+    over = expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]) * dt)[:n, n:]
+    return Driven(
+        first=_root(model.start()),
+        held=np.linalg.solve(over, _root(model.over(dt)[1])),
+        system=state_space(a, np.eye(n), model.c, np.zeros((outputs, n)), (0.0,) * n),
+        dt=dt,
+        intervals=intervals,
     )
 
 
-def measured(sys: Any, given: Any) -> Any:
+def measured(sys: Any, given: Any, who: str = "simulate") -> Any:
     """The system without the inputs through which noise enters."""
     if not isinstance(given, ProcessNoise):
         return sys
-    keep = [k for k, name in enumerate(_names(sys, given)) if name not in given.names]
+    keep = [k for k, name in enumerate(_names(sys, given, who)) if name not in given.names]
     delays = tuple([sys.path_delays[0, k] for k in keep])
     known = state_space(sys.A, sys.B[:, keep], sys.C, sys.D[:, keep], delays)
     return replace(known, inputs=tuple([sys.inputs[k] for k in keep]), outputs=sys.outputs)
 
 
-def _names(sys: Any, given: ProcessNoise) -> tuple[str, ...]:
+def _names(sys: Any, given: ProcessNoise, who: str) -> tuple[str, ...]:
     if not isinstance(sys, LTI) or sys.inputs is None:
         raise SpecError(
-            "simulate: process_noise=ProcessNoise(...) names inputs of a linear system that has names, as "
+            f"{who}: process_noise=ProcessNoise(...) names inputs of a linear system that has names, as "
             "StateSpace(...).model(values)"
         )
     missing = [name for name in given.names if name not in sys.inputs]
     if missing:
         raise SpecError(
-            f"simulate: process_noise: {missing[0]!r} is not an input of the system; "
-            f"it has {list(sys.inputs)}"
+            f"{who}: process_noise: {missing[0]!r} is not an input of the system; it has {list(sys.inputs)}"
         )
     if np.any(sys.path_delays != sys.path_delays[0]):
-        raise SpecError("simulate: process_noise=ProcessNoise(...) takes one delay an input, not a path")
+        raise SpecError(f"{who}: process_noise=ProcessNoise(...) takes one delay an input, not a path")
     return sys.inputs
 
 
-def _through_inputs(sys: Any, given: ProcessNoise) -> tuple[F64, F64, F64]:
+def _through_inputs(sys: Any, given: ProcessNoise, who: str) -> tuple[F64, F64, F64]:
     """The system behind the filters of its noise: A, C, and where white noise of unit density enters."""
-    names = _names(sys, given)
+    names = _names(sys, given, who)
     a, c = sys.A, sys.C
     columns: list[F64] = []
     for name, (num, den) in given.filters:
         at = names.index(name)
         if np.any(sys.D[:, at] != 0):
             raise SpecError(
-                f"simulate: process_noise: {name} acts on an output directly: its variance is infinite"
+                f"{who}: process_noise: {name} acts on an output directly: its variance is infinite"
             )
         shape = tf(num, den).to_ss()
         own, n, extra = sys.B[:, at : at + 1], len(a), len(shape.A)
@@ -108,11 +177,11 @@ def _root(cov: F64) -> F64:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _by_equation(sys: Any) -> tuple[F64, F64, F64]:
+def _by_equation(sys: Any, who: str) -> tuple[F64, F64, F64]:
     """A, C, and where the noise of each equation enters: A(p) y = B(p) u + w, or x' = A x + B u + w."""
     if not isinstance(sys, LTI):
         raise SpecError(
-            "simulate: process_noise= is for linear systems, mf.tf and mf.ss; of others add noise to an input"
+            f"{who}: process_noise= is for linear systems, mf.tf and mf.ss; of others add noise to an input"
         )
     if sys.matrices is not None:
         return sys.A, sys.C, np.eye(len(sys.A))
@@ -120,7 +189,7 @@ def _by_equation(sys: Any) -> tuple[F64, F64, F64]:
     for k, row in enumerate(sys.polynomials()[1]):
         if any(not np.array_equal(row[0], own) for own in row[1:]):
             raise SpecError(
-                f"simulate: process_noise= drives A(p) y = B(p) u + w; the paths to output {k} have "
+                f"{who}: process_noise= drives A(p) y = B(p) u + w; the paths to output {k} have "
                 "denominators of their own. Give the system with one denominator an output, or as mf.ss"
             )
         den = np.asarray(row[0], dtype=np.float64)

@@ -15,6 +15,7 @@ from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
+from ..models.process import ProcessNoise, with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
@@ -84,16 +85,24 @@ def _of_fit(fit: Fit) -> Known:
     return Equations(fit.model)  # type: ignore[arg-type]  # of equations a NonlinearModel
 
 
-def noise_of(fit: Fit) -> F64:
-    """Covariance of the white noise that a fit found on the samples of its outputs."""
+def noise_of(fit: Fit) -> tuple[F64, Any]:
+    """Covariance of the white noise that a fit found on the samples of its outputs, and what drives it."""
     noise = fit.options.noise
+    if fit.options.drives and fit.process_levels is not None:
+        outputs = len(fit.outputs)
+        own, driving = np.split(np.sqrt(fit.process_levels[0]), [outputs])
+        if not np.all(own > 0):
+            raise SpecError("crlb: the fit found no noise on the samples; give sigma=")
+        if isinstance(noise, ProcessNoise):
+            return np.diag(own**2), noise.scaled(driving.tolist())
+        return np.diag(own**2), driving
     told = isinstance(noise, Noise) and noise.u is None and noise.white
     if noise != "output" and not told:
         raise SpecError(
             f"crlb: the fit's noise is {fit.options.noise!r}, and the bound is for white noise on the "
-            "outputs; give sigma= or nsr="
+            "outputs and in the system; give sigma= or nsr="
         )
-    return fit.noise_cov
+    return fit.noise_cov, 0.0
 
 
 def _values(params: Mapping[str, float] | None, names: Sequence[str]) -> F64:
@@ -109,12 +118,15 @@ def _values(params: Mapping[str, float] | None, names: Sequence[str]) -> F64:
     return np.array([float(given[name]) for name in names])
 
 
-def record_for(known: Known, given: Record | Signals) -> Record:
-    """The experiment as a record with the inputs of the model."""
+def record_for(known: Known, given: Record | Signals, process_noise: Any = 0.0) -> Record:
+    """The experiment as a record with the inputs of the model, those at zero through which noise enters."""
     q, k = known.shape
     if isinstance(given, Signals):
-        given = given.arranged("crlb", known.inputs, k)
-        return Record(np.zeros((q, given.intervals + 1)), given, outputs=known.outputs)
+        names = process_noise.names if isinstance(process_noise, ProcessNoise) else ()
+        measured = None if known.inputs is None else tuple([n for n in known.inputs if n not in names])
+        given = given.arranged("crlb", measured, k - len(names))
+        given = Record(np.zeros((q, given.intervals + 1)), given, outputs=known.outputs)
+    given = with_inputs(given, process_noise)
     if given.dt is None:
         raise DataError("crlb: the record is sampled unevenly; give an evenly sampled one")
     weighed = given.mask is not None or given.sigma is not None

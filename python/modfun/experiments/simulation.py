@@ -243,6 +243,8 @@ def simulate(
     random = isinstance(initial_state, str) and initial_state == "random"
     still = not isinstance(sys, LTI) and not random
     y = found.y if still else found.response(state)
+    if isinstance(process_noise, ProcessNoise) or np.any(np.asarray(process_noise) != 0):
+        y = y + driven(whole_sys, process_noise, found.dt, found.y.shape[1] - 1).response(seed, replicate)
     if nsr > 0:
         if not np.all(found.rms > 0):
             raise DataError(
@@ -252,8 +254,6 @@ def simulate(
         y = y + nsr * found.rms[:, None] * np.array(
             [normals(seed, "noise_y", k, replicate, 0, y.shape[1]) for k in range(y.shape[0])]
         )
-    if isinstance(process_noise, ProcessNoise) or np.any(np.asarray(process_noise) != 0):
-        y = y + driven(whole_sys, process_noise, found.dt, found.y.shape[1] - 1, seed, replicate)
     return Record(
         y=y,
         u=found.u if len(found.u) else None,

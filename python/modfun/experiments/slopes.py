@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
 from ..models.layout import Layout
+from ..models.transfer_function import system_of
 from ..records.record import Record
+from ..systems.lti import LTI
+from ..systems.making import named, ss
 from ..systems.polynomials import time_unit
 from ..systems.propagate import Inputs, respond
 from .sensitivities import Sensitivities
@@ -53,6 +56,10 @@ class Transfers:
         self.outputs: tuple[str, ...] | None = None
         self.inputs = inputs
         self.shape = len(layout.outputs), len(layout.inputs)
+
+    def system(self, values: F64) -> LTI:
+        """The system with other values of the parameters."""
+        return named(system_of(self.layout, values), self.layout.outputs, self.layout.inputs)
 
     def slopes(self, rec: Record, start: F64 | None) -> Slopes:
         layout, samples = self.layout, rec.t.size
@@ -136,11 +143,24 @@ class States:
         rows = [model.outputs.index(name) for name in self.outputs or ()]
         self.shape = len(rows), len(model.inputs)
         matrices = [model.A, model.B, model.C, model.D]
+        self.model = model
+        self.rows = rows
         self.matrices = [numbers(m, model.params, values) for m in matrices]
         self.moved = [derivatives(m, model.params, values) for m in matrices]
         for k in (2, 3):
             self.matrices[k] = self.matrices[k][rows]
             self.moved[k] = self.moved[k][:, rows]
+
+    def system(self, values: F64) -> LTI:
+        """The system with other values of the parameters."""
+        from ..equations.symbolic.linear import numbers
+
+        given = dict(zip(self.names, values.tolist(), strict=True))
+        a, b, c, d = (
+            numbers(m, self.model.params, given)
+            for m in (self.model.A, self.model.B, self.model.C, self.model.D)
+        )
+        return replace(ss(a, b, c[self.rows], d[self.rows]), inputs=self.inputs, outputs=self.outputs)
 
     def slopes(self, rec: Record, start: F64 | None) -> Slopes:
         (a, b, c, d), (da, db, dc, dd) = self.matrices, self.moved

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import Any
@@ -67,6 +68,11 @@ class ProcessNoise:
     def names(self) -> tuple[str, ...]:
         """Inputs of the model through which it enters."""
         return tuple(name for name, _ in self.filters)
+
+    def scaled(self, factors: Sequence[float]) -> ProcessNoise:
+        """The same with a factor for each filter, as a fit estimates them."""
+        each = zip(self.filters, factors, strict=True)
+        return ProcessNoise(**{name: tf(factor * np.array(num), den) for (name, (num, den)), factor in each})
 
     def __repr__(self) -> str:
         told = [

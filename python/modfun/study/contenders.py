@@ -18,6 +18,7 @@ from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
 from ..models.layout import Layout
 from ..models.options import SWITCHES, WORDS, Options
+from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -217,6 +218,7 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
 def _settled_equation(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
     """As `_settled`, for equations: by a fit of the record."""
     model: Any = own.model
+    rec = with_inputs(rec, own.options.noise)
     model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
     if own.options.band is not None or own.options.harmonics is not None:
         return own

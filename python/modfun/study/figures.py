@@ -16,6 +16,7 @@ from ..base.tables import Table
 from ..equations.written import Written
 from ..errors import DataError, SpecError
 from ..experiments.bound import crlb
+from ..models.process import ProcessNoise
 from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis
@@ -101,8 +102,9 @@ class Figures:
     def crlb(self) -> F64:
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
-        With the initial state (and the estimator's trend) unknown, from all samples; nan where the noise or
-        the records are the user's, the structure does not hold the system, or the initial state of equations
+        With the initial state (and the estimator's trend) unknown, from all samples; with process noise its
+        levels are unknown, too. It is nan where the noise or the records are the user's, the structure does
+        not hold the system, process noise enters through inputs of its own, or the initial state of equations
         is drawn. No estimator need reach it in a narrow band, and a biased one may pass it.
         """
         plan = self._plan
@@ -116,10 +118,10 @@ class Figures:
                 key = (g.index, c.structures[g.index], c.trend, c.initial_state)
                 if key not in known:
                     try:
-                        known[key] = _bound(g, c, rec)
+                        known[key] = _bound(g, c, rec, plan.sigma(g))
                     except (SpecError, DataError):
-                        known[key] = np.full(len(c.names(g)), np.nan)
-                array[g.index, :, k, plan.columns(c, g)] = known[key][:, None] * plan.sigma(g)
+                        known[key] = np.full((len(c.names(g)), 1), np.nan)
+                array[g.index, :, k, plan.columns(c, g)] = known[key]
         bound: F64 = _shaped(array, [a for a in plan.axes if a.given])
         return bound
 
@@ -223,19 +225,28 @@ class Figures:
         }
 
 
-def _bound(group: Group, contender: Contender, rec: Record) -> F64:
-    """Cramér–Rao bound for noise of unit standard deviation."""
+def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
+    """Cramér–Rao bound at each noise level, (parameter, level)."""
     structure, system = contender.structures[group.index], group.system
-    if isinstance(system, LTI) and isinstance(structure, Written):
-        raise SpecError("crlb: for a linear system the bound is that of a TransferFunction's coefficients")
     if isinstance(system, LTI):
-        told = contender.initial_state
-        return crlb(
-            system, rec, sigma=group.unit, trend=contender.trend, initial_state=told, model=structure
-        ).sd
-    if structure != system.structure or group.drawn or group.state is not None:
+        if isinstance(structure, Written):
+            raise SpecError(
+                "crlb: for a linear system the bound is that of a TransferFunction's coefficients"
+            )
+        if isinstance(group.process_noise, ProcessNoise):
+            raise SpecError("crlb: the study's system is without the inputs through which noise enters")
+    elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
-    return crlb(system, rec, sigma=group.unit, trend=contender.trend, start=group.rest.start).sd
+    given: dict[str, Any] = {"trend": contender.trend}
+    if isinstance(system, LTI):
+        given |= {"initial_state": contender.initial_state, "model": structure}
+    else:
+        given["start"] = group.rest.start
+    if group.driven is None:  # the bound grows with the noise
+        return crlb(system, rec, sigma=group.unit, **given).sd[:, None] * levels
+    given["process_noise"] = group.process_noise
+    found = [crlb(system, rec, sigma=level * group.unit, **given).sd for level in levels]
+    return np.array(found).T
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

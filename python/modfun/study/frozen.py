@@ -14,11 +14,14 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
+from ..experiments.driven import Driven
 from ..experiments.simulation import Experiment
 from ..fitting.fit import Estimator
 from ..models.options import Options
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..systems.lti import LTI
+from ..systems.making import tf
 from .axes import Axis
 from .contenders import Contender
 from .generated import Generated
@@ -30,7 +33,10 @@ __all__ = ["freeze", "thaw"]
 Arrays = dict[str, NDArray[Any]]
 
 # What a study is made of, by the name that stands in the file.
-_NAMED = (Axis, Contender, Estimator, Experiment, Generated, Group, LTI, Options, Plan, TransferFunction)
+_NAMED = (
+    Axis, Contender, Driven, Estimator, Experiment, Generated, Group, LTI, Options, Plan, ProcessNoise,
+    TransferFunction,
+)  # fmt: skip
 _TEXTS = (Equation, StateSpace)
 _READ = {kind.__name__: kind for kind in _TEXTS}
 _KINDS: dict[str, type] = {kind.__name__: kind for kind in _NAMED}
@@ -96,6 +102,8 @@ def thaw(value: Any, arrays: Arrays) -> Any:
     name = value["is"]
     if name == "Estimator":
         return Estimator(given["model"], **given["options"].given())
+    if name == "ProcessNoise":
+        return ProcessNoise(**{of: tf(num, den) for of, (num, den) in given["filters"]})
     if name in _READ:
         return _READ[name].from_dict(json.loads(given["text"]))
     if name == "NonlinearModel":

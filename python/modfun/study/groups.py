@@ -14,7 +14,9 @@ from ..base.callables import source
 from ..base.samples import numbered
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, SpecError
+from ..experiments.driven import Driven, driven, measured
 from ..experiments.simulation import Experiment, experiment
+from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -44,6 +46,10 @@ class Group:
         Functions of the user that draw the initial state and the noise.
     drawn : bool
         Whether equations are integrated from a random state in each replicate.
+    driven : Driven or None
+        What noise in the system adds to each replicate.
+    process_noise : float, tuple of float or ProcessNoise
+        Its levels.
     """
 
     index: int
@@ -55,27 +61,25 @@ class Group:
     state: Callable[..., Any] | None = None
     noise: Callable[..., Any] | None = None
     drawn: bool = False
+    driven: Driven | None = None
+    process_noise: Any = 0.0
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
         if self.rest.names is not None:
             return self.rest.names
-        if isinstance(self.system, NonlinearModel):
-            return self.system.inputs
-        return numbered("u", self.system.shape[1])
+        return self.system.inputs or numbered("u", self.system.shape[1])
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        if isinstance(self.system, NonlinearModel):
-            return self.system.outputs
-        return numbered("y", self.system.shape[0])
+        return self.system.outputs or numbered("y", self.system.shape[0])
 
     @property
     def made(self) -> bool:
-        """Whether Python makes its records, functions of the user or the integration of equations."""
-        return self.state is not None or self.noise is not None or self.drawn
+        """Whether Python makes its records: functions of the user, equations integrated, process noise."""
+        return self.state is not None or self.noise is not None or self.drawn or self.driven is not None
 
     @property
     def scale(self) -> float:
@@ -89,7 +93,10 @@ class Group:
 
     def names(self, structure: Any) -> tuple[str, ...]:
         """Names of a structure's parameters."""
-        return tuple(structure.param_names(self.inputs, self.outputs))
+        inputs = self.inputs
+        if isinstance(self.process_noise, ProcessNoise) and not isinstance(structure, TransferFunction):
+            inputs += self.process_noise.names  # which such a structure may have
+        return tuple(structure.param_names(inputs, self.outputs))
 
     def truth(self, structure: Any) -> F64:
         """True parameters of a structure; nan where it does not hold the system.
@@ -142,6 +149,8 @@ class Group:
             A function of the user failed.
         """
         y = self.clean(seed, replicate)
+        if self.driven is not None:
+            y = y + self.driven.response(seed, replicate, self.index)
         if self.noise is not None:
             rng = generator("noise", seed, replicate, self.index)
             given = y[0].copy() if len(y) == 1 else y.copy()
@@ -164,6 +173,8 @@ class Group:
         calls = {name: source(call) for name, call in self.functions.items()}
         arrays = [self.y, self.rest.u, self.free] + ([self.rest.free] if self.state is not None else [])
         own = [] if isinstance(self.system, LTI) else [repr(self.system)]
+        if self.driven is not None:
+            arrays += [self.driven.first, self.driven.held, self.driven.system.A, self.driven.system.C]
         return [[self.index, self.rest.dt, self.intersample, calls, *own], *arrays]
 
 
@@ -173,6 +184,7 @@ def groups(
     states: Sequence[Any],
     nsr: Axis,
     noise: Callable[..., Any] | None,
+    process_noise: Any,
     *,
     duration: float | None,
     intervals: int | None,
@@ -180,13 +192,15 @@ def groups(
 ) -> tuple[Group, ...]:
     """Simulate every combination of system, input and initial state, each once."""
     found: list[Group] = []
+    unmoved = not isinstance(process_noise, ProcessNoise) and not np.any(np.asarray(process_noise))
     for system in systems:
         if not isinstance(system, LTI | NonlinearModel):
             raise SpecError(
                 f"MonteCarlo: system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
                 "mf.Equation(...).model({name: value}), fit.model, or a dict of them (an axis with names)"
             )
-        linear = isinstance(system, LTI)
+        linear, whole = isinstance(system, LTI), system
+        system = measured(whole, process_noise, "MonteCarlo")
         for given in inputs:
             rest: Experiment | None = None
             for state in states:
@@ -205,6 +219,9 @@ def groups(
                         "MonteCarlo: the response from rest of an output is zero, so that nsr, noise "
                         "relative to it, says nothing; give an input that moves the output"
                     )
+                added = None
+                if not unmoved:
+                    added = driven(whole, process_noise, rest.dt, rest.y.shape[1] - 1, "MonteCarlo")
                 fixed, free = _state("zero" if callable(state) else state, rest)
                 drawn = not linear and isinstance(state, str) and state == "random"
                 found.append(
@@ -218,6 +235,8 @@ def groups(
                         state=state if callable(state) else None,
                         noise=noise,
                         drawn=drawn,
+                        driven=added,
+                        process_noise=process_noise,
                     )
                 )
     return tuple(found)

@@ -73,6 +73,9 @@ class MonteCarlo:
         What the noise is. ``noise(rng, y, dt)`` returns noise of unit standard deviation for each sample of
         the noise-free output y, shape (time,); it is multiplied by nsr and the root mean square of the
         response from rest, not scaled otherwise, and serves all noise levels.
+    process_noise : float, sequence of float or ProcessNoise, default 0
+        Level of noise that drives linear systems themselves, as `simulate` takes it: drawn anew in each
+        replicate, the same at all noise levels.
     initial_state : {"zero", "random"}, array_like, callable, or dict of name to these
         "random": normal in each replicate, each state with the root mean square it has in the response
         from rest. An array: the states, of a transfer function y, y', … of the free response, of equations
@@ -151,6 +154,7 @@ class MonteCarlo:
         intervals: int | None = None,
         nsr: float | Sequence[float] | None = None,
         noise: Any = None,
+        process_noise: Any = None,
         initial_state: Any = None,
         generate: Callable[..., Record] | None = None,
         grid: Mapping[str, Sequence[Any]] | None = None,
@@ -176,7 +180,8 @@ class MonteCarlo:
         seed = whole("MonteCarlo", "seed", seed, 0, 2**64 - 1)
         simulated = {
             "system": system, "input": input, "duration": duration, "intervals": intervals, "nsr": nsr,
-            "noise": noise, "initial_state": initial_state, "intersample": intersample,
+            "noise": noise, "process_noise": process_noise, "initial_state": initial_state,
+            "intersample": intersample,
         }  # fmt: skip
         own = {"grid": grid, "truth": truth}
         axes: tuple[Axis, ...]
@@ -311,8 +316,8 @@ def _refuse(given: Mapping[str, Any], text: str) -> None:
 
 
 def _simulated(
-    system: Any, input: Any, duration: Any, intervals: Any, nsr: Any, noise: Any, initial_state: Any,
-    intersample: Any,
+    system: Any, input: Any, duration: Any, intervals: Any, nsr: Any, noise: Any,
+    process_noise: Any, initial_state: Any, intersample: Any,
 ) -> tuple[tuple[Axis, ...], tuple[Group, ...]]:  # fmt: skip
     """Axes and groups of a study of systems."""
     needed = {"system": system, "input": input, "duration": duration, "intervals": intervals}
@@ -339,6 +344,7 @@ def _simulated(
     of_system = tuple(linear(one, "MonteCarlo") for one in of_system)
     found = groups(
         of_system, of_input, of_state, nsrs, noise if callable(noise) else None,
+        0.0 if process_noise is None else process_noise,
         duration=duration, intervals=intervals, intersample=intersample,
     )  # fmt: skip
     return (systems, inputs, states, nsrs), found

@@ -331,6 +331,7 @@ KEYS: dict[str, Reader] = {
     "intervals": values.plain("a whole number", int),
     "nsr": values.several("a number, or a list of numbers", int, float),
     "noise": _noise,
+    "process_noise": values.several("a level, or a list with one per equation", int, float),
     "initial_state": values.axis(_state),
     "generate": values.function("a function of (cell, rng)"),
     "grid": values.table(values.plain("a list", list), "a table of lists, as { df = [3, 30] }"),

@@ -97,8 +97,11 @@ def deviance(den, nums, inputs, density, sigma, dt, y, offset=False):
     return float(np.log(variances).sum() + left @ left + 2 * np.log(np.abs(np.diag(r))).sum())
 
 
-def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False):
+def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False, restricted=True):
     """Cramér-Rao bound of the parameters and the logarithms of (σ², Q), initial state (and offset) unknown.
+
+    That of the restricted likelihood, or of the likelihood itself, to which known initial states are as good
+    as unknown ones in what the covariance of the samples tells.
 
     `free(theta)` is (den, nums) of the parameters, `den` and `nums` those of the truth as `free` takes them
     apart: the first argument of it is made by concatenating den[1:] and the numerators.
@@ -128,7 +131,7 @@ def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False):
     columns = free_responses(den, dt, intervals, offset).T
     pulled = inverse @ columns
     m = inverse - pulled @ np.linalg.solve(columns.T @ pulled, pulled.T)
-    turned = [m @ c for c in covs]
+    turned = [(m if restricted else inverse) @ c for c in covs]
     information = np.array(
         [
             [a @ m @ b + 0.5 * np.sum(left * right.T) for b, right in zip(means, turned, strict=True)]
