@@ -42,16 +42,17 @@ def page_of(fit: Estimates, content: Content, title: str | None, command: str | 
         The command line that made it.
     """
     said, tone, findings = words.verdict(fit, content.findings)
-    made = [*content.before]
+    made = [*content.data]
     if fit.usable:
-        made += [
+        made = [
             section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), content.level),
+            *content.explained(),
             section("bode", "Frequency response", lambda: _bode(fit, content.measured)),
-            *content.after(),
+            *made,
             section("poles", "Poles", lambda: _poles(fit)),
             section(
                 "parameters",
-                "How parameters hang together",
+                "Collinearity",
                 lambda: _collinear(fit),
                 lambda: _correlation(fit),
             ),

@@ -36,12 +36,11 @@ class Content:
     facts : sequence of (str, str)
     findings : Findings
         What the check says.
-    before : tuple of Section
-        What stands before the model.
+    data : tuple of Section
     level : callable
-        How well the model explains the data.
-    after : callable
-        What stands behind the model.
+        How well the model explains the data, in numbers.
+    explained : callable
+        The same as pictures, and what is left: sections.
     hashes : callable
         SHA-256 of the data.
     measured : tuple of FrequencyResponse
@@ -50,9 +49,9 @@ class Content:
 
     facts: Sequence[tuple[str, str]]
     findings: Findings
-    before: tuple[Section, ...]
+    data: tuple[Section, ...]
     level: Callable[[], Iterable[Block]]
-    after: Callable[[], tuple[Section, ...]]
+    explained: Callable[[], tuple[Section, ...]]
     hashes: Callable[[], Iterable[Block]]
     measured: tuple[FrequencyResponse, ...] = ()
 
@@ -63,12 +62,12 @@ def of_records(fit: Estimates, facts: Sequence[tuple[str, str]], findings: Findi
     return Content(
         facts,
         findings,
-        before=(
+        data=(
             section("data", "Data", lambda: chain(_tables(_records(fit)), _over_time(_records(fit)))),
             section("spectrum", "Spectrum", lambda: _spectra(fit)),
         ),
         level=lambda: _level(fit, told),
-        after=lambda: (
+        explained=lambda: (
             section("response", "Response", lambda: _responses(fit)),
             section("residuals", "Residuals", lambda: _residuals(fit), lambda: _tests(fit)),
         ),
@@ -82,9 +81,9 @@ def of_gains(data: FrequencyResponse, facts: Sequence[tuple[str, str]], findings
     return Content(
         facts,
         findings,
-        before=(section("data", "Data", lambda: _gains(data)),),
+        data=(section("data", "Data", lambda: _gains(data)),),
         level=lambda: (Facts(tuple((name, told[name]) for name in ("Weights", "Condition", "Errors"))),),
-        after=tuple,
+        explained=tuple,
         hashes=lambda: hashes_of_gains({name: getattr(data, name) for name in ("omega", "response", "cov")}),
         measured=(data,),
     )
