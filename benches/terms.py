@@ -1,19 +1,21 @@
 """How often the right terms are found among candidates: ten systems, beside pySINDy's weak form.
 
-    python benches/terms.py [--records 50] [--systems Duffing,Lorenz] [--no-rival] [--page docs/terms.md]
+    python benches/terms.py [--records 200] [--rival-records 30] [--systems Duffing,Lorenz] [--keep FILE]
+        [--page docs/terms.md]
     python benches/terms.py --power [--systems Duffing,Lorenz]
 
 Every state is measured with white noise; the library has all monomials of states and inputs up to degree 3
-(5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rival is given the best of its settings
-(width of the test functions, threshold, normalised columns or not) for each cell by the truth: no user can
-choose so well. `pip install pysindy` for it.
+(5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rivals solve pySINDy's weak form by
+sequential thresholding (STLSQ), relaxed regression (SR3) and bagging (its ensemble). Each is given the best
+of its settings for each cell by the truth: no user can choose so well. `pip install pysindy` for them.
 """
 
 import argparse
+import json
 import re
 import time
 import warnings
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 from pathlib import Path
 
 import modfun as mf
@@ -24,6 +26,9 @@ LEVELS = (0.01, 0.05, 0.1, 0.2)
 WIDTHS = (0.05, 0.1, 0.2)  # half widths of the test functions over the record
 THRESHOLDS = np.geomspace(1e-3, 10, 13)
 DOMAINS = 200
+RELAXED = (0.1, 1.0, 100.0)  # SR3's nu
+BAGS = 20  # models of the ensemble
+INCLUSION = (0.5, 0.6, 0.8, 0.95)  # least share of them that has a term
 
 
 def force(t):
@@ -113,11 +118,11 @@ SYSTEMS = {
 
 
 def ours(system, rec):
-    """Coefficients (equation, term) of the selection's fit, and the time of the selection."""
+    """Coefficients (equation, term) of the selection's fit, and the processor time of the selection."""
     library = f"polynomials of {', '.join(system.channels)} up to {system.degree}"
-    start = time.perf_counter()
+    start = time.process_time()
     found = mf.select_terms(rec, ", ".join([library, *system.more]))
-    spent = time.perf_counter() - start
+    spent = time.process_time() - start
     theta = np.zeros_like(system.theta)
     chosen = [(e, system.terms.index(term)) for e, own in enumerate(found.terms.values()) for term in own]
     try:
@@ -130,12 +135,12 @@ def ours(system, rec):
 
 
 class Weak:
-    """pySINDy's weak form with sequential thresholding: coefficients of every setting."""
+    """pySINDy's weak form: its regressors and left sides at every width of the test functions."""
 
     def __init__(self, system):
         import pysindy
 
-        self.system, self.optimizer = system, pysindy.STLSQ
+        self.system, self.pysindy = system, pysindy
         arguments = ", ".join(system.channels)
         known = {"sin": np.sin, "abs": np.abs}
         functions = [
@@ -154,19 +159,65 @@ class Weak:
                 )
             )
 
-    def __call__(self, rec):
+    def problems(self, rec):
+        """Regressors and left sides of a record for each width."""
         x = np.vstack([rec.y, rec.u]).T
-        states = len(self.system.names)
         found = []
         for library in self.libraries:
             library.fit([x])
-            features = np.asarray(library.transform([x])[0])
-            right = np.asarray(library.convert_u_dot_integral(x))[:, :states]
-            for normal in (False, True):
-                for threshold in THRESHOLDS:
-                    fit = self.optimizer(threshold=threshold, alpha=1e-6, normalize_columns=normal)
-                    found.append(fit.fit(features, right).coef_)
-        return np.array(found)
+            right = np.asarray(library.convert_u_dot_integral(x))[:, : len(self.system.names)]
+            found.append((np.asarray(library.transform([x])[0]), right))
+        return found
+
+    def contest(self, problems):
+        """Words, rate of exact terms and error of each method at its best setting, over records."""
+        widths, normal = range(len(WIDTHS)), (False, True)
+        grid = [(w, n, t) for w in widths for n in normal for t in range(len(THRESHOLDS))]
+        rows = [self.best("STLSQ", [[self.stlsq(p[w], n, t) for w, n, t in grid] for p in problems])]
+        w, n, t = grid[rows[0][3]]
+        rows.append(self.best("SR3", [self.sr3(p[w]) for p in problems]))
+        rows.append(self.best("ensemble", [self.bagged(p[w], n, t) for p in problems]))
+        return rows
+
+    def best(self, name, found):
+        """The setting with most exact records, of these the one of least error."""
+        rates, _, errors = figures(np.array(found), self.system.theta)
+        at = int(np.lexsort((errors, -rates))[0])
+        return name, rates[at], errors[at], at
+
+    def stlsq(self, problem, normal, place):
+        """Sequential thresholding."""
+        made = self.pysindy.STLSQ(threshold=THRESHOLDS[place], alpha=1e-6, normalize_columns=normal)
+        return made.fit(*problem).coef_
+
+    def sr3(self, problem):
+        """Relaxed regression at all thresholds, at the best width of STLSQ."""
+        return [
+            self.pysindy.SR3(
+                reg_weight_lam=threshold**2 / (2 * nu),
+                relax_coeff_nu=nu,
+                normalize_columns=normal,
+                unbias=True,
+            )
+            .fit(*problem)
+            .coef_
+            for normal in (False, True)
+            for nu in RELAXED
+            for threshold in THRESHOLDS
+        ]
+
+    def bagged(self, problem, normal, place):
+        """Medians over bags for the terms that most of them have, near the best setting of STLSQ."""
+        found = []
+        for near in range(max(place - 1, 0), min(place + 2, len(THRESHOLDS))):
+            np.random.seed(0)  # noqa: NPY002, of its bags
+            one = self.pysindy.STLSQ(threshold=THRESHOLDS[near], alpha=1e-6, normalize_columns=normal)
+            bags = self.pysindy.EnsembleOptimizer(opt=one, bagging=True, n_models=BAGS).fit(*problem)
+            each = np.array(bags.coef_list)
+            share, middle = (each != 0).mean(axis=0), np.median(each, axis=0)
+            found += [np.where(share >= least, middle, 0.0) for least in INCLUSION]
+        edge = 3 * len(INCLUSION) - len(found)  # the same number of settings at the ends of the grid
+        return found + found[:edge]
 
 
 def figures(theta, truth):
@@ -185,12 +236,13 @@ def weakest(system, level):
     from modfun.inference.terms import _band, _levels
 
     rec = system.record(level, 0)
-    library = library_of(system.terms, None, None, rec.outputs, rec.inputs, rec.intersample)
+    library = library_of(system.terms, None, None, rec)
     noise = mf.Noise(y=(level * system.rms[:, 0]).tolist())
     sd = _levels(rec, noise, 1)
-    tops, edge = _band([rec], [sd], library)
+    tops, edge = _band([rec], [rec.y], [sd], library)
     truth = system.theta.ravel()
-    smooth = Lines(rec, library.columns, library.equation, sd**2, tops[0], edge)
+    variances = np.broadcast_to(sd[:, None] ** 2, rec.y.shape)
+    smooth = Lines(rec, rec.y, library.columns, library.equation, variances, tops[0], edge)
     smooth.bend(system.clean)
     found = estimate([smooth], truth != 0, truth)
     at = np.flatnonzero(truth)
@@ -207,12 +259,13 @@ def power(system, level, records=1000):
     from modfun.inference.terms import _band
 
     rec, truth, sd = system.record(level, 0), system.theta.ravel(), level * system.rms[:, 0]
-    library = library_of(system.terms, None, None, rec.outputs, rec.inputs, rec.intersample)
-    tops, edge = _band([rec], [sd], library)
+    library = library_of(system.terms, None, None, rec)
+    tops, edge = _band([rec], [rec.y], [sd], library)
     clean = system.record(0.0, 0)  # no bias to take out
-    lines = Lines(clean, library.columns, library.equation, 0 * sd, tops[0], edge)
+    variances = np.broadcast_to(sd[:, None] ** 2, clean.y.shape)
+    lines = Lines(clean, clean.y, library.columns, library.equation, 0 * variances, tops[0], edge)
     lines.bend(system.clean)
-    lines.variances = sd**2
+    lines.variances = variances
     gram = lines.at(truth, np.arange(truth.size))[0].gram
     units = np.sqrt(np.diag(gram))
     size, axes = np.linalg.eigh(gram / units[:, None] / units)
@@ -235,10 +288,11 @@ def percent(rate, records):
 def main():
     """Prints the table; with --page it goes between the marks of a page."""
     given = argparse.ArgumentParser()
-    given.add_argument("--records", type=int, default=50)
+    given.add_argument("--records", type=int, default=200)
+    given.add_argument("--rival-records", type=int, default=30, help="0: without rivals")
     given.add_argument("--systems", default=",".join(SYSTEMS))
-    given.add_argument("--no-rival", action="store_true")
     given.add_argument("--power", action="store_true", help="rates by theory alone, at 10 and 20 %% noise")
+    given.add_argument("--keep", help="a file for finished cells: a later run goes on from there")
     given.add_argument("--page")
     options = given.parse_args()
     if options.power:
@@ -246,48 +300,35 @@ def main():
             rates = [percent(power(SYSTEMS[name](), level), 1000) for level in LEVELS[2:]]
             print(f"{name}: {', '.join(rates)} %", flush=True)
         return
-    head = (
-        "system | noise, % | least t | exact, % | superfluous, % | error, % | s "
-        "| weak form: exact, % | error, % |"
-    )
-    rows = [f"| {head}", "|" + "---|" * (head.count("|"))]
-    print("\n".join(rows), flush=True)
-    for name in options.systems.split(","):
-        system = SYSTEMS[name]()
-        rival = None if options.no_rival else Weak(system)
-        for level in LEVELS:
-            found, times, others = [], [], []
-            for seed in range(options.records):
-                rec = system.record(level, seed)
+    names = options.systems.split(",")
+    kept = json.loads(Path(options.keep).read_text()) if options.keep and Path(options.keep).exists() else {}
+    for what, records, make in (
+        ("ours", options.records, our_cells),
+        ("rivals", options.rival_records, rival_cells),
+    ):
+        for name, level in product(names if records else [], LEVELS):
+            key = f"{name}, {level:g}, {what}, {records}"
+            if key not in kept:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    theta, spent = ours(system, rec)
-                    found.append(theta)
-                    times.append(spent)
-                    if rival is not None:
-                        others.append(rival(rec))
-            exact, more, error = figures(np.array(found), system.theta)
-            cells = [
-                name,
-                f"{100 * level:g}",
-                f"{weakest(system, level):.1f}",
-                percent(exact, options.records),
-                percent(more, options.records),
-                f"{100 * error:.2g}",
-                f"{np.median(times):.2f}",
-            ]
-            if rival is None:
-                cells += ["", ""]
-            else:
-                rates, _, errors = figures(np.array(others), system.theta)
-                best = np.lexsort((errors, -rates))[0]
-                cells += [percent(rates[best], options.records), f"{100 * errors[best]:.2g}"]
-            rows.append("| " + " | ".join(cells) + " |")
-            print(rows[-1], flush=True)
+                    kept[key] = make(SYSTEMS[name](), level, records)
+                if options.keep:
+                    Path(options.keep).write_text(json.dumps(kept, indent=1))
+            print(key, *kept[key], sep=" | ", flush=True)
+    head = (
+        "| system | noise, % | least t | exact, % | superfluous, % | error, % | s "
+        "| STLSQ: exact, % | error, % | SR3: exact, % | error, % | ensemble: exact, % | error, % |"
+    )
+    rows = [head, "|" + "---|" * (head.count("|") - 1)]
+    for name, level in product(names, LEVELS):
+        ours = kept.get(f"{name}, {level:g}, ours, {options.records}", [""] * 5)
+        others = kept.get(f"{name}, {level:g}, rivals, {options.rival_records}", [""] * 6)
+        rows.append("| " + " | ".join([name, f"{100 * level:g}", *ours, *others]) + " |")
     if options.page:
         page = Path(options.page)
         words = (
-            f"{options.records} records per cell (`python benches/terms.py --records {options.records} "
+            f"{options.records} records per cell, {options.rival_records} for the rivals (`python "
+            f"benches/terms.py --records {options.records} --rival-records {options.rival_records} "
             f"--page {options.page}`)."
         )
         block = "\n".join(["<!-- rates -->", "", *rows, "", words, "", "<!-- end of rates -->"])
@@ -295,6 +336,28 @@ def main():
             r"<!-- rates -->.*?<!-- end of rates -->", lambda _: block, page.read_text(), flags=re.S
         )
         page.write_text(text)
+    else:
+        print("\n".join(rows))
+
+
+def our_cells(system, level, records):
+    """Least t, rates, error and time of the selection."""
+    both = [ours(system, system.record(level, seed)) for seed in range(records)]
+    exact, more, error = figures(np.array([theta for theta, _ in both]), system.theta)
+    return [
+        f"{weakest(system, level):.1f}",
+        percent(exact, records),
+        percent(more, records),
+        f"{100 * error:.2g}",
+        f"{np.median([spent for _, spent in both]):.2f}",
+    ]
+
+
+def rival_cells(system, level, records):
+    """Rate of exact terms and error of each rival."""
+    rival = Weak(system)
+    found = rival.contest([rival.problems(system.record(level, seed)) for seed in range(records)])
+    return [one for _, rate, error, _ in found for one in (percent(rate, records), f"{100 * error:.2g}")]
 
 
 if __name__ == "__main__":

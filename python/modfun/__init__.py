@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from .inference.comparison import Comparison, CrossValidation, compare, cross_validate
     from .inference.order import OrderSelection, select_order
     from .inference.rank import rank_test
-    from .inference.terms import TermSelection, select_terms
+    from .inference.term_selection import TermSelection
+    from .inference.terms import select_terms
     from .models.free import Free
     from .models.noise import Noise
     from .models.process import ProcessNoise, dryden
@@ -63,7 +64,8 @@ _NAMES = {
     ".inference.comparison": ("Comparison", "CrossValidation", "compare", "cross_validate"),
     ".inference.order": ("OrderSelection", "select_order"),
     ".inference.rank": ("rank_test",),
-    ".inference.terms": ("TermSelection", "select_terms"),
+    ".inference.term_selection": ("TermSelection",),
+    ".inference.terms": ("select_terms",),
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
     ".models.process": ("ProcessNoise", "dryden"),

@@ -309,6 +309,8 @@ def terms(
         list[str] | None, typer.Option(help="Left side, y''; repeat for several. Default: y' of each output.")
     ] = None,
     keep: Annotated[str | None, typer.Option(help="Terms that are known to belong.")] = None,
+    sign: Annotated[list[str] | None, typer.Option(help="Sign of a coefficient, y**3=-; repeatable.")] = None,
+    hierarchy: Annotated[bool, typer.Option(help="A product comes in only with its factors.")] = False,
     time: Time = None,
     dt: Step = None,
     intersample: Between = None,
@@ -328,6 +330,8 @@ def terms(
         library,
         target=target or None,
         keep=keep,
+        signs={name: own for name, _, own in (one.rpartition("=") for one in sign or ())} or None,
+        hierarchy=hierarchy,
     )
     if json_to != "-":
         print(f"{found.summary()}\n\n{found.fit}")

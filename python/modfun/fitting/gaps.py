@@ -10,10 +10,11 @@ from ..base.arrays import F64
 from ..errors import DataError
 from ..records.record import Record
 
-__all__ = ["bridged", "variances", "weighs"]
+__all__ = ["bridged", "relative", "variances", "weighs"]
 
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
+IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -82,6 +83,12 @@ def variances(rec: Record, off: F64, order: int) -> F64 | None:
             own = found + (off / level[:, None]) ** 2
         found = np.where(rec.mask, found, np.where(np.isfinite(own), own, np.inf))
     return np.ascontiguousarray(found)
+
+
+def relative(variance: F64) -> F64:
+    """Variances of samples over the median of their channel; what tells nothing has a large one."""
+    usual = np.array([np.median(row[np.isfinite(row)]) for row in variance])[:, None]
+    return np.asarray(np.minimum(variance / usual, IGNORED))
 
 
 def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], count: int) -> F64:

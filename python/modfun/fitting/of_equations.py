@@ -20,12 +20,10 @@ from ..models.process import with_inputs
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
-from .gaps import bridged, variances
+from .gaps import bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
-
-IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 
 
 def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:
@@ -126,7 +124,7 @@ def fit_equation(
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, order) for rec, _, off in filled]
-    capped = [None if v is None else _relative(v) for v in uneven]
+    capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
     rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in filled]
@@ -152,12 +150,6 @@ def fit_equation(
         df_hc3=found["df_hc3"],
         again=again,
     )
-
-
-def _relative(variance: F64) -> F64:
-    """Variances of samples over the median of their channel; what tells nothing has a large one."""
-    usual = np.array([np.median(row[np.isfinite(row)]) for row in variance])[:, None]
-    return np.asarray(np.minimum(variance / usual, IGNORED))
 
 
 def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:

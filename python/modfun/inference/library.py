@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Any
 
+import numpy as np
+
+from ..base.tables import nearest
+from ..equations.symbolic.candidates import Side, sides_of
 from ..equations.symbolic.columns import Columns, columns_of, read_term
+from ..equations.written import Written
 from ..errors import SpecError
 from ..language.parser import expression, separated
+from ..records.record import Record
 
 __all__ = ["Library", "library_of"]
 
@@ -35,6 +41,10 @@ class Library:
         The equation of each candidate.
     kept : tuple of bool
         Whether each candidate stays whatever the data say.
+    signs : tuple of int
+        1 or -1 where the sign of a coefficient is given, otherwise 0.
+    needs : ndarray of bool, shape (candidate, candidate)
+        Row k marks the candidates that must be in if k is.
     columns : Columns
         Of the targets, followed by the candidates.
     left_out : tuple of str
@@ -45,6 +55,8 @@ class Library:
     terms: tuple[str, ...]
     equation: tuple[int, ...]
     kept: tuple[bool, ...]
+    signs: tuple[int, ...]
+    needs: Any
     columns: Columns
     left_out: tuple[str, ...]
 
@@ -73,25 +85,48 @@ def library_of(
     library: Any,
     target: Any,
     keep: Any,
-    outputs: tuple[str, ...],
-    inputs: tuple[str, ...],
-    intersample: tuple[str, ...],
+    rec: Record,
+    signs: Any = None,
+    hierarchy: bool = False,
 ) -> Library:
-    """The candidates that a user lists.
+    """The candidates that a user lists, for the channels of a record.
 
     Raises
     ------
     SpecError
-        Text outside the language, no candidate, too many, or a target among its own candidates.
+        Text outside the language, no candidate, too many, a target among its own candidates, or signs of
+        what is no candidate.
     """
-    targets = _targets(target, outputs)
+    outputs, inputs = rec.outputs, rec.inputs
+    library, sides = _model_apart(library, "library")
+    keep, more = _model_apart(keep, "keep")
+    if (sides or more) and target is not None:
+        raise SpecError(
+            f"{WHAT}: target= is for libraries of text; the left sides of a model are its terms without a "
+            "parameter"
+        )
+    if sides and more and [one.left for one in sides] != [one.left for one in more]:
+        raise SpecError(f"{WHAT}: the models of library= and keep= have different left sides; give one model")
+    of_models = [one.left for one in sides or more]
+    targets = tuple(of_models) if of_models else _targets(target, outputs)
     terms: list[str] = []
     equation: list[int] = []
     kept: list[bool] = []
+    signed: list[int] = []
+    factors: list[tuple[str, ...]] = []
+    forms: list[str] = []
     left_out: dict[str, None] = {}
     for e, left in enumerate(targets):
         given, doubtful = _terms(_own(library, left, targets, "library"), "library")
         always = _terms(_own(keep, left, targets, "keep"), "keep")[0] if keep is not None else []
+        bounds = {
+            text: sign
+            for one in (sides, more)
+            if one
+            for text, sign in zip(one[e].terms, one[e].signs, strict=True)
+        }
+        always = [*(more[e].terms if more else ()), *always]
+        given = [*(sides[e].terms if sides else ()), *given]
         read = {text: read_term(text, outputs, inputs, WHAT) for text in (left, *always, *given)}
         sound = [text for text in given if text not in doubtful or not read[text].fault]
         left_out.update(dict.fromkeys(text for text in given if text not in sound))
@@ -107,6 +142,9 @@ def library_of(
                 terms.append(text)
                 equation.append(e)
                 kept.append(k < len(always))
+                signed.append(bounds.get(text, 0))
+                forms.append(own)
+                factors.append(read[text].factors)
         if not seen:
             raise SpecError(
                 f'{WHAT}: the library has no term for {left!r}; list some, as "y, y**2, u", or a family, '
@@ -117,8 +155,45 @@ def library_of(
             f"{WHAT}: the library has {len(terms)} terms in all, "
             f"at most {MOST} are searched; lower the degree"
         )
-    columns = columns_of((*targets, *terms), outputs, inputs, intersample, WHAT)
-    return Library(targets, tuple(terms), tuple(equation), tuple(kept), columns, tuple(left_out))
+    needs = np.zeros((len(terms), len(terms)), dtype=bool)
+    if hierarchy:
+        for k, e in enumerate(equation):
+            needs[k] = [f == e and form in factors[k] for f, form in zip(equation, forms, strict=True)]
+    columns = columns_of((*targets, *terms), outputs, inputs, rec.intersample, WHAT)
+    found = Library(
+        targets, tuple(terms), tuple(equation), tuple(kept), tuple(signed), needs, columns, tuple(left_out)
+    )
+    return replace(found, signs=_signs(signs, found, forms, rec)) if signs is not None else found
+
+
+def _model_apart(given: Any, name: str) -> tuple[Any, list[Side]]:
+    """An argument without the model in it, and the sides of that model."""
+    parts = [given] if isinstance(given, Written) else given
+    if isinstance(parts, str | Mapping) or not isinstance(parts, Sequence):
+        return given, []
+    models = [one for one in parts if isinstance(one, Written)]
+    if not models:
+        return given, []
+    if len(models) > 1:
+        raise SpecError(f"{WHAT}: {name}= has {len(models)} models; give one, and further terms as text")
+    return [one for one in parts if one is not models[0]], sides_of(models[0].compiled(), WHAT)
+
+
+def _signs(given: Any, library: Library, forms: Sequence[str], rec: Record) -> tuple[int, ...]:
+    """Signs by term, or by label where several equations have the term."""
+    if not isinstance(given, Mapping) or any(value not in ("+", "-") for value in given.values()):
+        raise SpecError(f'{WHAT}: signs={given!r} must map terms to "+" or "-", as {{"y**3": "-"}}')
+    found, labels = list(library.signs), library.labels()
+    for key, value in given.items():
+        at = [k for k, label in enumerate(labels) if key == label]
+        if not at and isinstance(key, str) and ":" not in key:
+            own = read_term(key, rec.outputs, rec.inputs, WHAT).form
+            at = [k for k, form in enumerate(forms) if form == own]
+        if not at:
+            raise SpecError(f"{WHAT}: signs= names {key!r}; {nearest(str(key), labels)}")
+        for k in at:
+            found[k] = 1 if value == "+" else -1
+    return tuple(found)
 
 
 def _targets(target: Any, outputs: tuple[str, ...]) -> tuple[str, ...]:

@@ -66,21 +66,23 @@ class Lines:
     Parameters
     ----------
     record : Record
+    y : ndarray, shape (output, time)
+        Its outputs, masked samples interpolated.
     columns : Columns
         Of the targets, followed by the candidates.
     equation : ndarray of int, shape (candidate,)
         Which target each candidate belongs to.
-    variances : ndarray, shape (output,)
+    variances : ndarray, shape (output, time)
     top : int
     unit : float
         rad/s that frequencies are measured in.
     """
 
     def __init__(
-        self, record: Record, columns: Any, equation: Any, variances: F64, top: int, unit: float
+        self, record: Record, y: F64, columns: Any, equation: Any, variances: F64, top: int, unit: float
     ) -> None:
         assert record.dt is not None
-        self.record, self.columns, self.equation = record, columns, np.asarray(equation)
+        self.record, self.y, self.columns, self.equation = record, y, columns, np.asarray(equation)
         self.variances, self.top = variances, top
         n = record.intervals
         omega0 = 2 * np.pi / record.duration
@@ -95,7 +97,8 @@ class Lines:
             self.orders[e] = max(self.orders[e], own)
         self.s = 1j * np.arange(top + 1) * omega0 / unit
         self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
-        signals, slopes = columns.values(record.y, record.u, record.t, variances)
+        good = variances if record.mask is None else np.where(record.mask, variances, 0.0)
+        signals, slopes = columns.values(y, record.u, record.t, good)
         self.signals = self._lines(signals, columns.kinds)
         self.slopes = slopes
         self.target_lines = self._columns(self.targets, self.signals)
@@ -177,11 +180,11 @@ class Lines:
         cost = float(white @ white)
         right = gram @ theta + slope
         constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
-        return Quadratic(cost, gram, right, constant), self.record.y - noise
+        return Quadratic(cost, gram, right, constant), self.y - noise
 
     def _lost(self, count: int) -> tuple[Quadratic, F64]:
         lost = Quadratic(np.inf, np.eye(count), np.zeros(count), np.inf)
-        return lost, self.record.y
+        return lost, self.y
 
     def _factor(self, through: F64) -> F64 | None:
         """Cholesky factor of the covariance of the rows; None where numbers overflow."""
@@ -189,7 +192,7 @@ class Lines:
         n = self.record.intervals
         m = np.arange(self.top + 1)
         minus, plus = m[:, None] - m[None, :], m[:, None] + m[None, :]
-        scaled = through * (self.weights * np.sqrt(self.variances)[:, None])
+        scaled = through * (self.weights * np.sqrt(self.variances))
         full = np.zeros((own * count, own * count))
         used = [[p for p in range(most) if np.any(through[e, p])] for e in range(own)]
         for e in range(own):
@@ -234,7 +237,7 @@ class Lines:
     def _noise(self, through: F64, rows: F64) -> F64:
         """Smoothed noise (output, time) of weighted residual rows."""
         count, n = 2 * self.top + 1, self.record.intervals
-        found = np.zeros_like(self.record.y)
+        found = np.zeros_like(self.y)
         for e in range(len(self.orders)):
             own = rows[e * count : (e + 1) * count]
             lines = own[: self.top + 1].astype(complex)
@@ -247,7 +250,7 @@ class Lines:
                 wave = np.fft.ifft(padded).real * n
                 wave = np.append(wave, wave[0])
                 found += through[e, p] * wave
-        return found * self.weights * self.variances[:, None]
+        return found * self.weights * self.variances
 
 
 def _off(basis: F64, columns: F64) -> F64:
@@ -304,14 +307,14 @@ def _solve(gram: F64, right: F64) -> F64:
     return np.linalg.lstsq(scaled, right / root, rcond=1e-13)[0] / root
 
 
-def signal_edge(record: Record, variances: F64, order: int, wide: int) -> int:
-    """The highest harmonic up to `wide` at which an output shows more than white noise.
+def signal_edge(y: F64, variances: F64, order: int, wide: int) -> int:
+    """The highest harmonic up to `wide` at which an output (row of y) shows more than white noise.
 
     Lines are differenced `order` + 2 times, which takes away what the ends of the record leak.
     """
-    q, n = order + 2, record.intervals
+    q, n = order + 2, y.shape[1] - 1
     top = min(wide + q + SPREAD, n // 2)
-    lines = core_coefficients(record.y, top, ["trapezoid"] * len(record.y), [0.0] * len(record.y), 0, None)
+    lines = core_coefficients(y, top, ["trapezoid"] * len(y), [0.0] * len(y), 0, None)
     weights = quadrature_weights("trapezoid", n, None)
     choose = np.prod([(q + i) / i for i in range(1, q + 1)])
     noise = choose * np.sum(weights**2) / n**2 * variances

@@ -39,15 +39,34 @@ class Subsets:
         Of each candidate, in units of the cost.
     keep : ndarray of bool, shape (candidate,)
         What always stays.
+    signs : sequence of int, optional
+        1 or -1 where the sign of an estimate is given, otherwise 0.
+    needs : ndarray of bool, shape (candidate, candidate), optional
+        Row k marks what must be in where k is.
+
+    The beams pass through subsets that break these two rules, but only others are found.
     """
 
-    def __init__(self, gram: F64, right: F64, constant: float, penalty: F64, keep: Any) -> None:
+    def __init__(
+        self,
+        gram: F64,
+        right: F64,
+        constant: float,
+        penalty: F64,
+        keep: Any,
+        signs: Any = None,
+        needs: Any = None,
+    ) -> None:
         self.root = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         self.gram, self.right = gram / self.root[:, None] / self.root, right / self.root
         self.penalty, self.keep = penalty, np.asarray(keep, dtype=bool)
         self.empty = np.block([[self.gram, self.right[:, None]], [self.right, constant]])
         self.empty[np.diag_indices(penalty.size)] += RIDGE
+        self.signs = np.zeros(penalty.size, dtype=int) if signs is None else np.asarray(signs)
+        self.needs = np.zeros_like(self.gram, dtype=bool) if needs is None else np.asarray(needs, dtype=bool)
+        self.ruled = bool(self.signs.any() or self.needs.any())
         self.found: dict[bytes, float] = {}
+        self.barred: dict[bytes, float] = {}
 
     @cached_property
     def independent(self) -> Any:
@@ -61,14 +80,56 @@ class Subsets:
         theta[at] = np.linalg.lstsq(self.gram[np.ix_(at, at)], self.right[at], rcond=RIDGE)[0]
         return np.asarray(theta / self.root)
 
+    def covariance(self, chosen: Any) -> F64:
+        """Covariance of the estimate of a subset, in units of the cost."""
+        at = np.flatnonzero(chosen)
+        found = np.zeros_like(self.gram)
+        found[np.ix_(at, at)] = np.linalg.pinv(self.gram[np.ix_(at, at)], rcond=RIDGE, hermitian=True)
+        return np.asarray(found / self.root[:, None] / self.root)
+
     def search(self, seeds: Iterable[Any] = ()) -> list[tuple[Any, float]]:
         """Every subset seen with its criterion, best first; `seeds` are tried for exchanges as well."""
         self._forward()
         self._backward()
-        best = sorted(self.found, key=self.found.__getitem__)[:POLISHED]
-        for start in [*map(self._mask, best), *seeds]:
-            self._polish(np.asarray(start) | self.keep)
+        if self.ruled:
+            for start in (*self._best(self.found, POLISHED), *self._best(self.barred, POLISHED), *seeds):
+                self._obey(np.asarray(start) | self.keep)
+        else:
+            for start in (*self._best(self.found, POLISHED), *seeds):
+                self._polish(np.asarray(start) | self.keep)
         return [(self._mask(key), value) for key, value in sorted(self.found.items(), key=lambda x: x[1])]
+
+    def _best(self, subsets: dict[bytes, float], count: int) -> list[Any]:
+        return [self._mask(key) for key in sorted(subsets, key=subsets.__getitem__)[:count]]
+
+    def _obey(self, start: Any) -> None:
+        """Changes of one candidate and exchanges, each made to obey the rules, until none is better."""
+        mask, value = self._lawful(start)
+        while True:
+            near = np.repeat(mask[None], mask.size, axis=0) ^ np.eye(mask.size, dtype=bool)
+            ins, outs = near[~mask], np.flatnonzero(mask & ~self.keep)
+            swaps = np.repeat(ins, outs.size, axis=0)
+            swaps[np.arange(len(swaps)), np.tile(outs, len(ins))] = False
+            trials = {one.tobytes(): one for one in (*ins, *near[outs], *swaps)}
+            best, lowest = min(map(self._lawful, trials.values()), key=lambda x: x[1], default=(mask, value))
+            if not lowest < value - SAME * max(self.penalty.max(), 1e-300):
+                return
+            mask, value = best, lowest
+
+    def _lawful(self, chosen: Any) -> tuple[Any, float]:
+        """A subset with what it needs and without wrong signs, and its criterion, which is kept."""
+        mask = chosen | self.needs[chosen].any(axis=0)
+        while True:
+            theta = self.estimate(mask)
+            wrong = mask & (self.signs * theta < 0)
+            if not np.any(wrong & ~self.keep):
+                break
+            mask = mask & (~wrong | self.keep)
+            mask = mask & (self.keep | ~(self.needs & ~mask).any(axis=1))
+        if np.any(wrong) or np.any(self.needs[mask].any(axis=0) & ~mask):  # of what always stays
+            return mask, np.inf
+        value = self.empty[-1, -1] - RIDGE - self.right @ (theta * self.root) + self.penalty[mask].sum()
+        return mask, self.found.setdefault(mask.tobytes(), float(value))
 
     def _mask(self, key: bytes) -> Any:
         return np.frombuffer(key, dtype=bool)
@@ -89,6 +150,7 @@ class Subsets:
     def _forward(self) -> None:
         mask, table = self._swept(self.keep)
         masks, tables, best, since = mask[None], table[None], np.inf, 0
+        self._record(masks, tables)
         while since < PATIENCE:
             masks, tables, values = self._next(masks, tables, ~masks)
             lowest = values.min(initial=np.inf)
@@ -97,6 +159,7 @@ class Subsets:
     def _backward(self) -> None:
         mask, table = self._swept(np.ones_like(self.keep))
         masks, tables = mask[None], table[None]
+        self._record(masks, tables)
         while len(masks):
             masks, tables, _ = self._next(masks, tables, masks)
 
@@ -110,6 +173,7 @@ class Subsets:
             masks[1 + np.arange(others.size), others] = False
             without = _sweep(np.repeat(table[None], others.size, axis=0), others, out=True)
             tables = np.concatenate([table[None], without])
+            self._record(masks, tables)
             may = ~masks
             may[0] = True
             masks, tables, values = self._next(masks, tables, may)
@@ -122,9 +186,18 @@ class Subsets:
         """Criterion of subsets."""
         cost = tables[:, -1, -1]
         # A negative cost is one of rounding.
-        values = np.where(cost < 0, np.inf, cost + masks @ self.penalty)
-        self.found.update(zip((mask.tobytes() for mask in masks), values.tolist(), strict=True))
-        return np.asarray(values)
+        return np.where(cost < 0, np.inf, cost + masks @ self.penalty)
+
+    def _allowed(self, masks: Any, tables: F64) -> Any:
+        """Which subsets break no rule; the last column of a table has the estimates of what is in."""
+        right = ~np.any(masks & (self.signs * tables[:, :-1, -1] < 0), axis=1)
+        return right & ~np.any((masks @ self.needs) & ~masks, axis=1)
+
+    def _record(self, masks: Any, tables: F64) -> None:
+        """Keep subsets with their criteria."""
+        allowed = self._allowed(masks, tables) if self.ruled else np.ones(len(masks), dtype=bool)
+        for mask, value, sound in zip(masks, self._values(masks, tables).tolist(), allowed, strict=True):
+            (self.found if sound else self.barred)[mask.tobytes()] = value
 
     def _next(self, masks: Any, tables: F64, may: Any) -> tuple[Any, F64, F64]:
         """The best subsets that differ in one candidate of those that `may` change, with their tables."""
@@ -142,10 +215,10 @@ class Subsets:
             mask[column] = not mask[column]
             new.setdefault(mask.tobytes(), (row, column))
         rows, columns = np.array(list(new.values()), dtype=int).reshape(-1, 2).T
-        for key, row, column in zip(new, rows, columns, strict=True):
-            self.found.setdefault(key, float(values[row, column]))
         found = np.array([self._mask(key) for key in new], dtype=bool).reshape(-1, masks.shape[1])
-        return found, _sweep(tables[rows], columns, out=masks[rows, columns]), values[rows, columns]
+        swept = _sweep(tables[rows], columns, out=masks[rows, columns])
+        self._record(found, swept)
+        return found, swept, values[rows, columns]
 
 
 def _sweep(tables: F64, at: Any, out: Any) -> F64:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..errors import FitError
 from .moments import Estimate, Lines, estimate
 from .subsets import Subsets
 
@@ -54,19 +55,20 @@ class Searched:
         return self.moments.found.get(np.asarray(self.chosen).tobytes(), np.inf)
 
 
-def penalties(keep: Any, degrees: Sequence[int]) -> F64:
+def penalties(keep: Any, degrees: Sequence[int], signs: Any = 0) -> F64:
     """What each candidate must lower chi-squared by to come in.
 
     A superfluous one lowers it by more than its penalty with probability FALSE_ALARM/(2^(d+1) n), n the
     number of candidates of its degree d that are not kept. All probabilities together are below
-    FALSE_ALARM, and simple terms come in more easily than those of high degree.
+    FALSE_ALARM, and simple terms come in more easily than those of high degree. A superfluous term has the
+    sign that is asked for half of the time.
     """
     from scipy.special import chdtri
 
     degree, free = np.asarray(degrees), ~np.asarray(keep, dtype=bool)
     count = np.bincount(degree[free], minlength=int(degree.max()) + 1)
     share = FALSE_ALARM / (2.0 ** (degree + 1) * np.maximum(count[degree], 1))
-    return np.asarray(chdtri(1.0, share))
+    return np.asarray(chdtri(1.0, np.where(np.asarray(signs) != 0, 2 * share, share)))
 
 
 class Search:
@@ -80,14 +82,26 @@ class Search:
         Candidates that stay.
     degrees : sequence of int
         Of the candidates, as `penalties` has them.
+    signs, needs : array_like
+        Rules of `Subsets`.
+    tick : callable
+        Called before each search of subsets.
     """
 
-    def __init__(self, lines: Sequence[Lines], keep: Any, degrees: Sequence[int]) -> None:
+    def __init__(
+        self,
+        lines: Sequence[Lines],
+        keep: Any,
+        degrees: Sequence[int],
+        signs: Any,
+        needs: Any,
+        tick: Callable[[], None],
+    ) -> None:
         self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
-        self.count = self.keep.size
+        self.signs, self.needs, self.tick = signs, needs, tick
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
         self.rows = rows
-        self.penalty = penalties(self.keep, degrees)
+        self.penalty = penalties(self.keep, degrees, signs)
 
     def run(self) -> Searched:
         """Walks from a first guess and from the whole library; goes on from the better end."""
@@ -111,12 +125,25 @@ class Search:
         found = [one.rough() for one in self.lines]
         gram, right = (np.sum(parts, axis=0) for parts in zip(*found, strict=True))
         total = float(sum(len(one.orders) for one in self.lines))
-        subsets = Subsets(gram, right, total, self.penalty, self.keep)
+        subsets = self._subsets(gram, right, total)
         every = subsets.independent
         left = (total - right @ subsets.estimate(every)) / (self.rows - every.sum())
         subsets.penalty = self.penalty * max(left, 1e-12)
-        chosen = subsets.search()[0][0]
+        chosen = self._found(subsets)[0][0]
         return estimate(self.lines, chosen, subsets.estimate(chosen))
+
+    def _subsets(self, gram: F64, right: F64, constant: float) -> Subsets:
+        return Subsets(gram, right, constant, self.penalty, self.keep, self.signs, self.needs)
+
+    def _found(self, subsets: Subsets, seeds: Sequence[Any] = ()) -> list[tuple[Any, float]]:
+        self.tick()
+        found = subsets.search(seeds)
+        if not found:
+            raise FitError(
+                "select_terms: no subset with the terms of keep= obeys signs= and hierarchy=; keep fewer "
+                "terms, or give fewer signs"
+            )
+        return found
 
     def _walk(self, start: Estimate) -> Searched:
         """From the moments of one estimate to the best subset, to its estimate, until it stays."""
@@ -135,20 +162,25 @@ class Search:
         chosen = now.theta != 0
         chosen = chosen | self.keep
         if not np.isfinite(q.cost):
-            moments = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
+            moments = self._subsets(q.gram, q.right, q.constant)
             return Searched(chosen, now, [(chosen, np.inf)], moments, 1.0, 1.0, self.rows)
-        plain = Subsets(q.gram, q.right, q.constant, self.penalty, self.keep)
+        plain = self._subsets(q.gram, q.right, q.constant)
         every = plain.independent
         freedom = self.rows - int(every.sum())
         excess = float(q.constant - q.right @ plain.estimate(every)) / freedom
         scale = max(excess, 1.0)
-        moments = Subsets(q.gram / scale, q.right / scale, q.constant / scale, self.penalty, self.keep)
-        return Searched(chosen, now, moments.search([chosen]), moments, scale, excess, freedom)
+        moments = self._subsets(q.gram / scale, q.right / scale, q.constant / scale)
+        return Searched(chosen, now, self._found(moments, [chosen]), moments, scale, excess, freedom)
 
     def _better(self, ends: Sequence[Searched]) -> Searched:
         """The end of the lowest criterion, all in units of the same noise."""
         scale = min((end.scale for end in ends if np.isfinite(end.estimate.cost)), default=1.0)
-        return min(ends, key=lambda end: end.estimate.cost / scale + self.penalty[end.chosen].sum())
+
+        def rank(end: Searched) -> tuple[bool, float]:
+            barred = np.asarray(end.chosen).tobytes() in end.moments.barred
+            return barred, end.estimate.cost / scale + self.penalty[end.chosen].sum()
+
+        return min(ends, key=rank)
 
 
 def weights(subsets: Sequence[tuple[Any, float]]) -> F64:

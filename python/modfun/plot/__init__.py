@@ -10,7 +10,7 @@ from typing import Any
 from ..base.axes import drawing
 from ..inference.comparison import Comparison, CrossValidation
 from ..inference.order import OrderSelection
-from ..inference.terms import TermSelection
+from ..inference.term_selection import TermSelection
 from ..records.record import Record
 from ..reduction.reduction import Reduction
 from ..results.drawing import bode, correlation, poles, response

@@ -241,7 +241,7 @@ def test_terms_are_selected(tmp_path, capsys):
     )
     rec.to_csv(tmp_path / "spring.csv")
     words = ["terms", str(tmp_path / "spring.csv"), "--output", "y", "--input", "u", "--target", "y''"]
-    library = ["--library", "y, y**2, y**3, y', u", "--keep", "u"]
+    library = ["--library", "y, y**2, y**3, y', u", "--keep", "u", "--sign", "y**3=-", "--hierarchy"]
     assert main([*words, *library, "--json", "-"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert sorted(printed["terms"]["y''"]) == ["u", "y", "y'", "y**3"]

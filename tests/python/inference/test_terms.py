@@ -1,6 +1,6 @@
 """Selected terms: the true ones of known systems, rates and messages."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import modfun as mf
 import numpy as np
@@ -122,9 +122,10 @@ def test_moments_are_those_of_the_likelihood():
     fit = mf.fit(
         rec, mf.Equation("y'' = c1*y' + c2*y + c3*y**3 + c4*u"), harmonics=20, noise=mf.Noise(y=[level])
     )
-    library = library_of("y', y, y**3, u", "y''", None, rec.outputs, rec.inputs, rec.intersample)
+    library = library_of("y', y, y**3, u", "y''", None, rec)
     edge = 2 * np.pi / rec.duration * fit.lines[0][1]
-    lines = [Lines(rec, library.columns, library.equation, np.array([level**2]), fit.lines[0][1], edge)]
+    level2 = np.full(rec.y.shape, level**2)
+    lines = [Lines(rec, rec.y, library.columns, library.equation, level2, fit.lines[0][1], edge)]
     every = np.ones(4, bool)
     found = estimate(lines, every, np.array([-0.3, -1.0, -0.5, 1.0]))
     lines[0].bend(found.smooth[0])
@@ -140,6 +141,151 @@ def test_the_fit_is_that_of_the_equation_on_the_common_band():
     assert found.fit.success
     assert found.fit.band[1] == pytest.approx(found.band[1])
     np.testing.assert_allclose(sorted(found.fit.params), sorted([-1.0, -0.5, -0.3, 1.0]), atol=0.05)
+
+
+def test_terms_of_a_model_are_candidates():
+    """Terms without a parameter stay on the left; bounds of parameters are signs."""
+    model = mf.Equation("y'' + d*y' + a*y + b*y**3 + c*y*y' = u", params={"d": mf.Free(min=0)})
+    found = mf.select_terms(duffing(), [model, "u*y, y**2"])
+    assert found.terms == {"y'' - u": ("y'", "y", "y**3")}
+    assert found.inclusion["term"].tolist() == ["y'", "y*y'", "y", "y**3", "u*y", "y**2"]
+    signed = penalties([False] * 3, [1, 1, 1], [-1, 0, 0])
+    assert found.inclusion["penalty"][0] < found.inclusion["penalty"][2]
+    assert signed[0] < signed[1] == signed[2]
+
+
+def test_a_model_is_extended():
+    found = mf.select_terms(duffing(), "polynomials of y up to 4", keep=mf.Equation("y'' + d*y' + a*y = u"))
+    assert found.terms == {"y'' - u": ("y'", "y", "y**3")}
+    assert found.inclusion["kept"].tolist() == [True, True, False, False, False, False]
+
+
+def test_terms_of_matrices_and_of_eliminated_signals_are_candidates():
+    library = library_of(
+        mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [[0], ["Md"]], states=["x", "z"], inputs=["u"]),
+        None,
+        None,
+        mf.Record(
+            np.random.default_rng(0).standard_normal((2, 99)), u=np.ones(99), dt=0.1, outputs=["x", "z"]
+        ),
+    )
+    assert library.labels() == ["x' - z: x", "z': x", "z': z", "z': u"]
+    prey = mf.Equation(["x' = a*x - b*x*z", "z' = d*x*z - c*z"], outputs=["x"], hidden=["z"])
+    rec = record(PREY, [2.0, 1.0], 20.0, 0.0).select(outputs=["x"])
+    library = library_of(prey, None, None, rec)
+    assert library.targets == ("(log(x))''",)
+    assert library.terms == ("x'/x", "x'", "x", "1")
+
+
+@pytest.mark.parametrize(
+    ("signs", "chosen"), [({"y*y**2": "-"}, {"y", "y**3", "y'", "u"}), ({"y**3": "+"}, {"y", "y'", "u"})]
+)
+def test_signs_are_obeyed(signs, chosen):
+    found = mf.select_terms(duffing(), "y, y**3, y', u", target="y''", signs=signs)
+    assert set(found.terms["y''"]) == chosen
+
+
+def test_a_sign_of_one_of_several_equations():
+    rec = record(PREY, [2.0, 1.0], 20.0, 0.05)
+    found = mf.select_terms(rec, "x, z, x*z", signs={"x': x*z": "-", "z': z": "-"})
+    penalty = dict(zip(found.inclusion["term"], found.inclusion["penalty"], strict=True))
+    assert found.terms == {"x'": ("x", "x*z"), "z'": ("z", "x*z")}
+    assert penalty["z': z"] < penalty["x': z"]
+    assert penalty["x': x*z"] < penalty["z': x*z"]
+
+
+def test_products_come_in_with_their_factors():
+    model = mf.Equation("y' + y = u + 0.5*y*u")
+    rec = mf.simulate(model.model({}), input=INPUT, duration=20.0, intervals=512, nsr=0.02, seed=3)
+    library = "y, u, y*u, y**2, u**2, y**2*u"
+    assert set(mf.select_terms(rec, library).terms["y'"]) == {"y", "u", "y*u"}
+    only = mf.Equation("y' + y = 0.5*y*u + 1")
+    rec = mf.simulate(only.model({}), input=INPUT, duration=20.0, intervals=512, nsr=0.02, seed=3)
+    assert set(mf.select_terms(rec, "1, " + library).terms["y'"]) == {"1", "y", "y*u"}
+    assert set(mf.select_terms(rec, "1, " + library, hierarchy=True).terms["y'"]) == {"1", "y", "u", "y*u"}
+
+
+def test_rules_find_the_best_of_all_subsets_that_obey_them():
+    rng = np.random.default_rng(1)
+    needs = np.zeros((7, 7), bool)
+    needs[2, [0, 1]] = needs[5, [3, 4]] = True
+    signs = np.array([0, 1, 0, -1, 0, 0, 1])
+    for _ in range(20):
+        x = rng.standard_normal((40, 7)) @ (np.eye(7) + 0.5 * rng.standard_normal((7, 7)))
+        y = x[:, [2, 4, 6]] @ [1.0, -1.0, 0.4] + rng.standard_normal(40)
+        subsets = Subsets(x.T @ x, x.T @ y, y @ y, np.full(7, 6.0), np.zeros(7, bool), signs, needs)
+        best = (np.inf, np.zeros(7, bool))
+        for mask in (np.array(one, bool) for one in product([0, 1], repeat=7)):
+            theta = np.zeros(7)
+            theta[mask] = np.linalg.lstsq(x[:, mask], y)[0]
+            if np.all(signs * theta >= 0) and not np.any(needs[mask].any(axis=0) & ~mask):
+                best = min(best, (np.sum((y - x @ theta) ** 2) + 6.0 * mask.sum(), mask), key=lambda b: b[0])
+        mask, value = subsets.search()[0]
+        assert value == pytest.approx(best[0])
+        assert mask.tolist() == best[1].tolist()
+
+
+def test_averages_count_the_selection():
+    found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
+    y = list(found.inclusion["term"]).index("y")
+    assert 0.01 < found.inclusion["probability"][y] < 0.99
+    conditional = found.fit.bse[0]
+    assert found.inclusion["se"][y] > 2 * conditional
+    sure = mf.select_terms(duffing(0.05), "y, y**3, y', u", target="y''")
+    np.testing.assert_allclose(sure.inclusion["value"], sure.fit.params, rtol=0.01)
+    np.testing.assert_allclose(sure.inclusion["se"], sure.fit.bse, rtol=0.3)
+
+
+def test_masked_samples_are_left_out():
+    rec = duffing()
+    good = np.ones(rec.y.shape[1], bool)
+    good[[5, 400, 401, 402, 403, 700]] = False
+    wild = mf.Record(np.where(good, rec.y, 30.0), u=rec.u, dt=rec.dt, mask=good)
+    found = mf.select_terms(wild, "1, y, y**2, y**3, y', u, u*y", target="y''")
+    assert set(found.terms["y''"]) == {"y", "y**3", "y'", "u"}
+    assert found.fit["c1"] == pytest.approx(-1.0, abs=0.05)
+
+
+def test_samples_of_unlike_noise_are_weighed():
+    clean, rng = duffing(0.0), np.random.default_rng(0)
+    sigma = np.where(np.arange(1025) < 500, 1.0, 6.0)
+    y = clean.y + 0.03 * sigma * rng.standard_normal(1025)
+    library = "1, y, y**2, y**3, y', u"
+    weighed, plain = (
+        mf.select_terms(mf.Record(y, u=clean.u, dt=clean.dt, sigma=one), library, target="y''")
+        for one in (sigma, None)
+    )
+    assert set(weighed.terms["y''"]) == {"y", "y**3", "y'", "u"}
+    rows = [one.inclusion["se"][1] for one in (weighed, plain)]
+    assert rows[0] < 0.6 * rows[1]
+
+
+def test_equations_are_written_as_latex_and_markdown():
+    found = mf.select_terms(duffing(), "y, y**3, y'", target="y'' - u")
+    text = found.to_latex()
+    assert text.startswith("\\begin{aligned}\n\\ddot{y} - u &= -")
+    assert r"\,y^{3}" in text
+    assert r"\,\dot{y}" in text
+    assert f"{found.fit['c1']:.4f}" in text
+    assert found.to_markdown().count("| c") == 3
+
+
+def test_ctrl_c_ends_a_search():
+    import _thread
+    import threading
+
+    def search():
+        threading.Timer(0.3, _thread.interrupt_main).start()
+        for _ in range(100):
+            mf.select_terms(duffing(), "polynomials of y, u up to 6, y', y*y', sin(y)", target="y''")
+
+    with pytest.raises(KeyboardInterrupt):
+        search()
+
+
+def test_long_searches_show_their_progress(capfd):
+    mf.select_terms(duffing(), "y, y**3, y', u", target="y''", progress=True)
+    assert "select_terms: " in capfd.readouterr().err
 
 
 def test_several_records_are_one_problem():
@@ -180,7 +326,7 @@ def test_equal_terms_are_one_candidate():
 def test_terms_are_read_by_the_language_of_equations():
     rec = duffing()
     library = "max(y, 0), (y + 1)*u, y/2,, where(y > 0, y, u), 1 < t, -u, y**3"
-    found = library_of(library, "y''", None, rec.outputs, rec.inputs, rec.intersample)
+    found = library_of(library, "y''", None, rec)
     assert found.terms == ("max(y, 0)", "(y + 1)*u", "y/2", "where(y > 0, y, u)", "1 < t", "-u", "y**3")
     names = ["c"] * 7
     assert found.texts([True] * 7, names)[0] == (
@@ -245,6 +391,20 @@ REFUSED = {
     "too many": (lambda rec: mf.select_terms(rec, "polynomials of y, u up to 99"), "at most 10"),
     "a family of sums": (lambda rec: mf.select_terms(rec, "polynomials of y+u up to 2"), "not of 'y+u'"),
     "noise": (lambda rec: mf.select_terms(rec, "y", noise="coloured"), "mf.Noise"),
+    "a sign of a stranger": (lambda rec: mf.select_terms(rec, "y, u", signs={"y**3": "+"}), "names 'y**3'"),
+    "no sign": (lambda rec: mf.select_terms(rec, "y, u", signs={"y": 1}), 'must map terms to "+" or "-"'),
+    "a model and a target": (
+        lambda rec: mf.select_terms(rec, mf.Equation("y' + a*y = u"), target="y'"),
+        "target= is for libraries of text",
+    ),
+    "two models": (
+        lambda rec: mf.select_terms(rec, [mf.Equation("y' + a*y = u")] * 2 + [mf.Equation("y' + a*y = b*u")]),
+        "has 3 models",
+    ),
+    "models that differ": (
+        lambda rec: mf.select_terms(rec, mf.Equation("y' + a*y = u"), keep=mf.Equation("y' + a*y = 0")),
+        "different left sides",
+    ),
 }
 
 
@@ -259,9 +419,11 @@ def test_bad_libraries_are_refused_in_words(name):
 def test_records_that_do_not_serve_are_refused():
     rec = duffing()
     masked = np.ones(rec.y.shape[1], bool)
-    masked[5] = False
-    with pytest.raises(mf.DataError):
+    masked[200:400] = False
+    with pytest.raises(mf.DataError, match="gap"):
         mf.select_terms(rec.weigh(mask=masked), "y")
+    with pytest.raises(mf.FitError, match="keep fewer"):
+        mf.select_terms(rec, "y, y', u", keep="y**3", target="y''", signs={"y**3": "+"})
     with pytest.raises(mf.DataError, match="smaller library"):
         mf.select_terms(mf.Record(rec.y[:, :40], u=rec.u[:, :40], dt=0.02), "polynomials of y, u up to 6")
 

@@ -104,6 +104,8 @@ class ReadTerm:
         Number of factors, powers and functions counted.
     terms : tuple of Term
         Derivatives of signals that it is the sum of.
+    factors : tuple of str
+        Forms of the factors of a product of different ones, otherwise none.
     fault : str
         Why it is no such sum; empty where it is one.
     """
@@ -111,6 +113,7 @@ class ReadTerm:
     form: str
     degree: int
     terms: tuple[Term, ...]
+    factors: tuple[str, ...] = ()
     fault: str = ""
 
 
@@ -147,6 +150,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             shape,
             degree,
             (),
+            (),
             f"{what}: the term {text!r} cannot be used: {said(fault.term)} is not a derivative of a signal; "
             "leave it out, or measure the derivative as a channel of its own",
         )
@@ -157,7 +161,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             if number != 0 and not (signal == 1 and piece.order):
                 terms.append(Term(0, number, piece.order, signal))
     empty = "" if terms else f"{what}: the term {text!r} is zero; leave it out"
-    return ReadTerm(shape, degree, tuple(terms), empty)
+    return ReadTerm(shape, degree, tuple(terms), _factors(whole), empty)
 
 
 @lru_cache(KEPT)
@@ -195,6 +199,12 @@ def columns_of(
     for (text, signal, times), term in zip(made.words["terms"], terms, strict=True):
         parts[text, times, signal] += float(term.coefficient)
     return Columns(tuple(texts), forms, degrees, made, parts)
+
+
+def _factors(expr: sympy.Expr) -> tuple[str, ...]:
+    """Factors of a product of at least two, numbers aside."""
+    found = [one for one in sympy.Mul.make_args(expr) if one.free_symbols]
+    return tuple(map(str, found)) if len(found) > 1 else ()
 
 
 def _degree(expr: sympy.Expr) -> int:

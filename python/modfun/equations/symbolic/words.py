@@ -16,13 +16,32 @@ MOST_DENOMINATOR = 100
 
 
 class _Printer(StrPrinter):  # type: ignore[misc]  # SymPy ships no types
-    """Delays as y(t - h), |y| as abs(y), decimal fractions as decimals."""
+    """Delays as y(t - h), functions by their names in the language, decimal fractions as decimals."""
 
     def _print_Delayed(self, expr: Any) -> str:
         return f"{self._print(expr.args[0])}(t - {self._print(expr.args[1])})"
 
     def _print_Abs(self, expr: Any) -> str:
         return f"abs({self._print(expr.args[0])})"
+
+    def _print_Max(self, expr: Any) -> str:
+        return self._nested("max", expr.args)
+
+    def _print_Min(self, expr: Any) -> str:
+        return self._nested("min", expr.args)
+
+    def _nested(self, name: str, args: Sequence[Any]) -> str:
+        found = str(self._print(args[0]))
+        for one in args[1:]:
+            found = f"{name}({found}, {self._print(one)})"
+        return found
+
+    def _print_Piecewise(self, expr: Any) -> str:
+        *first, last = expr.args
+        found = self._print(last[0])
+        for value, condition in reversed(first):
+            found = f"where({self._print(condition)}, {self._print(value)}, {found})"
+        return str(found)
 
     def _print_Heaviside(self, expr: Any) -> str:
         return f"step({self._print(expr.args[0])})"
