@@ -19,12 +19,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModfunError, SpecError
 from .arrays import C128, F64
+from .names import nearest
 
 __all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
 _WORDS = {"c": "complex", "U": "text", "S": "text", "M": "dates", "m": "durations"}
+# What others call an option, its name here, and what it is.
+_STEP = ("ts", "dt", "delta_t", "timestep", "sample_time", "sampling_time")
+_CALLED = (
+    (_STEP, "dt", "the sampling interval in seconds"),
+    (_STEP, "intervals", "the number of sampling intervals, duration/dt"),
+    (("n", "np", "order"), "poles", "their number"),
+    (("nz",), "zeros", "their number"),
+    (("iodelay", "inputdelay"), "delay", "in seconds"),
+    (("u", "signal"), "input", "samples, a text such as 'sin(t)', or mf.signals"),
+    (("x0", "y0"), "initial_state", "at the first sample"),
+    (("noise",), "nsr", "noise over signal, such as 0.1"),
+    (("n", "runs"), "replicates", "their number"),
+    (("n_jobs",), "threads", "their number"),
+)
 _RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError)
 
 
@@ -134,7 +149,8 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
     try:
         bound = written.bind(*args, **given).arguments
     except TypeError:
-        return  # another number of arguments, or names that do not exist: Python has said it
+        _refuse_call(written, name, args, given)
+        return
     meant = inspect.signature(function, locals=_Meanings(function.__globals__), eval_str=True).parameters
     for key, parameter in meant.items():
         if key not in bound or parameter.annotation is parameter.empty:
@@ -150,6 +166,37 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
                     f"{name}: {own}={shown(value)} is of type {type(value).__name__}; it takes "
                     f"{_written(written.parameters[key].annotation)}"
                 ) from None
+
+
+def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], given: dict[str, Any]) -> None:
+    """Raise SpecError for names that do not exist, arguments without a name, and those that are missing."""
+    own = [p for p in written.parameters.values() if p.name != "self"]
+    args = args[len(written.parameters) - len(own) :]
+    kinds = inspect.Parameter
+    options = [p.name for p in own if p.kind in (kinds.POSITIONAL_OR_KEYWORD, kinds.KEYWORD_ONLY)]
+    for key in given:
+        if key not in options and not any(p.kind is kinds.VAR_KEYWORD for p in own):
+            raise SpecError(f"{name}: there is no option {key!r}; {_meant(key, options)}") from None
+    placed = [p.name for p in own if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    if extra := args[len(placed) :]:
+        free = [key for key in options if key not in placed and key not in given]
+        call = ", ".join([*placed, *(f"{key}=..." for key in free[: len(extra)])])
+        raise SpecError(
+            f"{name}: {len(args)} arguments are given without a name, at most {len(placed)} may be; write "
+            f"{name}({call})"
+        ) from None
+    missing = [p.name for p in own if p.default is p.empty and p.name not in given and p.name in options]
+    missing = [key for key in missing if key not in placed[: len(args)]]
+    if missing:
+        raise SpecError(f"{name}: {', '.join(missing)} is missing; give {missing[0]}=...") from None
+
+
+def _meant(key: str, options: Sequence[str]) -> str:
+    """What an option is called here that others call so, or the names that are nearest."""
+    for called, own, what in _CALLED:
+        if key.lower() in called and own in options:
+            return f"give {own}=..., {what}"
+    return nearest(key, options)
 
 
 def _written(annotation: Any) -> str:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..errors import SpecError
 from .arguments import Thing, public, shown
 from .arrays import F64
+from .names import nearest
 from .optional import optional
-from .tables import nearest
 
 
 def drawing(function: Thing) -> Thing:
@@ -73,7 +73,7 @@ def chosen_rows(rows: Sequence[str], outputs: Sequence[str], output: str | None,
     return chosen_outputs(outputs, output, what)
 
 
-def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:
+def take_grid(ax: Any, rows: int, columns: int, *, sharex: bool = True) -> list[Any]:
     """Return Axes row by row: new ones, or the given ones."""
     if ax is not None:
         if hasattr(ax, "plot"):
@@ -83,7 +83,7 @@ def take_grid(ax: Any, rows: int, columns: int) -> list[Any]:
     _, made = pyplot.subplots(
         rows,
         columns,
-        sharex=True,
+        sharex=sharex,
         squeeze=False,
         figsize=(4.6 * columns, 3.1 * rows + 0.5),
         layout="constrained",

@@ -14,7 +14,7 @@ from ..errors import DataError, SpecError
 from .arguments import real, reals, whole
 from .arrays import F64
 from .between import AUTO
-from .tables import nearest
+from .names import nearest
 from .words import INTERSAMPLE
 
 Array = TypeVar("Array", bound=NDArray[Any])
@@ -72,8 +72,9 @@ def channels_of(values: ArrayLike, what: str, axis: int) -> F64:
     if array.ndim == 1:
         array = array[None, :]
     elif array.ndim != 2:
+        step = "; give a sampling interval by its name, dt=" if what == "u" and array.ndim == 0 else ""
         raise DataError(
-            f"Record: {what} has {array.ndim} dimensions; it must be 1-D (time) or 2-D (channel, time)"
+            f"Record: {what} has {array.ndim} dimensions; it must be 1-D (time) or 2-D (channel, time){step}"
         )
     elif axis == 0:
         array = np.ascontiguousarray(array.T)

@@ -9,7 +9,15 @@ import numpy as np
 from ..errors import SpecError
 from .arrays import F64
 
-__all__ = ["confidence", "normal_factor", "probability", "root", "student_factor", "student_interval"]
+__all__ = [
+    "confidence",
+    "normal_factor",
+    "probability",
+    "root",
+    "student_factor",
+    "student_interval",
+    "student_p",
+]
 
 LEAST = 0.5  # of the level of an interval: what is less is meant as its complement
 
@@ -51,6 +59,14 @@ def student_factor(degrees: Any, level: float) -> F64:
 
     free = np.asarray(degrees, dtype=np.float64)
     return np.where(free > 0, stdtrit(np.where(free > 0, free, 1.0), 0.5 + level / 2), np.nan)
+
+
+def student_p(t: F64, degrees: Any) -> F64:
+    """Probability of a ratio at least this large, either way, of an estimate whose true value is 0."""
+    from scipy.special import stdtr
+
+    free = np.asarray(degrees, dtype=np.float64)
+    return np.where(free > 0, 2 * stdtr(np.where(free > 0, free, 1.0), -np.abs(t)), np.nan)
 
 
 def student_interval(values: F64, errors: F64, degrees: Any, level: float) -> tuple[F64, F64]:

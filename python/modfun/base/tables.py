@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,11 +14,11 @@ from numpy.typing import NDArray
 from ..errors import SpecError
 from . import html
 from .arguments import public, shown
+from .names import nearest
 from .optional import optional
 
-__all__ = ["Findings", "Table", "listed", "nearest"]
+__all__ = ["Findings", "Table"]
 
-MANY, LONG = 40, 60  # names that a message lists, and letters of each
 DIGITS = 5  # significant digits of the largest number of a column
 
 
@@ -35,6 +34,8 @@ class Table:
         Values by column name. Numbers become NumPy arrays, anything else an object array.
     title : str, optional
         A line printed above the table.
+    units : mapping of str to str, optional
+        Units by column name, printed below the names; those of other columns are left out.
 
     Raises
     ------
@@ -52,24 +53,33 @@ class Table:
 
     Examples
     --------
-    >>> table = Table({"mode": [1, 2], "omega": [2.828, 14.5]})
+    >>> table = Table({"mode": [1, 2], "omega": [2.828, 14.5]}, units={"omega": "rad/s"})
     >>> print(table)
     mode   omega
+           rad/s
        1   2.828
        2  14.500
     """
 
-    __slots__ = ("_columns", "title")
+    __slots__ = ("_columns", "_units", "title")
 
     _columns: dict[str, NDArray[Any]]
+    _units: dict[str, str]
     title: str | None
 
-    def __init__(self, columns: Mapping[str, Sequence[Any] | NDArray[Any]], title: str | None = None) -> None:
+    def __init__(
+        self,
+        columns: Mapping[str, Sequence[Any] | NDArray[Any]],
+        title: str | None = None,
+        *,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
         arrays = {str(name): _column(values) for name, values in columns.items()}
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise SpecError(f"a Table needs columns of equal length, these have {lengths}")
         object.__setattr__(self, "_columns", arrays)
+        object.__setattr__(self, "_units", {n: str(u) for n, u in (units or {}).items() if u and n in arrays})
         object.__setattr__(self, "title", title)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -79,7 +89,12 @@ class Table:
         raise AttributeError("a Table cannot be changed; make a new one from .to_dict()")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Table, (self._columns, self.title)
+        return _made, (type(self), self._columns, self.title, self._units)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by column name, of the columns that have one (a copy)."""
+        return dict(self._units)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -111,10 +126,8 @@ class Table:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Table):
             return NotImplemented
-        return (
-            self.title == other.title
-            and self.columns == other.columns
-            and all(_same(self[name], other[name]) for name in self.columns)
+        return (self.title, self.columns, self._units) == (other.title, other.columns, other._units) and all(
+            _same(self[name], other[name]) for name in self.columns
         )
 
     __hash__ = None  # type: ignore[assignment]
@@ -124,11 +137,13 @@ class Table:
         return {name: values.tolist() for name, values in self._columns.items()}
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame (extra ``pandas``)."""
-        return optional("pandas", "pandas", "Table.to_pandas").DataFrame(self.to_dict())
+        """Return a pandas.DataFrame (extra ``pandas``); its ``attrs["units"]`` are `units`."""
+        frame = optional("pandas", "pandas", "Table.to_pandas").DataFrame(self.to_dict())
+        frame.attrs["units"] = self.units
+        return frame
 
     def to_csv(self) -> str:
-        r"""Return the table as comma-separated text, numbers with all their digits.
+        r"""Return the table as comma-separated text, numbers with all their digits, units in brackets.
 
         Examples
         --------
@@ -137,7 +152,7 @@ class Table:
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.columns)
+        writer.writerow(self._headings())
         writer.writerows(zip(*self.to_dict().values(), strict=True))
         return text.getvalue()
 
@@ -153,7 +168,7 @@ class Table:
         | 2 | 14.500 |
         """
         texts, flush = self._cells()
-        lines = [self.columns, *zip(*texts, strict=True)]
+        lines = [self._headings(), *zip(*texts, strict=True)]
         rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines]
         rule = "|" + "|".join("---:" if right else "---" for right in flush) + "|"
         return "\n".join([rows[0], rule, *rows[1:]])
@@ -174,10 +189,15 @@ class Table:
         \end{tabular}
         """
         texts, flush = self._cells()
-        rows = [" & ".join(map(_latex, line)) + r" \\" for line in [self.columns, *zip(*texts, strict=True)]]
+        lines = [self._headings(), *zip(*texts, strict=True)]
+        rows = [" & ".join(map(_latex, line)) + r" \\" for line in lines]
         layout = "".join("r" if right else "l" for right in flush)
         head = [rf"\begin{{tabular}}{{{layout}}}", r"\hline", rows[0], r"\hline"]
         return "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"])
+
+    def _headings(self) -> list[str]:
+        """Names of the columns with their units in brackets."""
+        return [f"{name} ({self._units[name]})" if name in self._units else name for name in self.columns]
 
     def _cells(self) -> tuple[list[list[str]], list[bool]]:
         """The columns as texts, and which of them are numbers."""
@@ -186,7 +206,11 @@ class Table:
 
     def __repr__(self) -> str:
         texts, flush = self._cells()
-        widths = [max(map(len, [name, *cells])) for name, cells in zip(self._columns, texts, strict=True)]
+        units = [self._units.get(name, "") for name in self.columns]
+        widths = [
+            max(map(len, [name, unit, *cells]))
+            for name, unit, cells in zip(self._columns, units, texts, strict=True)
+        ]
 
         def line(cells: Sequence[str]) -> str:
             padded = (
@@ -195,12 +219,13 @@ class Table:
             )
             return "  ".join(padded).rstrip()
 
-        lines = [line(self.columns), *(line(row) for row in zip(*texts, strict=True))]
+        head = [self.columns, *([units] if any(units) else [])]
+        lines = [line(row) for row in (*head, *zip(*texts, strict=True))]
         return "\n".join([self.title, *lines] if self.title else lines)
 
     def _repr_html_(self) -> str:
         texts, flush = self._cells()
-        return html.table(self.columns, zip(*texts, strict=True), title=self.title, right=flush)
+        return html.table(self._headings(), zip(*texts, strict=True), title=self.title, right=flush)
 
 
 class Findings:
@@ -261,22 +286,8 @@ class Findings:
         return html.listing(self.sentences, title=title)
 
 
-def nearest(name: object, known: Sequence[str]) -> str:
-    """Return "did you mean ...? (there are ...)" for a name that is not among the known ones."""
-    by_lower = {word.lower(): word for word in reversed(known)}
-    text = str(name).lower()
-    close = [by_lower[word] for word in difflib.get_close_matches(text, by_lower, n=3, cutoff=0.5)]
-    if text:  # "q" is no close match of "Q (deg/s)" by letters, but what is meant all the same
-        close += [word for word in known if word.lower().startswith(text) and word not in close][:3]
-    guess = f"did you mean {' or '.join(repr(word) for word in close)}? " if close else ""
-    return f"{guess}there are: {listed(known)}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names for a message, cut where they are many or long, as in a file that is not a table."""
-    shown = [name if len(name) <= LONG else f"{name[:LONG]}…" for name in map(str, names[:MANY])]
-    more = f", … ({len(names)} in all)" if len(names) > MANY else ""
-    return (", ".join(shown) or "none") + more
+def _made(kind: type[Table], columns: Any, title: str | None, units: Mapping[str, str]) -> Table:
+    return kind(columns, title, units=units)
 
 
 def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:

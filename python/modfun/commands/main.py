@@ -7,12 +7,23 @@ everything else to standard error.
 from __future__ import annotations
 
 import io
+import re
 import sys
 import warnings
 from collections.abc import Sequence
 from typing import Any
 
 from ..errors import DataError, ModfunError, ModfunWarning, SpecError
+
+# Options of functions that the command line has by another name than --name.
+RENAMED = {"outputs": "output", "inputs": "input"}
+OPTIONS = (
+    "outputs", "inputs", "time", "dt", "intersample", "missing", "part", "units", "only", "on", "poles",
+    "zeros", "delay", "denominator", "method", "band", "harmonics", "trend", "noise", "cov_type", "rule",
+    "initial_state", "library", "target",
+)  # fmt: skip
+# Not in a call that is quoted, rec.select(outputs=...).
+SAID = re.compile(rf"""(?<![(\w.])({"|".join(OPTIONS)})=(?:'([\w.]*)'|"([\w.]*)"|(?=([\w\[({{-]))|)""")
 
 __all__ = ["main"]
 
@@ -64,9 +75,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(text: str, code: int) -> int:
-    print(f"modfun: {text}", file=sys.stderr)
+    print(f"modfun: {in_options(text)}", file=sys.stderr)
     return code
 
 
 def _show_warning(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
-    print(f"modfun: warning: {message}", file=sys.stderr)
+    print(f"modfun: warning: {in_options(str(message))}", file=sys.stderr)
+
+
+def in_options(text: str) -> str:
+    """A message in the words of the command line: time='t' as --time t."""
+
+    def said(found: re.Match[str]) -> str:
+        name, value = RENAMED.get(found[1], found[1]), found[2] or found[3] or ""
+        return f"--{name.replace('_', '-')}{' ' if value or found[4] else ''}{value}"
+
+    return SAID.sub(said, text)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.callables import address, at
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import SpecError
 from ..language.parser import Text, equation
 from ..models.free import Free, from_plain, to_plain

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import html
+from ..base.names import nearest
 from ..base.optional import optional
 from ..base.samples import numbered
-from ..base.tables import Table, nearest
+from ..base.tables import Table
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, FUNCTIONS
 from ..models.free import Free
+from ..records.record import Record
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -210,6 +212,21 @@ class Written:
 
     def _state(self) -> tuple[Any, ...]:
         raise NotImplementedError
+
+    def own_channels(self, rec: Record) -> Record:
+        """A record without the outputs and inputs that the model does not name."""
+        kept = [name for name in rec.kept if name in self.all_parameters]
+        if kept:
+            raise SpecError(
+                f"{self._kind}: {kept[0]!r} is a parameter of the model and a channel that the record keeps; "
+                f"make it an input, rec.select(inputs={[*rec.inputs, kept[0]]}), or name the parameter "
+                "otherwise"
+            )
+        outputs = tuple([name for name in rec.outputs if name in self.outputs])
+        inputs = tuple([name for name in rec.inputs if name in self.inputs])
+        if not outputs or (outputs, inputs) == (rec.outputs, rec.inputs):
+            return rec
+        return rec.select(outputs=outputs, inputs=inputs)
 
     def _match(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
         for what, own, have, other in (

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public, reals
 from ..base.arrays import F64
-from ..base.tables import Table, nearest
+from ..base.names import nearest
+from ..base.tables import Table
 from ..base.words import TRENDS
 from ..errors import DataError, SpecError
 from ..models.options import WORDS
@@ -59,10 +60,11 @@ class Bound:
 
     @property
     def relative(self) -> float:
-        """Root mean square over the parameters of standard deviation over value, in %."""
-        if not np.all(self.values != 0):
+        """Root mean square of standard deviation over value, in %, over the parameters that are not 0."""
+        own = self.values != 0
+        if not own.any():
             return float("nan")
-        return float(100 * np.sqrt(np.mean((self.sd / self.values) ** 2)))
+        return float(100 * np.sqrt(np.mean((self.sd[own] / self.values[own]) ** 2)))
 
     def __getitem__(self, name: str) -> float:
         """Smallest standard deviation of a parameter."""

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.samples import numbered
-from ..base.tables import nearest
 from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace

@@ -7,20 +7,25 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from ..base.arrays import F64
-from ..base.tables import listed
+from ..base.names import listed
 from ..errors import DataError
 from .writing import write_text
 
-__all__ = ["Delimited", "number", "read_delimited", "write_delimited"]
+__all__ = ["Delimited", "numbers", "read_delimited", "write_delimited"]
 
 
 TRUTH = {"true": 1.0, "false": 0.0}
 CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:\.\d*)?)")  # days (IRIG), hours, minutes
+DAY = 86400.0
+DATE = re.compile(  # ISO 8601: day, hours to seconds, fraction, zone
+    r"(\d{4}-\d\d-\d\d)(?:[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|z|[+-]\d\d(?::?\d\d)?)?)?"
+)
 LONGEST_UNIT = 12  # letters; more is a description
 UTF16 = (b"\xff\xfe", b"\xfe\xff")  # how a file of "Unicode text" begins
 MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
@@ -29,7 +34,8 @@ MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."
 def number(text: str) -> float | None:
     """Return the number a text stands for, nan for the usual marks of a missing value, else None.
 
-    Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds.
+    Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds; dates,
+    ``2026-03-01T14:05:36.02Z``, are seconds from 1970 on.
     """
     stripped = text.strip()
     if stripped.lower() in MISSING:
@@ -41,9 +47,46 @@ def number(text: str) -> float | None:
     except ValueError:
         clock = CLOCK.fullmatch(stripped)
         if clock is None:
-            return None
+            date = _nanoseconds(stripped)
+            return None if date is None else date / 1e9
         days, hours, minutes, seconds = clock.groups(default="0")
         return 86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+
+
+def numbers(texts: Sequence[str], commas: bool = False) -> tuple[F64, int | None]:
+    """Return the numbers of a column of texts, and the first row that holds none.
+
+    Dates become seconds from the first one. Times of day without a day go on over midnight. With `commas`,
+    a comma is the decimal point of a column that has no other.
+    """
+    commas = commas and any("," in text for text in texts) and not any("." in text for text in texts)
+    values = np.full(len(texts), np.nan)
+    for row, text in enumerate(texts):
+        found = number(text.replace(",", ".") if commas else text)
+        if found is None:
+            return values, row
+        values[row] = found
+    dates = [_nanoseconds(text.strip()) for text in texts] if texts and DATE.match(texts[0].strip()) else []
+    if dates:
+        first = next(date for date in dates if date is not None)
+        return np.array([np.nan if date is None else (date - first) / 1e9 for date in dates]), None
+    if any((clock := CLOCK.fullmatch(text.strip())) and clock[1] is None for text in texts[:1]):
+        known = np.isfinite(values)
+        values[known] += DAY * np.cumsum(np.diff(values[known], prepend=values[known][:1]) < -DAY / 2)
+    return values, None
+
+
+def _nanoseconds(text: str) -> int | None:
+    """Nanoseconds from 1970 of a date and time of ISO 8601, else None; without a zone it is that of UTC."""
+    found = DATE.fullmatch(text)
+    if found is None:
+        return None
+    try:
+        whole = datetime.fromisoformat(f"{found[1]}T{found[2] or '00:00'}{(found[4] or '+00:00').upper()}")
+    except ValueError:  # a thirteenth month
+        return None
+    seconds = round((whole - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds())
+    return seconds * 10**9 + int((found[3] or "")[:9].ljust(9, "0"))
 
 
 @dataclass(frozen=True)
@@ -71,25 +114,21 @@ class Delimited:
                 self.rows, delimiter=self.delimiter, usecols=places, comments=None, quotechar='"', ndmin=2
             )
         except ValueError:
-            table = np.array([self._numbers(k, places) for k in range(len(self.rows))])
+            rows = [_fields(row, self.delimiter) for row in self.rows]
+            table = np.column_stack([self._column(place, [row[place] for row in rows]) for place in places])
         return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
 
-    def _numbers(self, row: int, places: Sequence[int]) -> list[float]:
-        fields = _fields(self.rows[row], self.delimiter)
-        values = []
-        for place in places:
-            value = number(fields[place])
-            if value is None:
-                text, line = fields[place].strip(), self.line_numbers[row]
-                comma = "," in text and number(text.replace(",", ".")) is not None
-                cure = "correct it, or put # before the line to skip it"
-                if comma:
-                    cure = "decimal commas are not read, write decimal points"
-                raise DataError(
-                    f"{self.file}, line {line}: column {self.names[place]!r} holds {text!r} where a number "
-                    f"is needed; {cure}"
-                )
-            values.append(value)
+    def _column(self, place: int, texts: Sequence[str]) -> F64:
+        values, wrong = numbers(texts, commas=self.delimiter != ",")
+        if wrong is not None:
+            text = texts[wrong].strip()
+            cure = "correct it, or put # before the line to skip it"
+            if "," in text and number(text.replace(",", ".")) is not None:
+                cure = "decimal commas are read where another mark separates the columns and no point occurs"
+            raise DataError(
+                f"{self.file}, line {self.line_numbers[wrong]}: column {self.names[place]!r} holds {text!r} "
+                f"where a number is needed; {cure}"
+            )
         return values
 
 
@@ -119,8 +158,9 @@ def read_delimited(path: Path) -> Delimited:
             lines[k] = "\t".join(lines[k].split())
     first, units = lines[kept[0]], {}
     delimiter = max(",;\t", key=lambda mark: len(_fields(first, mark)))
+    delimiter = next((mark for mark in ";\t" if mark in first and _all_numbers(first, mark)), delimiter)
     names = tuple(field.strip() for field in _fields(first, delimiter))
-    if all(number(name) is not None for name in names):
+    if _all_numbers(first, delimiter):
         names = tuple(f"column{k}" for k in range(1, len(names) + 1))
     else:
         kept = kept[1:]
@@ -141,7 +181,16 @@ def read_delimited(path: Path) -> Delimited:
                 f"{path.name}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
             )
+    for name, text in zip(names, _fields(rows[0], delimiter), strict=False):
+        if CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()):
+            units[name] = "s"
     return Delimited(path.name, names, delimiter, rows, [k + 1 for k in kept], units)
+
+
+def _all_numbers(line: str, delimiter: str) -> bool:
+    """Tell whether all fields are numbers, with decimal commas where another mark separates them."""
+    texts = _fields(line, delimiter)
+    return all(number(text if delimiter == "," else text.replace(",", ".")) is not None for text in texts)
 
 
 def _blanks_separate(lines: Sequence[str]) -> bool:

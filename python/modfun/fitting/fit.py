@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Sequence
@@ -40,6 +41,9 @@ __all__ = [
 ]
 
 
+FEW_LINES = "real equations for"  # what the core says of a band that is too narrow
+
+
 @public
 def fit(
     data: Record | Sequence[Record] | FrequencyResponse,
@@ -71,7 +75,10 @@ def fit(
     Parameters
     ----------
     data : Record or sequence of Record, or FrequencyResponse
-        Lengths, rates and trims may differ between records, channels may not. Each record has a noise level
+        Lengths, rates and trims may differ between records, channels may not. A `TransferFunction` takes all
+        outputs and inputs; those that an `Equation` or `StateSpace` does not name are left out, as are those
+        that a fit does not have where it predicts or is scored. Channels that are only kept are never
+        used. Each record has a noise level
         of its own, estimated with the parameters (`Fit.noise_levels`) unless `noise` or ``Record(sigma=)``
         tells it. Gains of a frequency response are weighted by the inverse of their covariance; of the
         options band, tol and maxiter mean something then.
@@ -334,14 +341,20 @@ def fit_many(
 
 def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     """A fit of what users give, with its warnings."""
-    if isinstance(data, FrequencyResponse):
-        result: Fit = fit_response(data, structure, options)
-    else:
-        records = records_of(data)
-        if options.robust:
-            result = robust_fit(records, structure, options, fit_quietly)
+    try:
+        if isinstance(data, FrequencyResponse):
+            result: Fit = fit_response(data, structure, options)
+        elif options.robust:
+            result = robust_fit(records_of(data), structure, options, fit_quietly)
         else:
-            result = fit_quietly(records, structure, options)
+            result = fit_quietly(records_of(data), structure, options)
+    except DataError as error:
+        if options.band is None or FEW_LINES not in str(error):
+            raise
+        edge = options.band[1]
+        raise DataError(
+            f"{error}; band= is in rad/s: {edge:.4g} Hz would be {2 * math.pi * edge:.4g} rad/s"
+        ) from None
     if options.stable and result.usable:
         result = result.stable()
     for text in result.remarks():

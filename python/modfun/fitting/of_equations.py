@@ -118,7 +118,7 @@ def fit_equation(
     records: tuple[Record, ...], structure: Any, options: Options, again: Callable[..., Any] | None = None
 ) -> EquationFit:
     """One fit of equations, without its warnings; `again` makes others like it."""
-    records = tuple([with_inputs(rec, options.noise) for rec in records])
+    records = tuple([with_inputs(structure.own_channels(rec), options.noise) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     filled = [(rec, *bridged(rec)) for rec in records]

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..base.arguments import public, whole
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.progress import Progress
 from ..base.student import confidence
-from ..base.tables import Table, nearest
+from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
 from ..models.options import Options

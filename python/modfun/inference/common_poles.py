@@ -234,7 +234,7 @@ def _table(fit: Fit, groups: list[list[_Root]], cov: F64, name: str) -> Table:
             ", ".join(fit.outputs[r.output] for r in sorted(roots, key=lambda r: r.output))
         )
         columns["p_value"].append(p_value)
-    return Table(columns)
+    return Table(columns, units=dict.fromkeys((name, "omega", "omega_bse"), "rad/s"))
 
 
 def _reduced(fit: Fit, cov: F64) -> tuple[F64 | None, F64 | None, float, int, float]:

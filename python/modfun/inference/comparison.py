@@ -15,6 +15,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band
 from ..results.fit import Fit
+from ..results.scores import UNITS
 from . import drawing
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
@@ -72,7 +73,7 @@ class Comparison(Table):
                 for key in ("output", *SCORES):
                     columns[key].append(row[key])
                 columns["bic"].append(bic)
-        super().__init__(columns)
+        super().__init__(columns, units=UNITS)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "record", record)
 
@@ -114,6 +115,7 @@ class CrossValidation(Table):
     ----------
     columns : mapping of str to sequence
     title : str, optional
+    units : mapping of str to str, optional
 
     See Also
     --------
@@ -152,14 +154,11 @@ class CrossValidation(Table):
         columns["worst_fit_percent"] = [
             float(np.min(np.nan_to_num(self["fit_percent"][rows], nan=-np.inf))) for rows in of
         ]
-        return Table(columns)
+        return Table(columns, units=UNITS | {"worst_fit_percent": "%"})
 
     def plot(self, *, ax: Any = None) -> Any:
         """fit_percent of each record left out; see `modfun.plot.cross_validation`."""
         return drawing.cross_validation(self, ax)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return CrossValidation, (self.to_dict(), self.title)
 
 
 @public
@@ -289,7 +288,7 @@ def cross_validate(
                 values = [name, k, row["output"], *(row.get(score, np.nan) for score in SCORES), status]
                 for key, value in zip(names, values, strict=True):
                     columns[key].append(value)
-    return CrossValidation(columns)
+    return CrossValidation(columns, units=UNITS)
 
 
 def _named(given: Any, kind: Any, what: str) -> dict[str, Any]:

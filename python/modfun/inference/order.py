@@ -294,7 +294,7 @@ class _Race:
                 transient=self.transient,
                 **plain_words(own.layout, own.intersample, options),
             )
-            starts = [own.params] if np.all(np.isfinite(own.params)) else []
+            starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
             row = core.fit(ys, us, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})

@@ -9,8 +9,8 @@ from typing import Any, TypedDict
 import numpy as np
 
 from ..base.arguments import real, reals, whole
+from ..base.names import nearest
 from ..base.samples import band_edges
-from ..base.tables import nearest
 from ..base.words import TRENDS
 from ..errors import SpecError
 from .noise import Noise

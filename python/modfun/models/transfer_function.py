@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import is_sequence, public, reals, whole
+from ..base.names import nearest
 from ..base.samples import numbered
-from ..base.tables import nearest
 from ..errors import SpecError
 from ..systems.lti import LTI
 from ..systems.making import linear, tf

@@ -84,7 +84,7 @@ class Grid:
     @classmethod
     def of(cls, table: Table, caption: str) -> Grid:
         """A `Table` under a caption of its own."""
-        untitled = Table({name: table[name] for name in table.columns})
+        untitled = Table({name: table[name] for name in table.columns}, units=table.units)
         return cls(caption, untitled._repr_html_(), len(table) > LONG)
 
 

@@ -19,6 +19,7 @@ from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
 from ..streams.track import Track
 from ..study.drawing import study
+from ..study.drawing_estimates import histogram, quantiles
 from ..tones.results import Sinusoids
 
 __all__ = [
@@ -27,8 +28,10 @@ __all__ = [
     "correlation",
     "cross_validation",
     "harmonics",
+    "histogram",
     "order",
     "poles",
+    "quantiles",
     "record",
     "reduction",
     "residual_tests",

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..base.names import listed
 from ..base.samples import even_step
-from ..base.tables import listed
 from ..errors import DataError, SpecError
-from ..files.delimited import number
+from ..files.delimited import numbers
 
 __all__ = [
     "SECONDS",
     "Columns",
     "Told",
+    "doubtful_step",
     "from_arrays",
     "guess_time",
     "numeric",
@@ -108,7 +109,9 @@ def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) 
             raise DataError(f"{label}: the columns differ in length ({listed}); all must be sampled alike")
         return loaded
 
-    return Columns(label, tuple(arrays), load, told=told or Told())
+    told = told or Told()
+    dates = {name: "s" for name, array in arrays.items() if array.dtype.kind in "mM"}
+    return Columns(label, tuple(arrays), load, told=replace(told, units=dates | dict(told.units)))
 
 
 def numeric(array: NDArray[Any], name: str, label: str) -> F64:
@@ -119,15 +122,12 @@ def numeric(array: NDArray[Any], name: str, label: str) -> F64:
         return np.asarray((array - array[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
     if array.dtype.kind == "c":
         raise DataError(f"{label}: column {name!r} is complex; give real and imaginary part as two columns")
-    values = np.empty(len(array))
-    for row, value in enumerate(array):
-        found = number(str(value))
-        if found is None:
-            raise DataError(
-                f"{label}, row {row}: column {name!r} holds {value!r} where a number is needed; correct or "
-                "drop it"
-            )
-        values[row] = found
+    values, wrong = numbers([str(value) for value in array])
+    if wrong is not None:
+        raise DataError(
+            f"{label}, row {wrong}: column {name!r} holds {array[wrong]!r} where a number is needed; correct "
+            "or drop it"
+        )
     return values
 
 
@@ -173,6 +173,14 @@ def guess_time(table: Columns) -> str:
     )
     cure = "say which with time=" if found else "name it with time=, or give dt="
     raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {listed(table.names)}")
+
+
+def doubtful_step(times: F64, name: str, told: Told) -> float | None:
+    """Return the usual step of times that may not be seconds: of whole numbers without a unit, 2 or more."""
+    if told.units.get(name) or _time_word(name)[1] or times.size < 2 or np.any(times != np.rint(times)):
+        return None
+    usual = float(np.median(np.diff(times)))
+    return usual if usual >= 2 else None
 
 
 def pace(times: F64) -> str:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.names import nearest
 from ..base.samples import numbered
-from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..files.mat_files import Opaque, load_mat
 from .columns import SECONDS, Columns, Told, from_arrays

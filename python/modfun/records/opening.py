@@ -13,8 +13,8 @@ from zipfile import ZipFile
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.optional import optional
-from ..base.tables import nearest
 from ..errors import DataError, SpecError
 from ..files.delimited import read_delimited
 from ..files.writing import refuse_large

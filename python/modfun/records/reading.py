@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,21 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.names import listed, nearest
 from ..base.samples import EVEN, Origin
-from ..base.tables import Table, listed, nearest
-from ..errors import DataError, SpecError
-from .columns import Columns, Told, guess_time, pace, seconds_of, time_candidates, unit_of
+from ..base.tables import Table
+from ..errors import DataError, ModfunWarning, SpecError
+from .columns import (
+    SECONDS,
+    Columns,
+    Told,
+    doubtful_step,
+    guess_time,
+    pace,
+    seconds_of,
+    time_candidates,
+    unit_of,
+)  # fmt: skip
 from .mask import Mask, mask_of
 from .opening import open_columns
 from .record import Record
@@ -65,7 +78,7 @@ def read(
         Sampling interval in seconds, instead of a column of times.
     units : mapping of str to str, optional
         Units by (new) channel name; default: what the source says, or what stands in brackets in the
-        column's name.
+        column's name. That of the column of times is what it is converted from: ``{"t": "ms"}``.
     intersample : optional
         How the inputs go between samples, as in `Record`; default: what the source says, or "auto".
     mask : str or mapping of str to str, optional
@@ -91,6 +104,11 @@ def read(
     SpecError
         If a column does not exist (the message lists the nearest), or the time is not clear.
 
+    Warns
+    -----
+    ModfunWarning
+        Where times without a unit are whole numbers with steps of 2 or more, as milliseconds are.
+
     See Also
     --------
     modfun.columns : What is in a file.
@@ -100,7 +118,8 @@ def read(
     -----
     In text files, empty lines and lines that begin with # or % are skipped, the first line names the
     columns (``column1``, ``column2``, ... if it is all numbers) and a line below it without a number holds
-    the units. Times of day, ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds.
+    the units. Times of day, ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and
+    go on over midnight; dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
@@ -126,6 +145,9 @@ def read(
     if outputs is None and not told.outputs:
         raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")
     clock = _clock_of(table) if time is None and dt is None else time
+    if clock is not None and units and clock in units:
+        table, units = _timed(table, clock, units), {n: u for n, u in units.items() if n != clock}
+        told = table.told
     out = _roles(told.outputs if outputs is None else outputs, "outputs")
     into = _roles(_left(told.inputs, out) if inputs is None else inputs, "inputs")
     kept = _roles(_left(told.kept, out, into) if keep is None else keep, "keep")
@@ -146,6 +168,13 @@ def read(
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)
     forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
+    if clock is not None and (step := doubtful_step(values[clock], clock, told)) is not None:
+        warnings.warn(
+            f"read: {table.label}: {clock!r} has no unit and steps of {step:g}, which are taken as seconds; "
+            f"if they are milliseconds, give units={{{clock!r}: 'ms'}}, else units={{{clock!r}: 's'}}",
+            ModfunWarning,
+            stacklevel=3,
+        )
     record = Record(
         y=np.reshape([values[name] for name in out.values()], (len(out), count)),
         u=np.reshape([values[name] for name in into.values()], (len(into), count)) if into else None,
@@ -218,6 +247,8 @@ def columns(
         note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
         if name in times:
             note = f"time, {pace(values * seconds_of(name, table.told))}"
+            if doubtful_step(values, name, table.told) is not None:
+                note += "; or in ms?"
         rows.append((name, unit_of(name, table.told), low, high, len(values) - good.size, note))
     header = ("column", "unit", "min", "max", "missing", "note")
     step = f", dt = {table.told.dt:.6g} s" if table.told.dt and not times else ""
@@ -296,6 +327,14 @@ def _clock_of(table: Columns) -> str | None:
     if table.told.time is None and table.told.dt is not None:
         return None
     return table.told.time or guess_time(table)
+
+
+def _timed(table: Columns, clock: str, units: Mapping[str, str]) -> Columns:
+    """Return the columns with the unit of the times that the user says."""
+    unit = str(units[clock]).strip()
+    if unit.lower() not in SECONDS:
+        raise SpecError(f"read: units gives {unit!r} for the times {clock!r}; {nearest(unit, list(SECONDS))}")
+    return replace(table, told=replace(table.told, units={**table.told.units, clock: unit}))
 
 
 def _sampling(table: Columns, values: dict[str, F64], clock: str | None, dt: float | None) -> dict[str, Any]:

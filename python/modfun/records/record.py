@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.between import AUTO, decided
+from ..base.names import nearest
 from ..base.samples import (
     FEWEST,
     Names,
@@ -21,7 +22,7 @@ from ..base.samples import (
     refuse_nonfinite,
     times_of,
 )
-from ..base.tables import Findings, Table, nearest
+from ..base.tables import Findings, Table
 from ..errors import DataError, SpecError
 from ..files.delimited import write_delimited
 from ..signals.signals import Signals

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..base import html
 from ..base.arrays import F64
 from ..base.between import AUTO, DOUBTFUL, decided, liveliest
+from ..base.names import nearest
 from ..base.samples import (
     FEWEST,
     Names,
@@ -23,7 +24,6 @@ from ..base.samples import (
     refuse_nonfinite,
     times_of,
 )
-from ..base.tables import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_every, pieces_on
 from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of

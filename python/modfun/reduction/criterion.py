@@ -10,8 +10,8 @@ import numpy as np
 
 from ..base.arguments import reals
 from ..base.arrays import C128, F64
+from ..base.names import nearest
 from ..base.samples import band_edges
-from ..base.tables import nearest
 from ..errors import SpecError
 from .gramians import Realisation
 from .norms import Grid, Response, grid_for, h2_norm, hinf_norm, largest_gain

@@ -11,7 +11,8 @@ import numpy as np
 from ..base import html
 from ..base.arguments import public
 from ..base.arrays import F64
-from ..base.tables import Table, nearest
+from ..base.names import nearest
+from ..base.tables import Table
 from ..errors import SpecError
 from ..models.transfer_function import TransferFunction
 from ..systems.lti import LTI

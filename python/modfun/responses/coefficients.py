@@ -13,7 +13,7 @@ from .._core import coefficients as core_coefficients
 from .._core import quadrature_weights
 from ..base.arguments import public, reals, whole
 from ..base.arrays import C128, F64
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import DataError, SpecError
 from ..models.options import MOST, WORDS
 from ..models.transfer_function import TransferFunction

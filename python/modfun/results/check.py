@@ -14,6 +14,7 @@ from .doubts import (
     condition,
     contradicted,
     few_samples,
+    in_hertz,
     mean,
     minima,
     noise_free,
@@ -60,7 +61,7 @@ def check(fit: Estimates, line: str) -> Findings:
         note = noise_free(fit)
         if note is None:
             found += of_residuals(fit, diagnose(fit))
-        found += [biased(fit), minima(fit), few_samples(fit)]
+        found += [biased(fit), minima(fit), few_samples(fit), in_hertz(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=note)

@@ -17,6 +17,10 @@ from .gradients import differences, root_gradients
 
 __all__ = ["cancelling", "damp", "derived"]
 
+UNITS = dict.fromkeys(("pole", "omega", "omega_bse"), "rad/s") | dict.fromkeys(
+    ("time_constant", "time_constant_bse"), "s"
+)
+
 Roots = tuple[C128, C128]  # and their derivatives (root, parameter)
 
 
@@ -122,14 +126,14 @@ def damp(fit: Estimates) -> Table:
     """Poles, natural frequencies, damping, time constants; see `Fit.damp`."""
     every = fit.denominators()
     if len(every) == 1:
-        return Table(_damped(fit, 0))
+        return Table(_damped(fit, 0), units=UNITS)
     columns: dict[str, list[Any]] = {"output": []}
     for name, i in every:
         own = _damped(fit, i)
         columns["output"] += [name] * len(own["pole"])
         for key, values in own.items():
             columns.setdefault(key, []).extend(values)
-    return Table(columns)
+    return Table(columns, units=UNITS)
 
 
 def _damped(fit: Estimates, output: int) -> dict[str, list[Any]]:

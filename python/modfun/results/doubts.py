@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModfunError
+from ..records.spectra import spectrum_of
 from .cures import on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
@@ -24,6 +25,7 @@ __all__ = [
     "condition",
     "contradicted",
     "few_samples",
+    "in_hertz",
     "mean",
     "minima",
     "noise_free",
@@ -41,6 +43,8 @@ OFFSET = 1000.0
 SURE = 1e-4  # p-value below which a fit warns by itself
 FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 BLOCK = 2**16  # samples
+# Share of the outputs' power below the edge of a band: in the wrong unit at most, in the right at least.
+MISSED, HELD = 0.5, 0.9
 # An unstable mode that is one of the system shows: within the record it grows a thousandfold, and its pole is
 # four standard errors from the axis.
 VISIBLE, CERTAIN = math.log(1000.0), 4.0
@@ -168,6 +172,27 @@ def few_samples(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "
         f"{FEW_SAMPLES:.0f} quadrature errors grow: lower the band or sample faster.",
+        sure=False,
+    )
+
+
+def in_hertz(fit: Estimates) -> Doubt | None:
+    """That the band was given in Hz: it leaves out most of the motion, but would hold it in that unit."""
+    if fit.options.band is None or not fit.records:
+        return None
+    edge = fit.options.band[1]
+    for rec in fit.records:
+        seen = spectrum_of(rec)
+        power = np.sum([seen[name] ** 2 for name in rec.outputs], axis=0)
+        within, meant = (
+            float(power[seen.omega <= top].sum() / max(power.sum(), 1e-300))
+            for top in (edge, 2 * math.pi * edge)
+        )
+        if within > MISSED or meant < HELD:
+            return None
+    return Doubt(
+        f"The band ends at {edge:.4g} rad/s, below {100 * (1 - within):.0f} % of the power of the outputs. "
+        f"If the edge was meant in Hz, give band={2 * math.pi * edge:.4g}.",
         sure=False,
     )
 

@@ -68,7 +68,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     ['y', 'error']
     """
     chosen = chosen_outputs(fit.outputs, output, "plot.response")
-    measured = fit.record_of(rec, "plot.response")
+    measured = fit.record_of(rec, "plot_response")
     simulated, _ = fit.simulate(measured)
     errors = np.where(True if measured.mask is None else measured.mask, measured.y - simulated, np.nan)
     levels = score(fit, measured)["signal_to_error"]

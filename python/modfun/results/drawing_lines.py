@@ -64,7 +64,7 @@ def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: 
     >>> [one.get_ylabel() for one in ax]
     ['y', 'u']
     """
-    seen = fit.record_of(rec, "plot.harmonics")
+    seen = fit.record_of(rec, "plot_harmonics")
     spec = seen.spectrum()
     axes = take_axes(ax, len(spec.channels), height=1.8)
     spec.plot(axes[0] if hasattr(ax, "plot") else axes, hz=hz)

@@ -13,8 +13,9 @@ import numpy as np
 from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
+from ..base.named import Named
+from ..base.names import nearest
 from ..base.student import confidence, root, student_interval
-from ..base.tables import nearest
 from ..errors import DataError, FitError, SpecError
 from ..models.layout import Layout
 from ..models.noise import Noise
@@ -49,7 +50,7 @@ class Estimates:
     options: Options
     units: dict[str, str]
     intersample: tuple[str, ...]
-    params: F64
+    params: Named
     cov_nonrobust: F64
     cov_hc3: F64
     cov_spectral: F64
@@ -80,6 +81,9 @@ class Estimates:
     process_levels: tuple[F64, F64, F64] | None = None
     tail: float = inf
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "params", Named(self.params, self.param_names))
 
     @classmethod
     def of_core(
@@ -160,9 +164,7 @@ class Estimates:
     # Estimates and their uncertainty ------------------------------------------------------------
 
     def __getitem__(self, name: str) -> float:
-        if name not in self.param_names:
-            raise SpecError(f"the fit has no parameter {name!r}; {nearest(name, self.param_names)}")
-        return float(self.params[self.param_names.index(name)])
+        return float(self.params[name])
 
     @property
     def cov_type(self) -> str:
@@ -170,9 +172,9 @@ class Estimates:
         return self.options.cov_type
 
     @property
-    def bse(self) -> F64:
-        """Standard errors of the parameters."""
-        return root(np.diag(self.cov_params()))
+    def bse(self) -> Named:
+        """Standard errors of the parameters; by name, too: ``fit.bse["a1"]``."""
+        return Named(root(np.diag(self.cov_params())), self.param_names, "se")
 
     def cov_params(self, cov_type: str | None = None) -> F64:
         """Covariance matrix of the parameters: "spectral", "HC3" or "nonrobust" (default: the fit's)."""
@@ -461,26 +463,24 @@ class Estimates:
         return prediction.simulate_paths(self.layout, self.params, self.trend, rec, initial_state)
 
     def record_of(self, rec: Record | int | None, what: str) -> Record:
-        """The record that is meant: one with the fit's channels, or one of its own by its index."""
+        """The record that is meant, with the fit's channels alone; or one of its own by its index."""
         self.need_numbers(what)
         own = self.records
         if isinstance(rec, Record):
             rec = with_inputs(rec, self.options.noise)
-            if rec.outputs != self.outputs or rec.inputs != self.inputs:
+            if (rec.outputs, rec.inputs) == (self.outputs, self.inputs):
+                return rec
+            if not {*self.outputs} <= {*rec.outputs} or not {*self.inputs} <= {*rec.inputs}:
                 raise DataError(
-                    f"{what}: the record has outputs {list(rec.outputs)} and inputs "
-                    f"{list(rec.inputs)}, the fit "
-                    f"{list(self.outputs)} and {list(self.inputs)}; name or select the record's channels so"
+                    f"{what}: the record has outputs {list(rec.outputs)} and inputs {list(rec.inputs)}, "
+                    f"the fit needs {list(self.outputs)} and {list(self.inputs)}; select them"
                 )
-            return rec
+            return rec.select(outputs=self.outputs, inputs=self.inputs)
         if rec is not None and (isinstance(rec, bool) or not isinstance(rec, int | np.integer)):
-            raise SpecError(
-                f"{what}: expected a Record or the index of one of the fit's own, got {type(rec).__name__}"
-            )
+            said = type(rec).__name__
+            raise SpecError(f"{what}: expected a Record or the index of one of the fit's own, got {said}")
         if own is None:
-            raise FitError(
-                f"{what}: this fit was loaded without its samples; give the record, fit.{what}(rec)"
-            )
+            raise FitError(f"{what}: this fit was loaded without samples; give the record, fit.{what}(rec)")
         if rec is None:
             if len(own) > 1:
                 raise SpecError(f"{what}: the fit has {len(own)} records; say which, as fit.{what}(0)")

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.arrays import C128, F64
+from ..base.names import nearest
 from ..base.samples import frequencies
-from ..base.tables import Findings, Table, nearest
+from ..base.tables import Findings, Table
 from ..errors import SpecError
 from ..files.writing import write_text
 from ..pages.page import check_place, save
@@ -47,7 +48,7 @@ class Fit(Estimates):
     ----------
     params : (p,) array
         Estimates in the order of `param_names`: a1 ... an, then the numerator of each input in descending
-        powers.
+        powers; by name, too: ``fit.params["a1"]``. Prints as a table.
     param_names : tuple of str
     cov_spectral, cov_hc3, cov_nonrobust : (p, p) arrays
         Covariance for noise of any smooth spectrum, with HC3 (nothing assumed about the noise colour), and
@@ -191,7 +192,12 @@ class Fit(Estimates):
         ]
 
     def table(
-        self, level: float = 0.95, *, units: Mapping[str, str] | None = None, initial: bool = False
+        self,
+        level: float = 0.95,
+        *,
+        units: Mapping[str, str] | None = None,
+        initial: bool = False,
+        pvalues: bool = False,
     ) -> Table:
         """The parameters as a table for a report: `.to_pandas()`, `.to_dict()`.
 
@@ -204,20 +210,23 @@ class Fit(Estimates):
         initial : bool
             Rows for the initial state and the trend of each record as well, those that `initial_state` has.
             Their errors count those of the parameters.
+        pvalues : bool
+            A column p: the probability that noise alone makes a parameter whose true value is 0 this large
+            (two-sided, Student's t).
 
         Returns
         -------
         Table
             Columns parameter, value, unit (where given), se (that of `cov_type`), t (value over standard
-            error) and both ends of the interval. A parameter on its bound has nan for errors, t and
-            interval, and the title says so.
+            error), p (on request) and both ends of the interval. A parameter on its bound has nan for all
+            but its value, and the title says so.
 
         Raises
         ------
         SpecError
             If `units` names no parameter.
         """
-        return parameters(self, level, units, initial)
+        return parameters(self, level, units, initial, pvalues)
 
     def summary(self) -> Summary:
         """All of the fit on one page; prints, and shows as HTML in a notebook."""

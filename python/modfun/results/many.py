@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.optional import optional
 from ..base.student import confidence, student_interval
-from ..base.tables import Table, nearest
+from ..base.tables import Table
 from ..base.words import STATUS
 from ..errors import SpecError
 from ..models.options import Options

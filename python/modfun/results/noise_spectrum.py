@@ -35,4 +35,5 @@ def noise_spectrum(fit: Any, level: float) -> Table:
             "high": (root * np.exp(half)).ravel(),
         },
         title="Noise level over that of white noise, which is 1",
+        units={"omega": "rad/s"},
     )

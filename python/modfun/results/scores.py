@@ -13,7 +13,9 @@ from ..records.record import Record
 from .estimates import Estimates
 from .regression import rms
 
-__all__ = ["fit_percent", "r2", "score", "signal_to_error", "theil"]
+__all__ = ["UNITS", "fit_percent", "r2", "score", "signal_to_error", "theil"]
+
+UNITS = {"signal_to_error": "dB", "fit_percent": "%"}
 
 
 def _pair(y: F64, simulated: F64) -> tuple[F64, F64]:
@@ -79,7 +81,7 @@ def score(fit: Estimates, rec: Record | int | None = None) -> Table:
         columns: dict[str, list[Any]] = {"record": [i for i, part in parts for _ in range(len(part))]}
         for name in parts[0][1].columns:
             columns[name] = [value for _, part in parts for value in part[name].tolist()]
-        return Table(columns)
+        return Table(columns, units=UNITS)
     record = fit.record_of(rec, "score")
     simulated, _ = fit.simulate(record)
     pairs = list(zip(record.y, simulated, strict=True))
@@ -87,4 +89,4 @@ def score(fit: Estimates, rec: Record | int | None = None) -> Table:
         pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]
     figures = (signal_to_error, fit_percent, r2, theil)
     of_each = {figure.__name__: [figure(*pair) for pair in pairs] for figure in figures}
-    return Table({"output": list(record.outputs), **of_each})
+    return Table({"output": list(record.outputs), **of_each}, units=UNITS)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..base import html
-from ..base.student import root
-from ..base.tables import Findings, Table, nearest
+from ..base.names import nearest
+from ..base.student import root, student_p
+from ..base.tables import Findings, Table
 from ..errors import SpecError
 from ..models.noise import Noise
 from .diagnosis import level_p, level_ratio
@@ -222,7 +223,11 @@ def _chi2(fit: Estimates) -> str:
 
 
 def parameters(
-    fit: Estimates, level: float = 0.95, units: Mapping[str, str] | None = None, initial: bool = False
+    fit: Estimates,
+    level: float = 0.95,
+    units: Mapping[str, str] | None = None,
+    initial: bool = False,
+    pvalues: bool = False,
 ) -> Table:
     """Table of the parameters; see `Fit.table`."""
     interval = fit.conf_int(level)
@@ -244,6 +249,7 @@ def parameters(
         **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
         "se": np.where(bound, np.nan, fit.bse),
         "t": ratio,
+        **({"p": student_p(ratio, fit.degrees)} if pvalues else {}),
         low: interval[:, 0],
         high: interval[:, 1],
     }
@@ -264,7 +270,7 @@ def _with_starts(fit: Estimates, level: float, columns: dict[str, Any]) -> dict[
     *_, low_name, high_name = columns
     more: dict[str, Any] = {
         "parameter": names, "value": values, "unit": [""] * len(names), "se": used, "t": ratio,
-        low_name: low, high_name: high,
+        "p": student_p(ratio, fit._fewest_degrees), low_name: low, high_name: high,
     }  # fmt: skip
     return {name: np.concatenate([np.asarray(own), np.asarray(more[name])]) for name, own in columns.items()}
 

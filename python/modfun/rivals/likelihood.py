@@ -113,6 +113,7 @@ class _Problem:
             self.names = tuple(self.layout.param_names)
             self.records = [rec.select(outputs=first.outputs, inputs=first.inputs) for rec in records]
         else:
+            records = [model.own_channels(rec) for rec in records]
             for rec in records:
                 model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
             self.names = tuple(model.param_names())

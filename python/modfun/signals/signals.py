@@ -195,7 +195,7 @@ class Signals:
             "omega_5%": low, "omega_95%": high,
         }  # fmt: skip
         title = f"Signals of {self.duration:g} s: {self.intervals + 1} samples, dt = {self.dt:g} s"
-        return Table(columns, title=title)
+        return Table(columns, title=title, units={"omega_5%": "rad/s", "omega_95%": "rad/s"})
 
     def __repr__(self) -> str:
         return repr(self.to_table())

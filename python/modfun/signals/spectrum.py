@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.arrays import F64
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import SpecError
 from . import drawing
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.optional import optional
-from ..base.tables import Table, nearest
+from ..base.tables import Table
 from ..errors import SpecError
 from . import drawing
 
@@ -88,7 +89,7 @@ class Track:
         columns: dict[str, Any] = {"t": self.t}
         for k, name in enumerate(self.param_names):
             columns |= {name: self.params[:, k], f"{name}_bse": self.bse[:, k]}
-        return Table({**columns, "status": self.status})
+        return Table({**columns, "status": self.status}, units={"t": "s"})
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame (extra ``pandas``) of `table`, indexed by time."""

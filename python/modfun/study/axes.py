@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import shown
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import SpecError
 
 __all__ = ["Axis", "axis", "levels"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.callables import source
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import ModfunWarning, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans

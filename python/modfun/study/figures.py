@@ -55,6 +55,15 @@ class Figures:
     replicates: int
     draw: str
     _plan: Plan = field(repr=False)
+    _within: tuple[tuple[int, ...], ...] | None = None  # positions of the labels in the study, of a part
+
+    @staticmethod
+    def cut(array: NDArray[Any], at: Sequence[Sequence[int] | None]) -> Any:
+        """The entries at these positions of each axis, all where it is None; read only."""
+        for axis, positions in enumerate(at):
+            array = array if positions is None else np.take(array, positions, axis)
+        array.flags.writeable = False
+        return array
 
     @classmethod
     def collect(
@@ -123,7 +132,7 @@ class Figures:
                         known[key] = np.full((len(c.names(g)), 1), np.nan)
                 array[g.index, :, k, plan.columns(c, g)] = known[key]
         bound: F64 = _shaped(array, [a for a in plan.axes if a.given])
-        return bound
+        return bound if self._within is None else self.cut(bound, self._within)
 
     # Tables ----------------------------------------------------------------------------------------
 
@@ -158,9 +167,10 @@ class Figures:
         """Figures relative to the true parameters, in %, root mean square over the parameters.
 
         NAG-1-1065, footnote 10: bias √(mean_j (bias_j/θ_j)²)·100 %; sd, rmse and crlb alike. One row per cell
-        and estimator. Without any bias the figure is not 0 but about sd/√R, its Monte Carlo noise. The
-        standard errors are those of the delta method with fully correlated parameters, so at most too
-        large. `maxiter` as in `table`.
+        and estimator. Parameters whose true value is 0 have no relative figures and are left out; the title
+        names them, and `table` has their absolute ones. Without any bias the figure is not 0 but about
+        sd/√R, its Monte Carlo noise. The standard errors are those of the delta method with fully correlated
+        parameters, so at most too large. `maxiter` as in `table`.
         """
         columns: dict[str, list[Any]] = {name: [] for name in self.axes if name != "parameter"}
         figures = ("bias", "sd", "rmse", "crlb")
@@ -180,7 +190,9 @@ class Figures:
                     columns[f"{figure}_mcse"].append(error)
             for name, counts in counted.items():
                 columns[name].append(int(counts[where]))
-        return Table(columns, title=f"{self._title()}; % of the true parameters")
+        zero = [name for k, name in enumerate(self.param_names) if np.any(self.truth[..., k] == 0)]
+        left = f"; {', '.join(zero)} left out where the true value is 0" if zero else ""
+        return Table(columns, title=f"{self._title()}; % of the true parameters{left}")
 
     def _counted(self) -> dict[str, I64]:
         """Outcomes that tables count: failures, and what did not settle where anything did not."""
@@ -189,8 +201,8 @@ class Figures:
 
     def _relative(self, figure: str, where: tuple[int, ...]) -> tuple[float, float]:
         truth = self.truth[where]
-        own = ~np.isnan(truth)
-        if not own.any() or np.any(truth[own] == 0):
+        own = ~np.isnan(truth) & (truth != 0)
+        if not own.any():
             return float("nan"), float("nan")
         values = 100 * getattr(self, figure)[where][own] / truth[own]
         size = float(np.sqrt(np.mean(values**2)))

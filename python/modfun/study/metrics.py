@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import F64, I64
-from ..base.tables import Table, nearest
+from ..base.names import nearest
+from ..base.tables import Table
 from ..errors import SpecError
 
 __all__ = ["Metric", "Metrics"]

@@ -9,7 +9,7 @@ from typing import Any, TypedDict, Unpack, overload
 import numpy as np
 
 from ..base.arguments import public, whole
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..equations.nonlinear import NonlinearModel
 from ..errors import SpecError
 from ..fitting.fit import threads_of

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from ..records.record import Record
 from .axes import Axis

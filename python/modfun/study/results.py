@@ -13,9 +13,11 @@ from ..base.optional import optional
 from ..base.tables import Table
 from ..records.record import Record
 from .drawing import study
+from .drawing_estimates import histogram, quantiles
 from .figures import Figures
 from .page import write_study
 from .replicate import replicate
+from .selection import selected
 
 __all__ = ["Results"]
 
@@ -124,6 +126,41 @@ class Results(Figures):
             attrs={"replicates": self.replicates, "seed": self._plan.seed},
         )
 
+    # Parts -----------------------------------------------------------------------------------------
+
+    def sel(self, **labels: Any) -> Results:
+        """The results of some labels alone: cells, estimators, parameters.
+
+        Parameters
+        ----------
+        **labels
+            A label or a list of labels by axis, as in `axes`: ``nsr=0.2, estimator=["ml", "awls"]``.
+
+        Returns
+        -------
+        Results
+            Its arrays keep all axes, those of one label with length 1. `replicate` still fits with all
+            estimators.
+
+        Raises
+        ------
+        SpecError
+            An axis or a label that is not in the study.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> study = mf.MonteCarlo(
+        ...     system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256,
+        ...     nsr=[0.1, 0.2], estimators=["ls", "ml"],
+        ... )
+        >>> results = study.run(replicates=200, progress=False)
+        >>> part = results.sel(nsr=0.2, estimator="ml", parameter="a1")
+        >>> part.bias.shape, bool(part.sd.item() == results.sd[1, 1, 0])
+        ((1, 1, 1), True)
+        """
+        return selected(self, labels)
+
     # One replicate ---------------------------------------------------------------------------------
 
     def replicate(self, number: int, **cell: Any) -> tuple[Record, dict[str, Any]]:
@@ -150,7 +187,9 @@ class Results(Figures):
         DataError
             A function of yours made no record in this replicate; its own exception is the cause.
         """
-        return replicate(self._plan, self.draw, self.replicates, number, cell)
+        grid = [a.name for a in self._plan.axes]
+        alone = {name: own[0] for name, own in self.axes.items() if name in grid and len(own) == 1}
+        return replicate(self._plan, self.draw, self.replicates, number, alone | cell)
 
     def report(
         self,
@@ -188,6 +227,14 @@ class Results(Figures):
     def plot(self, ax: Any = None) -> Any:
         """Draw bias and standard deviation against NSR, as the report's Fig. 2; see `mf.plot.study`."""
         return study(self, ax=ax)
+
+    def plot_histogram(self, ax: Any = None) -> Any:
+        """Draw how the estimates are distributed, a panel per parameter; see `mf.plot.histogram`."""
+        return histogram(self, ax=ax)
+
+    def plot_quantiles(self, ax: Any = None) -> Any:
+        """Draw the estimates against normal quantiles, a panel per parameter; see `mf.plot.quantiles`."""
+        return quantiles(self, ax=ax)
 
     def __repr__(self) -> str:
         return repr(self._shown())

@@ -32,6 +32,7 @@ from .work import Work, cheapest, parts
 
 __all__ = ["collected", "far_from", "run", "summed"]
 
+HOPELESS = 100  # replicates after which an estimator that always raised stops a study
 FIGURES = ("bias", "sd", "rmse", "median", "coverage")
 
 
@@ -86,6 +87,7 @@ def run(
                     samples[part.first : part.first + part.replicates] = tally.samples
                 total = tally if total is None else total.merge(tally)
                 done = part.first + part.replicates
+                _refuse_failing(work.plan, total, done)
                 if until is not None:
                     if store is not None:
                         store.want(done)
@@ -140,6 +142,20 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
             stacklevel=5,
         )
     return found
+
+
+def _refuse_failing(plan: Plan, total: Tally, done: int) -> None:
+    """Stop where an estimator has raised in each of a hundred first replicates, in every cell."""
+    if done < HOPELESS:
+        return
+    ran, raised = total.status.sum(axis=-1), total.status[..., STATUS.index("raised")]
+    for k, c in enumerate(plan.contenders):
+        if np.all(ran[:, :, k] == raised[:, :, k]):
+            text = next((one["text"] for one in total.raised if one["estimator"] == k), "")
+            raise SpecError(
+                f"run: {c.name} failed in each of the first {done} replicates, and the study was stopped; "
+                f"the first said: {text}; mend that first: replicates=1 shows it"
+            )
 
 
 def _identical(plan: Plan, total: Tally) -> bool:

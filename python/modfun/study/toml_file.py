@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import rivals
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..base.words import TRENDS
 from ..errors import DataError, ModfunError, SpecError
 from ..fitting.fit import Estimator

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..base.arguments import shown
 from ..base.callables import at
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..errors import SpecError
 
 __all__ = [

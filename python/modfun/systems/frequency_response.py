@@ -290,7 +290,7 @@ class FrequencyResponse:
             columns["bse"] = self.bse.reshape(-1)
         if self.coherence is not None:
             columns["coherence"] = np.concatenate([self.coherence[o] for o, _ in paths])
-        return Table(columns)
+        return Table(columns, units={"omega": "rad/s", "magnitude_db": "dB", "phase_deg": "deg"})
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes."""

@@ -75,7 +75,9 @@ class Roots:
             damping = np.where(size > 0, -self.values.real / size, np.nan)
         found = f"{len(self)} roots; the argument principle counts {self.counted} right of {self.line:.4g}"
         return Table(
-            {"real": self.real, "imag": self.imag, "damping": damping, "residual": self.residual}, title=found
+            {"real": self.real, "imag": self.imag, "damping": damping, "residual": self.residual},
+            title=found,
+            units={"real": "rad/s", "imag": "rad/s"},
         )
 
     def __repr__(self) -> str:

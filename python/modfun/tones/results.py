@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.student import confidence, student_interval
-from ..base.tables import Table, nearest
+from ..base.tables import Table
 from ..errors import SpecError
 from . import drawing
 

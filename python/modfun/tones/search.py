@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import sinusoids as core_sinusoids
 from ..base.arguments import public, real, reals, whole
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
-from ..base.tables import nearest
 from ..base.words import STATUS, TRENDS
 from ..errors import DataError, SpecError
 from ..models.options import MOST_THREADS

@@ -6,7 +6,8 @@ import pickle
 import numpy as np
 import pytest
 from modfun import SpecError, Table
-from modfun.base.tables import Findings, nearest
+from modfun.base.names import nearest
+from modfun.base.tables import Findings
 
 
 @pytest.fixture

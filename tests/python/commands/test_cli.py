@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("typer")
-from modfun.commands.main import main
+from modfun.commands.main import in_options, main
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_an_exported_iddata_from_the_shell(table, tmp_path, capsys):
     savemat(tmp_path / "run.mat", {"z1": one, "z2": one})
     words = ["--output", "y", "--poles", "2", "--zeros", "0"]
     assert main(["fit", str(tmp_path / "run.mat"), *words]) == 2
-    assert "choose one with part=: z1, z2" in capsys.readouterr().err
+    assert "choose one with --part: z1, z2" in capsys.readouterr().err
     assert main(["fit", str(tmp_path / "run.mat"), *words, "--part", "z1", "--json", "-"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["params"] == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
@@ -368,3 +368,16 @@ def test_without_typer_one_sentence_names_the_extra(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "typer", None)
     assert main(["--version"]) == 2
     assert 'pip install "modfun[cli]"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("said", "here"),
+    [
+        ("give time='t' or dt=0.1, not both", "give --time t or --dt 0.1, not both"),
+        ("say with outputs= which; name it with time=.", "say with --output which; name it with --time."),
+        ('First try initial_state="unknown".', "First try --initial-state unknown."),
+        ("take rec.select(outputs=['y'])", "take rec.select(outputs=['y'])"),
+    ],
+)
+def test_messages_are_in_the_words_of_the_command_line(said, here):
+    assert in_options(said) == here

@@ -33,7 +33,7 @@ def test_frozen_equal_hashable_pickled():
     assert repr(a) == "TransferFunction(poles=2, zeros=[1, None])"
     with pytest.raises(AttributeError):
         a.poles = 3
-    with pytest.raises(TypeError):
+    with pytest.raises(mf.SpecError, match=r"write TransferFunction\(poles=\.\.\., zeros=\.\.\.\)"):
         TransferFunction(2, 0)
 
 

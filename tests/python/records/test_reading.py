@@ -1,5 +1,7 @@
 """Reading: files, frames and dictionaries; what is refused, where it is and what to do about it."""
 
+from datetime import datetime, timedelta
+
 import modfun as mf
 import numpy as np
 import pandas as pd
@@ -241,6 +243,7 @@ def test_columns_say_how_even_the_time_is():
 
 HOLE = [(t, "" if k in (3, 7) else q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
 WORD = [(t, "open" if k == 5 else q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
+MIXED = [(0.0, 0.5, 0.0), (0.1, "0,5", 0.0)]
 COMMA = [(t, str(q).replace(".", ","), d) for t, q, d in zip(T, Q, DE, strict=True)]
 LONG = [(t, q, d, 1) if k == 4 else (t, q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
 SHORT = [(t, q) if k == 4 else (t, q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
@@ -261,10 +264,10 @@ FILES = {
     "text": (text(rows=WORD), {}, DataError, "line 7: column 'q' holds 'open' .*put # before"),
     "text, comments": (text(rows=WORD, before="#\n\n"), {}, DataError, "line 9: column 'q' holds 'open'"),
     "decimal comma": (
-        text("t;q;de", ";", COMMA),
+        text("t;q;de", ";", MIXED),
         {},
         DataError,
-        "line 2: .*decimal commas .* decimal points",
+        "line 3: column 'q' holds '0,5' .*decimal commas are read where",
     ),
     "row too long": (text(rows=LONG), {}, DataError, "line 6: 4 fields where the header has 3; correct"),
     "row too short": (text(rows=SHORT), {}, DataError, "line 6: 2 fields where the header has 3"),
@@ -356,3 +359,51 @@ def test_real_records_are_even_and_sound(path, outputs, inputs, dt, samples):
     assert rec.dt == pytest.approx(dt, rel=1e-6)
     assert len(rec.t) == samples
     assert not any("outlying" in sentence or "clipped" in sentence for sentence in rec.check())
+
+
+def clocks(form):
+    """Fifty instants of 0.02 s across midnight, written by a function of a datetime."""
+    first = datetime(2026, 3, 1, 23, 59, 59, 500000)
+    return [form(first + timedelta(seconds=0.02 * k)) for k in range(50)]
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda at: at.isoformat(timespec="milliseconds"),
+        lambda at: at.isoformat(" ", timespec="milliseconds") + "Z",
+        lambda at: at.isoformat(timespec="microseconds") + "+02:00",
+        lambda at: at.time().isoformat(timespec="milliseconds"),
+    ],
+    ids=["iso", "iso with blank", "iso with zone", "time of day over midnight"],
+)
+def test_dates_and_times_over_midnight_become_even_seconds(file, form):
+    path = file(text("time,q", rows=zip(clocks(form), range(50), strict=True)))
+    rec = mf.read(path, outputs="q")
+    assert rec.dt == pytest.approx(0.02, rel=1e-9)
+    assert rec.duration == pytest.approx(0.98, rel=1e-9)
+    assert mf.columns(path)["unit"].tolist() == ["s", ""]
+
+
+def test_a_thirteenth_month_is_no_date(file):
+    with pytest.raises(DataError, match="line 2: column 'time' holds '2026-13-01T00:00' where a number"):
+        mf.read(file(text("time,q", rows=[("2026-13-01T00:00", 1.0)])), outputs="q")
+
+
+def test_decimal_commas_are_read_beside_other_marks(file):
+    wanted = mf.read(file(text()), outputs="q")
+    assert mf.read(file(text("t;q;de", ";", COMMA)), outputs="q") == wanted
+    rows = [(str(t).replace(".", ","), str(q).replace(".", ",")) for t, q in zip(T, Q, strict=True)]
+    bare = file("\n".join(";".join(row) for row in rows), name="bare.csv")
+    assert np.array_equal(mf.read(bare, outputs="column2", time="column1").y, wanted.y)
+
+
+def test_milliseconds_are_doubted_until_the_unit_is_said(file):
+    path = file(text("t,q", rows=[(20 * k, 0.1 * k) for k in range(20)]))
+    assert mf.columns(path)["note"][0] == "time, even, dt = 20 s; or in ms?"
+    with pytest.warns(mf.ModfunWarning, match=r"'t' has no unit and steps of 20, .*units=\{'t': 'ms'\}"):
+        assert mf.read(path, outputs="q").dt == 20
+    assert mf.read(path, outputs="q", units={"t": "ms"}).dt == pytest.approx(0.02)
+    assert mf.read(path, outputs="q", units={"t": "s", "q": "deg"}).units == {"q": "deg"}
+    with pytest.raises(SpecError, match="units gives 'mile' for the times 't'; did you mean 'min'"):
+        mf.read(path, outputs="q", units={"t": "mile"})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...base.arrays import F64
-from ...base.tables import nearest
+from ...base.names import nearest
 from ...errors import DataError, SpecError
 
 if TYPE_CHECKING:

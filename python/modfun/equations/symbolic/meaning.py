@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import sympy
 
-from ...base.tables import nearest
+from ...base.names import nearest
 from ...language.parser import CONSTANTS, FUNCTIONS, Node, Text
 from .compiled import jet, time
 from .jets import Jump, Moving

@@ -1,0 +1,34 @@
+"""Calls that Python itself would refuse: slips of names and positions, with what was meant."""
+
+import modfun as mf
+import pytest
+from modfun.base.arguments import public
+
+SLIPS = {
+    "without names": (lambda: mf.TransferFunction(2, 0), r"write TransferFunction\(poles=\.\.\., zeros"),
+    "one too many": (lambda: mf.tf([1], [1, 1], 0.2), r"3 arguments .* write tf\(num, den, delay=\.\.\.\)"),
+    "Ts": (lambda: mf.Record([0.0] * 20, Ts=0.1), "no option 'Ts'; give dt=..., the sampling interval"),
+    "dt": (lambda: mf.simulate(mf.tf([1], [1, 1]), dt=0.1), "'dt'; give intervals=.*duration/dt"),
+    "step without a name": (lambda: mf.Record([0.0] * 20, 0.1), "sampling interval by its name, dt="),
+    "nearest": (lambda: mf.read("x.csv", output="y"), "no option 'output'; did you mean 'outputs'"),
+    "missing": (lambda: mf.MonteCarlo(system=mf.tf([1], [1, 1])), "estimators is missing"),
+    "method": (lambda: mf.signals.chirp("u", band=(1, 2), dt=0.1, duration=1).plot(axes=0), "mean 'ax'"),
+}
+
+
+@pytest.mark.parametrize("case", SLIPS)
+def test_slips_are_named(case):
+    call, words = SLIPS[case]
+    with pytest.raises((mf.SpecError, mf.DataError), match=words):
+        call()
+
+
+def test_a_slip_deeper_down_stays_raw():
+    @public
+    def outer(x):
+        return dict.fromkeys(x, wrong=1)
+
+    with pytest.raises(TypeError, match="keyword"):
+        outer([1])
+    with pytest.raises(mf.SpecError, match=r"outer: x is missing; give x="):
+        outer()
