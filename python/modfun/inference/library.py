@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.tables import nearest
+from ..base.names import nearest
 from ..equations.symbolic.candidates import Side, sides_of
 from ..equations.symbolic.columns import Columns, columns_of, read_term
 from ..equations.written import Written
