@@ -46,7 +46,7 @@ reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again
 app.add_typer(reproduce, name="reproduce")
 app.add_typer(mc, name="mc")
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE", help=".csv, .npz, .mat or .parquet.")]
+Files = Annotated[list[Path], typer.Argument(metavar="FILE", help=".csv, .xlsx, .mat, .parquet, ...")]
 Outputs = Annotated[
     list[str] | None, typer.Option("--output", "-y", help="Column of an output; repeat for several.")
 ]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import math
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,9 +17,9 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.names import listed
 from ..errors import DataError
-from .writing import write_text
+from .writing import refuse_large, write_text
 
-__all__ = ["Delimited", "numbers", "read_delimited", "write_delimited"]
+__all__ = ["Delimited", "numbers", "of_lines", "read_delimited", "write_delimited"]
 
 
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -144,15 +146,33 @@ def read_delimited(path: Path) -> Delimited:
     DataError
         If the file is empty or its rows differ in their number of fields.
     """
-    data = path.read_bytes()
+    data = _bytes_of(path)
     try:
         text = data.decode("utf-16" if data.startswith(UTF16) else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # older loggers write the degree sign so
-    lines = text.splitlines()
+    return of_lines(path.name, text.splitlines())
+
+
+def _bytes_of(path: Path) -> bytes:
+    """The bytes of a file, unpacked where its name ends in .gz."""
+    data = path.read_bytes()
+    if path.suffix.lower() != ".gz":
+        return data
+    refuse_large(path.name, int.from_bytes(data[-4:], "little"))
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as problem:
+        raise DataError(
+            f"{path.name} cannot be unpacked ({problem}); it is damaged or cut short: write it again"
+        ) from None
+
+
+def of_lines(label: str, lines: list[str]) -> Delimited:
+    """The rows of a text or of a sheet; as `read_delimited`."""
     kept = [k for k, line in enumerate(lines) if line and line[0] not in "#%" and _holds_data(line)]
     if not kept:
-        raise DataError(f"{path.name} holds no data; it needs a line of column names and rows of numbers")
+        raise DataError(f"{label} holds no data; it needs a line of column names and rows of numbers")
     if _blanks_separate([lines[k] for k in kept[:2]]):
         for k in kept:
             lines[k] = "\t".join(lines[k].split())
@@ -172,19 +192,19 @@ def read_delimited(path: Path) -> Delimited:
             units = {name: unit.strip("()[]") for name, unit in said.items() if len(unit) <= LONGEST_UNIT}
             kept = kept[1:]
     if not kept:
-        raise DataError(f"{path.name} has column names ({listed(names)}) but no rows of numbers")
+        raise DataError(f"{label} has column names ({listed(names)}) but no rows of numbers")
     rows = [lines[k] for k in kept]
     marks = len(names) - 1
     for k, row in enumerate(rows):  # counting marks is enough where nothing is quoted, and fast
         if row.count(delimiter) != marks and (count := len(_fields(row, delimiter))) != len(names):
             raise DataError(
-                f"{path.name}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
+                f"{label}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
             )
     for name, text in zip(names, _fields(rows[0], delimiter), strict=False):
         if CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()):
             units[name] = "s"
-    return Delimited(path.name, names, delimiter, rows, [k + 1 for k in kept], units)
+    return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units)
 
 
 def _all_numbers(line: str, delimiter: str) -> bool:
@@ -217,9 +237,16 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 
 def write_delimited(
-    what: str, path: str | Path, names: Sequence[str], columns: Sequence[F64], digits: int | None = None
+    what: str,
+    path: str | Path,
+    names: Sequence[str],
+    columns: Sequence[F64],
+    digits: int | None = None,
+    units: Sequence[str] | None = None,
 ) -> None:
     """Write columns with commas between, whole or not at all; numbers to the last bit, or with these digits.
+
+    A line of units follows the names; a unit that would read as a number, such as 1, is left out.
 
     Raises
     ------
@@ -232,5 +259,7 @@ def write_delimited(
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(names)
+    if units is not None:
+        writer.writerow([unit if number(unit) is None else "" for unit in units])
     writer.writerows(rows if digits is None else ([f"{x:.{digits}g}" for x in row] for row in rows))
     write_text(what, path, text.getvalue())

@@ -16,7 +16,8 @@ from ..base.arrays import F64
 from ..base.names import nearest
 from ..base.optional import optional
 from ..errors import DataError, SpecError
-from ..files.delimited import read_delimited
+from ..files.delimited import Delimited, read_delimited
+from ..files.excel import read_excel
 from ..files.writing import refuse_large
 from .columns import Columns, Told, from_arrays, numeric
 from .labelled import open_frame, open_xarray, told_of_frame
@@ -24,7 +25,7 @@ from .matlab import open_mat
 
 __all__ = ["open_columns"]
 
-KINDS = ".csv, .npz, .mat or .parquet"
+KINDS = ".csv, .xlsx, .npz, .mat, .parquet or .feather"
 PANDAS = "PANDAS_ATTRS"  # where a .parquet file keeps the attrs of a frame
 
 
@@ -35,8 +36,13 @@ def open_columns(source: Any, part: str | None = None) -> Columns:
         _refuse_absent(path)
         if path.suffix.lower() == ".mat":
             return open_mat(path, part)
+        if path.suffix.lower() == ".xlsx":
+            return _of_text(path.name, read_excel(path, part))
     if part is not None:
-        raise SpecError(f"read: part={part!r} is for .mat files that hold several structs; leave it out")
+        raise SpecError(
+            f"read: part={part!r} is for .mat files that hold several structs and .xlsx files of several "
+            "sheets; leave it out"
+        )
     if isinstance(source, str | os.PathLike):
         return _open_file(path)
     if hasattr(source, "dims") and hasattr(source, "coords"):
@@ -77,13 +83,19 @@ def _open_file(path: Path) -> Columns:
         return from_arrays(arrays, path.name)
     if kind == ".parquet":
         return _open_parquet(path)
+    if kind == ".feather":
+        return _open_feather(path)
     if kind == ".nc":
         raise SpecError(f"read: {path.name}: give xarray.open_dataset({path.name!r}) instead of the file")
-    if kind not in ("", ".csv", ".tsv", ".txt", ".dat"):
+    unpacked = Path(path.stem).suffix.lower() if kind == ".gz" else kind
+    if unpacked not in ("", ".csv", ".tsv", ".txt", ".dat"):
         raise SpecError(f"read: {path.name}: files of kind {kind} are not read; convert it to {KINDS}")
-    text = read_delimited(path)
+    return _of_text(path.name, read_delimited(path))
+
+
+def _of_text(label: str, text: Delimited) -> Columns:
     told = Told(units=text.units)
-    return Columns(path.name, text.names, text.load, lambda row: f"line {text.line_numbers[row]}", told)
+    return Columns(label, text.names, text.load, lambda row: f"line {text.line_numbers[row]}", told)
 
 
 def _open_parquet(path: Path) -> Columns:
@@ -109,6 +121,19 @@ def _open_parquet(path: Path) -> Columns:
         return {name: numeric(values, name, path.name) for name, values in arrays.items()}
 
     return Columns(path.name, tuple(schema.names), load, told=told_of_frame(attrs, schema.names))
+
+
+def _open_feather(path: Path) -> Columns:
+    """Columns by pyarrow, or by polars where only that is installed."""
+    alone = find_spec("pyarrow") is None and find_spec("polars") is not None
+    reader = optional("polars" if alone else "pyarrow.feather", "parquet", f"reading {path.name}")
+    try:
+        frame = reader.read_ipc(path) if alone else reader.read_table(path)
+        names = frame.columns if alone else frame.column_names
+        arrays = {name: frame[name].to_numpy() for name in names}
+    except Exception as problem:  # each reader has its own
+        raise _damaged(path, problem) from None
+    return from_arrays(arrays, path.name)
 
 
 def _damaged(path: Path, problem: Exception) -> DataError:

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,28 @@ Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 
 
+class Words(TypedDict, total=False):
+    """The options of `read`."""
+
+    outputs: Channels | None
+    inputs: Channels | None
+    time: str | None
+    keep: Channels | None
+    dt: float | None
+    units: Mapping[str, str] | None
+    intersample: str | Sequence[str] | Mapping[str, str] | None
+    mask: PerOutput | None
+    sigma: PerOutput | None
+    missing: str
+    part: str | None
+
+
+@overload
+def read(source: list[Any] | tuple[Any, ...], **options: Unpack[Words]) -> list[Record]: ...
+@overload
+def read(
+    source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any, **options: Unpack[Words]
+) -> Record: ...
 @public
 def read(
     source: str | os.PathLike[str] | Mapping[str, ArrayLike] | Any,
@@ -55,16 +77,16 @@ def read(
     sigma: PerOutput | None = None,
     missing: str = "refuse",
     part: str | None = None,
-) -> Record:
-    """Make a Record from a file, a frame or a dictionary of arrays.
+) -> Record | list[Record]:
+    """Make a Record from a file, a frame or a dictionary of arrays, or several from a list of these.
 
     Parameters
     ----------
-    source : path, frame or mapping
-        A text file (.csv, .tsv, .txt, .dat; columns separated by comma, semicolon, tab or blanks; see
-        Notes), an .npz file of arrays, a .mat file (extra ``mat`` for version 7.3), a .parquet file (extra
-        ``parquet``), a frame with ``columns`` (pandas, polars), an xarray.Dataset or DataArray, or arrays
-        by name.
+    source : path, frame or mapping, or a list of these
+        A text file (.csv, .tsv, .txt, .dat, and these with .gz; columns separated by comma, semicolon, tab
+        or blanks; see Notes), an .xlsx file (extra ``excel``), an .npz file of arrays, a .mat file (extra
+        ``mat`` for version 7.3), a .parquet or .feather file (extra ``parquet``), a frame with ``columns``
+        (pandas, polars), an xarray.Dataset or DataArray, or arrays by name.
     outputs, inputs : str, sequence of str or mapping
         Columns by name, or ``{new name: name in the source}``. Both may be left out where the source says
         them itself: an exported iddata, what `Record.to_pandas` and `Record.to_xarray` made.
@@ -89,12 +111,13 @@ def read(
     missing : {"refuse", "mask"}, default "refuse"
         What to do with missing and infinite values of outputs; elsewhere they are always refused.
     part : str, optional
-        Which struct of a .mat file, ``"z2"``, or which experiment of an iddata, ``"Exp2"`` or
-        ``"z2.Exp2"``, where there are several.
+        Which struct of a .mat file, ``"z2"``, which experiment of an iddata, ``"Exp2"`` or
+        ``"z2.Exp2"``, or which sheet of an .xlsx file, where there are several.
 
     Returns
     -------
-    Record
+    Record, or list of Record
+        A list where the source is one.
 
     Raises
     ------
@@ -116,10 +139,11 @@ def read(
 
     Notes
     -----
-    In text files, empty lines and lines that begin with # or % are skipped, the first line names the
-    columns (``column1``, ``column2``, ... if it is all numbers) and a line below it without a number holds
+    In text files and sheets, empty lines and lines that begin with # or % are skipped, the first line names
+    the columns (``column1``, ``column2``, ... if it is all numbers), a line below it without a number holds
     the units. Times of day, ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and
-    go on over midnight; dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first.
+    go on over midnight; dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first. Decimal commas
+    are read where another mark separates the columns.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
@@ -140,6 +164,15 @@ def read(
         raise SpecError(f"read: give time={time!r} or dt={dt!r}, not both")
     if missing not in ("refuse", "mask"):
         raise SpecError(f"read: missing={missing!r} is unknown; {nearest(missing, ('refuse', 'mask'))}")
+    if isinstance(source, list | tuple):
+        if not source:
+            raise SpecError("read: the list of sources is empty; give at least one file")
+        words: Words = {
+            "outputs": outputs, "inputs": inputs, "time": time, "keep": keep, "dt": dt, "units": units,
+            "intersample": intersample, "mask": mask, "sigma": sigma, "missing": missing, "part": part,
+        }  # fmt: skip
+        each: Sequence[Mapping[str, Any]] = source  # or whatever else is read
+        return [read(one, **words) for one in each]
     table = open_columns(source, part)
     told = table.told
     if outputs is None and not told.outputs:

@@ -29,6 +29,7 @@ from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
 from . import drawing, labelled, spectra
 from .check import check_record
+from .conversion import converted
 from .mask import filled, mask_of, refuse_scarce, sigma_of
 from .samples import Samples
 
@@ -210,6 +211,37 @@ class Record(Samples):
             _seen={in_names[k]: form for k, form in forms.items()},
         )
 
+    def convert(self, **units: str) -> Record:
+        """Return a record with channels in other units.
+
+        Known are angles, rates, lengths, speeds, accelerations, masses, forces, moments, pressures, powers,
+        voltages, currents and temperatures, in SI and in the units of aircraft, and products, quotients and
+        powers of them: ``"deg/s"``, ``"ft/s^2"``, ``"kt"``, ``"lbf ft"``, ``"°C"``.
+
+        Parameters
+        ----------
+        **units : str
+            New unit by channel name. The present unit is that of `units`.
+
+        Returns
+        -------
+        Record
+
+        Raises
+        ------
+        SpecError
+            A channel that does not exist or has no unit, or a unit that is not known or of another kind.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> rec = Record(y=np.arange(9.0), dt=0.1, outputs="q", units={"q": "deg/s"})
+        >>> radians = rec.convert(q="rad/s")
+        >>> bool(radians["q"][-1] == np.deg2rad(8.0)), radians.units
+        (True, {'q': 'rad/s'})
+        """
+        return converted(self, units)
+
     def check(self) -> Findings:
         """Say in words what is wrong or doubtful about the samples.
 
@@ -269,8 +301,9 @@ class Record(Samples):
     def to_csv(self, path: str | Path) -> None:
         """Write times and channels as a file of comma separated values, to the last bit.
 
-        The first column is ``t``, in seconds; masked samples are written nan. Units, roles and the form of
-        inputs between samples are not in it: say them again in `modfun.read`.
+        The first column is ``t``, in seconds; masked samples are written nan. Where units of channels are
+        known, a line of units follows that of the names. Roles and the form of inputs between samples are
+        not in it: say them again in `modfun.read`.
 
         Parameters
         ----------
@@ -282,7 +315,8 @@ class Record(Samples):
             It cannot be written; a file that was there before is still whole.
         """
         columns = [self.t, *(self._shown(name) for name in self.channels)]
-        write_delimited("to_csv", path, ["t", *self.channels], columns)
+        units = ["s", *(self._units.get(name, "") for name in self.channels)] if self._units else None
+        write_delimited("to_csv", path, ["t", *self.channels], columns, units=units)
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of all channels with the times as index ``t`` (extra ``pandas``).

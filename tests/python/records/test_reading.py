@@ -1,5 +1,6 @@
 """Reading: files, frames and dictionaries; what is refused, where it is and what to do about it."""
 
+import gzip
 from datetime import datetime, timedelta
 
 import modfun as mf
@@ -296,7 +297,7 @@ def test_refused_files(file, case):
 
 
 SOURCES = {
-    "list": ([1, 2], SpecError, "list is not a source; give a path"),
+    "list": ([1, 2], SpecError, "int is not a source; give a path"),
     "lengths": ({**ARRAYS, "q": Q[1:]}, DataError, "differ in length .*q 100"),
     "complex": ({**ARRAYS, "q": Q + 1j}, DataError, "'q' is complex; .*two columns"),
     "time first": ({"t": T, "q": np.zeros((50, 2))}, DataError, r"\(channel, time\), transposed"),
@@ -407,3 +408,61 @@ def test_milliseconds_are_doubted_until_the_unit_is_said(file):
     assert mf.read(path, outputs="q", units={"t": "s", "q": "deg"}).units == {"q": "deg"}
     with pytest.raises(SpecError, match="units gives 'mile' for the times 't'; did you mean 'min'"):
         mf.read(path, outputs="q", units={"t": "mile"})
+
+
+def test_packed_text_is_read_and_damage_is_said(tmp_path):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(text().encode()))
+    assert np.array_equal(read(path, outputs="q").y[0], Q)
+    path.write_bytes(gzip.compress(text().encode())[:-20] + bytes(4))
+    with pytest.raises(DataError, match=r"run\.csv\.gz cannot be unpacked .*damaged or cut short"):
+        read(path, outputs="q")
+
+
+@pytest.mark.parametrize("alone", [False, True], ids=["pyarrow", "polars"])
+def test_feather_is_read(tmp_path, alone, monkeypatch):
+    path = tmp_path / "run.feather"
+    pd.DataFrame(ARRAYS).to_feather(path)
+    if alone:
+        monkeypatch.setattr("modfun.records.opening.find_spec", lambda name: None if name == "pyarrow" else 1)
+    assert np.array_equal(read(path, outputs="q", inputs="de").u[0], DE)
+    path.write_bytes(b"nothing")
+    with pytest.raises(DataError, match=r"run\.feather cannot be read as \.feather"):
+        read(path, outputs="q")
+
+
+def test_sheets_are_read_as_text_files_are(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    path, book = tmp_path / "run.xlsx", openpyxl.Workbook()
+    for row in [["time", "q", "de"], ["", "deg/s", "deg"], *zip(clocks(lambda at: at), Q, DE, strict=False)]:
+        book.active.append(list(row))
+    book.save(path)
+    rec = read(path, outputs="q", inputs="de")
+    assert (rec.dt, rec.units) == (pytest.approx(0.02), {"q": "deg/s", "de": "deg"})
+    np.testing.assert_allclose(rec.y[0], Q[:50], rtol=1e-14)
+    book.create_sheet("second").append(["t", "q"])
+    book.save(path)
+    with pytest.raises(SpecError, match=r"holds 2 sheets; choose one with part=: Sheet, second"):
+        read(path, outputs="q")
+    assert read(path, outputs="q", part="Sheet").intervals == 49
+    with pytest.raises(SpecError, match="has no sheet 'secnd'; did you mean 'second'"):
+        read(path, outputs="q", part="secnd")
+    path.write_bytes(b"nothing")
+    with pytest.raises(DataError, match=r"run\.xlsx cannot be read as \.xlsx"):
+        read(path, outputs="q")
+
+
+def test_a_list_of_sources_gives_a_list_of_records(file):
+    paths = [file(text(), name=f"run{k}.csv") for k in range(2)]
+    records = read([*paths, ARRAYS], outputs="q", inputs="de")
+    assert [rec.y.tolist() for rec in records] == [[Q.tolist()]] * 3
+    with pytest.raises(SpecError, match="list of sources is empty"):
+        read([], outputs="q")
+
+
+def test_units_go_to_a_file_and_back(tmp_path):
+    rec = Record(y=Q, u=DE, dt=0.02, outputs="q", inputs="de", units={"q": "deg/s", "de": "1"})
+    rec.to_csv(tmp_path / "run.csv")
+    assert (tmp_path / "run.csv").read_text().splitlines()[:2] == ["t,q,de", "s,deg/s,"]
+    again = read(tmp_path / "run.csv", outputs="q", inputs="de")
+    assert (again.units, again.y.tolist(), again.dt) == ({"q": "deg/s"}, rec.y.tolist(), rec.dt)

@@ -1,0 +1,38 @@
+"""Channels of a record in other units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from ..base.names import nearest
+from ..base.units import scale
+from ..errors import SpecError
+from .samples import Samples
+
+__all__ = ["converted"]
+
+Own = TypeVar("Own", bound=Samples)
+
+
+def converted(rec: Own, units: Mapping[str, str]) -> Own:
+    """The record with channels in these units; see `Record.convert`."""
+    y, u, keep, labels = rec.y.copy(), rec.u.copy(), {name: rec[name] for name in rec.kept}, rec.units
+    for name, unit in units.items():
+        if name not in rec.channels:
+            raise SpecError(f"convert: there is no channel {name!r}; {nearest(name, rec.channels)}")
+        if name not in labels:
+            raise SpecError(
+                f"convert: the unit of {name!r} is not known; say it first, "
+                f"rec.assign(units={{{name!r}: ...}}), or in mf.read"
+            )
+        step = scale("convert", labels[name], str(unit))
+        values = step.factor * rec[name] + step.offset
+        if name in rec.outputs:
+            y[rec.outputs.index(name)] = values
+        elif name in rec.inputs:
+            u[rec.inputs.index(name)] = values
+        else:
+            keep[name] = values
+        labels[name] = str(unit)
+    return rec._like(y=y, u=u, _keep=keep, _units=labels)
