@@ -1,4 +1,4 @@
-"""Tables and figures of docs/reduction.md: reduced models beside balanced truncation, with times.
+"""Tables and figures of docs/reduction.md: reduced models beside balanced truncation, with processor times.
 
 Usage: python benches/reduction.py [table ...] [--data DIRECTORY] [--figures DIRECTORY]
 """
@@ -53,9 +53,9 @@ def head(*names):
 
 
 def timed(given, *args, **options):
-    start = time.perf_counter()
+    start = time.process_time()
     red = mf.reduce(given, *args, **options)
-    return red, time.perf_counter() - start
+    return red, time.process_time() - start
 
 
 def reductions(data, _):

@@ -37,7 +37,7 @@ Move = TypeVar("Move")
 def levenberg_marquardt(
     here: P,
     slopes: Callable[[P], Slopes],
-    step: Callable[[P, Slopes, float], tuple[Move, float]],
+    step: Callable[[P, Slopes, float], tuple[Move, float, float]],
     moved: Callable[[P, Move], P | None],
     *,
     enough: float,
@@ -54,8 +54,8 @@ def levenberg_marquardt(
     slopes : callable
         What steps from a point need beside it; made once a point.
     step : callable
-        From a point, its slopes and a damping, beside which columns have unit norm: a move, and the fall of
-        the cost that it promises.
+        From a point, its slopes and a damping, beside which columns have unit norm: a move, the fall of the
+        cost that it promises without the damping, and its squared length in these columns.
     moved : callable
         The point after a move, None where it is not allowed.
     enough : float
@@ -78,16 +78,22 @@ def levenberg_marquardt(
     for nit in range(maxiter):
         if here.cost <= enough:
             return here, nit, "enough"
-        move, promised = step(here, own, damping)
+        move, promised, length = step(here, own, damping)
         if promised <= tol * here.cost and damping <= 1.0:
             return here, nit, "settled"
         trial = moved(here, move)
-        if trial is not None and trial.cost < here.cost:
-            gain = (here.cost - trial.cost) / max(promised, 1e-300)
-            damping = max(damping * (0.2 if gain > 0.5 else 1.0 if gain > 0.1 else 3.0), 1e-12)
-            here, own = trial, slopes(trial)
-        else:
+        if trial is None:
             damping *= 5.0
-            if damping > 1e8:
-                return here, nit, "settled"
+        else:
+            # The least damping with which the step's model has the curvature that the cost shows along the
+            # move: squared slopes lack what the residuals' own curvature adds.
+            fall = here.cost - trial.cost
+            least = (promised - fall) / max(length, 1e-300)
+            if fall > 0:
+                damping = max(min(least, 10.0 * damping), 0.2 * damping, 1e-12)
+                here, own = trial, slopes(trial)
+            else:
+                damping = max(min(least, 1e3 * damping), 5.0 * damping)
+        if damping > 1e8:
+            return here, nit, "settled"
     return here, maxiter, "maxiter"

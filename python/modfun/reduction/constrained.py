@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.arrays import F64
 
-__all__ = ["beyond", "constrained", "least_squares"]
+__all__ = ["beyond", "constrained", "least_squares", "norms"]
 
 
 def constrained(
@@ -26,18 +26,24 @@ def constrained(
     return inverse @ values, slope, vt[rank:].T
 
 
+def norms(columns: F64) -> F64:
+    """Of columns, 1 where one is zero: what to divide them by."""
+    size: F64 = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    size[size == 0] = 1.0
+    return size
+
+
 def least_squares(columns: F64, target: F64) -> tuple[F64, F64]:
     """Orthonormal columns that span the given ones, and the solution; what depends on others is left out."""
     from scipy.linalg.lapack import dgeqp3, dorgqr, dtrtrs
 
-    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    size[size == 0] = 1.0
+    size = norms(columns)
     if columns.shape[1] == 0:
         return columns, np.zeros(0)
     # Without SciPy's own functions around them, which take longer than a fit's few columns.
     factors, order, tau, _, _ = dgeqp3(columns / size)
     diagonal = np.abs(np.diagonal(factors))
-    rank = int(np.sum(diagonal > 1e-14 * diagonal[0])) if diagonal[0] > 0 else 0
+    rank = np.count_nonzero(diagonal > 1e-14 * diagonal[0]) if diagonal[0] > 0 else 0
     q = dorgqr(factors[:, : tau.size], tau)[0][:, :rank]
     found = np.zeros(columns.shape[1])
     if rank:

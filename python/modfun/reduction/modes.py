@@ -284,13 +284,14 @@ def _triangle(columns: F64) -> F64:
     return np.asarray(np.linalg.qr(columns, mode="r"))
 
 
-def _step(_: _Modes, normal: tuple[F64, F64], damping: float) -> tuple[F64, float]:
-    """The damped move, and the fall of the cost that it promises."""
+def _step(_: _Modes, normal: tuple[F64, F64], damping: float) -> tuple[F64, float, float]:
+    """The damped move, the fall of the cost that it promises, and its squared length in scaled columns."""
     gram, slope = normal
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    size = np.diag(gram)
+    scale = np.sqrt(np.where(size > 0, size, np.inf))  # what changes nothing does not move
     scaled = gram / np.outer(scale, scale)
     step = np.linalg.solve(scaled + damping * np.eye(scale.size), -slope / scale)
-    return step / scale, -float(step @ (2 * slope / scale + scaled @ step))
+    return step / scale, -float(step @ (2 * slope / scale + scaled @ step)), float(step @ step)
 
 
 def _modes(a: F64, b: F64, lines: _Lines) -> _Modes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from math import inf
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
-from .constrained import beyond, constrained, least_squares
+from .constrained import beyond, constrained, least_squares, norms
 from .fractions import Fractions, Numerators, monic
 
 __all__ = ["Point", "Problem"]
@@ -95,8 +96,10 @@ class Problem:
         self.s: C128 = (1j * self.omega / self.unit).astype(np.complex128)
         self.groups = 1 if layout.common else outputs
         self._whitening(weight)
+        self.targets = [self._target(block) for block in self.blocks]
         self._held_and_bounded()
         self._dcgain(dcgain)
+        self._waits()
 
     def _whitening(self, weight: Any) -> None:
         """V with V*V = W: numbers (path, omega), or matrices (omega, path, path)."""
@@ -130,6 +133,8 @@ class Problem:
         self.fixed = np.array([np.nan if v is None else v for v in layout.fixed]) / self.scale
         self.low = np.array([b[0] for b in layout.bounds]) / self.scale
         self.high = np.array([b[1] for b in layout.bounds]) / self.scale
+        limited = np.isfinite(self.fixed) | np.isfinite(self.low) | np.isfinite(self.high)
+        self.limited: list[bool] = limited.tolist()
         self.integrators = []
         for g, order in enumerate(orders):
             count = 0
@@ -156,6 +161,16 @@ class Problem:
         if np.any(np.isfinite(self.gain)) and any(self.integrators):
             raise SpecError("fitting a frequency response: a structure with an integrator has no dc gain")
         self.gain[[degree is None for degree in self.degrees]] = np.nan
+        self.tied = bool(np.any(np.isfinite(self.gain)))
+
+    def _waits(self) -> None:
+        """What a known delay multiplies the functions of a path by; None where it is free or zero."""
+        self.waits: list[C128 | None] = []
+        for i, j in self.paths:
+            route = self.layout.routes[i][j]
+            delay: Any = self.layout.paths[route].delay
+            known = route not in self.layout.free_delays and delay != 0
+            self.waits.append(np.exp(-1j * self.omega * delay) if known else None)
 
     def group(self, path: int) -> int:
         """Which denominator a path has."""
@@ -203,12 +218,13 @@ class Problem:
 
     # One point -------------------------------------------------------------------------------
 
-    def wait(self, delays: F64, path: int) -> C128:
+    def late(self, values: C128, delays: F64, path: int) -> C128:
+        """The functions of a path behind its delay."""
         i, j = self.paths[path]
-        route = self.layout.routes[i][j]
-        at = self.layout.free_delays.index(route) if route in self.layout.free_delays else None
-        delay = delays[at] if at is not None else self.layout.paths[route].delay
-        return np.exp(-1j * self.omega * delay)  # type: ignore[no-any-return, operator]
+        route, wait = self.layout.routes[i][j], self.waits[path]
+        if route in self.layout.free_delays:
+            wait = np.exp(-1j * self.omega * delays[self.layout.free_delays.index(route)])
+        return values if wait is None else values * wait[:, None]
 
     def rows(self, block: list[int], path: int, columns: C128) -> F64:
         """Whitened real rows of what a path of a block adds, (row, column)."""
@@ -218,6 +234,11 @@ class Problem:
         else:
             whitened = self.v[path][:, None] * columns
         return np.concatenate([whitened.real, whitened.imag])
+
+    def _target(self, block: list[int]) -> F64:
+        """The same of a block's data, (row,)."""
+        rows = [self.rows(block, p, self.data[p][:, None])[:, 0] for p in block]
+        return np.asarray(np.sum(rows, axis=0))
 
     def point(self, poles: list[C128], delays: F64) -> Point:
         """The best numerators for some poles."""
@@ -237,14 +258,13 @@ class Problem:
                 basis = Numerators(poles[g], degree, fractions[g])
             numerators.append(basis)
             known = on_lines[g] if basis.fractions is fractions[g] else None
-            values.append(basis.values(self.s, known) * self.wait(delays, p)[:, None])
-        tied = bool(np.any(np.isfinite(self.gain)))
+            values.append(self.late(basis.values(self.s, known), delays, p))
         zero = np.zeros(1, np.complex128)
-        at_zero = [own.values(zero)[0].real if tied else np.zeros(own.size) for own in fractions]
+        at_zero = [own.values(zero)[0].real if self.tied else np.zeros(own.size) for own in fractions]
         response = np.zeros_like(self.data)
         blocks = []
-        for block in self.blocks:
-            solved = self._numerators(block, numerators, values, at_zero)
+        for block, target in zip(self.blocks, self.targets, strict=True):
+            solved = self._numerators(block, target, numerators, values, at_zero)
             first = 0
             for p in block:
                 last = first + values[p].shape[1]
@@ -254,14 +274,18 @@ class Problem:
         return Point(fractions, on_lines, delays, numerators, blocks, response)
 
     def _numerators(
-        self, block: list[int], bases: list[Numerators | None], values: list[C128], at_zero: list[F64]
+        self,
+        block: list[int],
+        data: F64,
+        bases: list[Numerators | None],
+        values: list[C128],
+        at_zero: list[F64],
     ) -> _Solved:
-        columns = np.hstack([self.rows(block, p, values[p]) for p in block])
-        data = np.sum([self.rows(block, p, self.data[p][:, None])[:, 0] for p in block], axis=0)
+        columns = np.concatenate([self.rows(block, p, values[p]) for p in block], axis=1)
         polynomials, fixed, bounds = self._polynomials(block, bases)
         equal = [(row, value) for row, value in zip(polynomials, fixed, strict=True) if np.isfinite(value)]
         moving = [np.zeros(sum(own.size for own in at_zero)) for _ in equal]
-        starts = np.cumsum([0, *(own.size for own in at_zero)])
+        starts = [0, *accumulate(own.size for own in at_zero)]
         first = 0
         for p in block:
             count = values[p].shape[1]
@@ -275,7 +299,7 @@ class Problem:
                 moving.append(slope)
             first += count
         while True:
-            offset, slope, free = constrained(equal, columns.shape[1], moving, int(starts[-1]))
+            offset, slope, free = constrained(equal, columns.shape[1], moving, starts[-1])
             space, z = least_squares(columns @ free, data - columns @ offset)
             found = offset + free @ z
             over = beyond(polynomials @ found, bounds)
@@ -299,7 +323,7 @@ class Problem:
             if basis is None or place is None:
                 continue
             for k in range(place.start, place.stop):
-                if np.isfinite(self.fixed[k]) or self.low[k] > -inf or self.high[k] < inf:
+                if self.limited[k]:
                     row = np.zeros(size)
                     row[first : first + basis.size] = basis.polynomials[:, k - place.start]
                     rows.append(row)
@@ -312,7 +336,7 @@ class Problem:
 
     def slopes(self, here: Point, gains: C128, project: bool = True) -> F64:
         """Rows over changes of the denominators (as fractions of themselves) and of free delays."""
-        starts = np.cumsum([0, *(own.size for own in here.fractions)])
+        starts = [0, *accumulate(own.size for own in here.fractions)]
         late = self.layout.free_delays
         found = []
         for solved in here.blocks:
@@ -334,10 +358,9 @@ class Problem:
             found.append(total)
         return np.concatenate(found)
 
-    def step(self, here: Point, rows: F64, damping: float) -> tuple[tuple[list[C128], F64], float]:
-        """New poles and delays, and the fall of the cost that they promise (without damping's share)."""
-        size = np.linalg.norm(rows, axis=0)
-        size[size == 0] = 1.0
+    def step(self, here: Point, rows: F64, damping: float) -> tuple[tuple[list[C128], F64], float, float]:
+        """New poles and delays, the fall of the cost that they promise, and their move in scaled columns."""
+        size = norms(rows)
         damped = np.vstack([rows / size, np.sqrt(damping) * np.eye(size.size)]) if damping else rows / size
         target = np.concatenate([-here.residuals, np.zeros(damped.shape[0] - here.residuals.size)])
         polynomials, current, fixed, bounds = self._denominators(here)
@@ -360,14 +383,15 @@ class Problem:
             k, value = over
             equal.append((polynomials[k] / size, value - current[k]))
             bounds[k] = (-inf, inf)
-        left = here.residuals + rows @ (x / size)
+        length = float(x @ x)
         x = x / size
+        left = here.residuals + rows @ x
         poles = []
         first = 0
         for own in here.fractions:
             poles.append(own.zeros_with(x[first : first + own.size]) if own.size else own.poles)
             first += own.size
-        return (poles, here.delays + x[first:]), here.cost - float(left @ left)
+        return (poles, here.delays + x[first:]), here.cost - float(left @ left), length
 
     def is_singular(self, here: Point) -> bool:
         """Whether some changes of poles and delays change nothing that numerators could not undo."""
@@ -391,7 +415,7 @@ class Problem:
         for own, place in zip(here.fractions, self.dens, strict=True):
             for k in range(own.size):
                 at = place.start + k
-                if np.isfinite(self.fixed[at]) or self.low[at] > -inf or self.high[at] < inf:
+                if self.limited[at]:
                     row = np.zeros(total + len(late))
                     row[first : first + own.size] = own.polynomials[:, k]
                     rows.append(row)

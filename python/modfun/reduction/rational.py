@@ -24,6 +24,8 @@ __all__ = ["RationalFit", "fit_rational"]
 
 
 SWEEPS = 20  # Sanathanan–Koerner steps from a start
+# Relative moves of the poles: of steps that have settled, and to where the way from another start ended.
+SETTLED, MET = 1e-2, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,11 +147,10 @@ def fit_rational(
     if start is not None:
         starts = [[np.asarray(p, dtype=np.complex128) / problem.unit for p in start]]
     region = None if region is None else region.scaled(problem.unit)
-    tried = [
-        _sweep(problem, problem.point(poles, delays), unstable, region)
-        for poles in starts
-        for delays in problem.delay_starts()
-    ]
+    tried = []
+    for delays in problem.delay_starts():
+        ends: list[list[C128]] = []
+        tried += [_sweep(problem, problem.point(poles, delays), unstable, region, ends) for poles in starts]
     best, sweeps = min(tried, key=lambda one: one[0].cost)
     best, nit, status = _descend(problem, best, unstable, region, tol, maxiter)
     if status == "ok" and problem.is_singular(best):
@@ -171,23 +172,24 @@ def fit_rational(
     )
 
 
-def _sweep(problem: Problem, here: Point, unstable: int | None, region: Region | None) -> tuple[Point, int]:
-    """Sanathanan–Koerner steps; the best point on the way."""
-    best, nit = here, 0
-    while nit < SWEEPS:
-        (poles, _), _ = problem.step(here, problem.slopes(here, problem.data), 0.0)
+def _sweep(
+    problem: Problem, here: Point, unstable: int | None, region: Region | None, ends: list[list[C128]]
+) -> tuple[Point, int]:
+    """Sanathanan–Koerner steps; the best point on the way. `ends`: of earlier ways, and then its own."""
+    best, nit, settled = here, 0, False
+    while nit < SWEEPS and not settled:
+        (poles, _), *_ = problem.step(here, problem.slopes(here, problem.data), 0.0)
         nit += 1
         if not all(np.all(np.isfinite(own)) for own in poles):
             break
-        settled = max(_change(a, b) for a, b in zip(poles, here.poles, strict=True)) < 1e-3
         poles = [mirrored(own, unstable) for own in poles]
         if region is not None:
             poles = [region.tamed(own) for own in poles]
+        settled = _change(poles, here.poles) < SETTLED or any(_change(poles, end) < MET for end in ends)
         here = problem.point(poles, here.delays)
         if here.cost < best.cost:
             best = here
-        if settled:
-            break
+    ends.append(here.poles)
     return best, nit
 
 
@@ -223,9 +225,11 @@ def _allowed(poles: list[C128], unstable: int | None, region: Region | None) -> 
     return unstable is None or all(np.sum(own.real >= 0) <= unstable for own in poles)
 
 
-def _change(new: C128, old: C128) -> float:
+def _change(new: list[C128], old: list[C128]) -> float:
     """Largest relative move from the old poles to the nearest new ones."""
-    if new.size == 0:
-        return 0.0
-    nearest = np.min(np.abs(new[None, :] - old[:, None]), axis=1)
-    return float(np.max(nearest / np.maximum(np.abs(old), 1e-300)))
+    moves = [
+        np.min(np.abs(a - b[:, None]), axis=1) / np.maximum(np.abs(b), 1e-300)
+        for a, b in zip(new, old, strict=True)
+        if a.size
+    ]
+    return float(np.max(np.concatenate(moves))) if moves else 0.0

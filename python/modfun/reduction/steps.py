@@ -30,6 +30,7 @@ Modal = tuple[Realisation, C128]  # and its gains on the lines
 
 LOOK = 1e-3  # relative fall of the cost at which a start for others is good enough
 NEAR = 0.1  # of their size: poles on the way to the same model
+ON_THE_WAY = 1e-4  # the same of fits between two reweightings
 PATIENCE = 20  # reweightings that lower the largest error by less than .1 % before the search ends
 
 
@@ -126,7 +127,7 @@ def _fitted_modes(
     dc = whole.response(np.zeros(1))[0].real - whole.d if dcgain else None
     region = _region(whole, criterion.minimax)
 
-    def fit(weight: F64, begin: Modal, most: int) -> tuple[Modal, int]:
+    def fit(weight: F64, begin: Modal, most: int = 200, tol: float = 1e-10) -> tuple[Modal, int]:
         found, gains, nit = fit_modes(
             lines.omega,
             lines.response - whole.d,
@@ -134,6 +135,7 @@ def _fitted_modes(
             begin[0],
             region,
             dcgain=dc,
+            tol=tol,
             maxiter=most,
         )
         return (Realisation(found.a, found.b, found.c, whole.d), gains + whole.d), nit
@@ -141,7 +143,7 @@ def _fitted_modes(
     def begun(one: Realisation) -> Modal:
         return one, one.response(lines.omega)
 
-    found, nit = fit(criterion.weight, begun(start), 200)
+    found, nit = fit(criterion.weight, begun(start))
     candidates = [found] if dcgain else [found, begun(full.balanced.truncated(start.order))]
     if whole.d.size == 1:  # of one path the poles say all, and other starts for them cost little
         layout = _layout(TransferFunction(poles=start.order), 1, 1)
@@ -162,7 +164,7 @@ def _fitted_modes(
         if lower or not _near(rational.poles[0], found[0].poles):
             fractions = Fractions(rational.poles[0]).state
             begin = Realisation(fractions[0], fractions[1][:, None], start.c, whole.d)
-            other, more = fit(criterion.weight, begun(begin), 200)
+            other, more = fit(criterion.weight, begun(begin))
             candidates.append(other)
             nit += more
     if criterion.minimax:
@@ -198,7 +200,7 @@ def _region(whole: Realisation, minimax: bool) -> Region:
 
 
 def _least_largest(
-    fit: Callable[[F64, Any, int], tuple[Any, int]],
+    fit: Callable[[F64, Any, int, float], tuple[Any, int]],
     errors: Callable[[Any], F64],
     criterion: Criterion,
     candidates: list[Any],
@@ -217,7 +219,7 @@ def _least_largest(
             best = min(best, most)
             weight = weight * error
             weight = weight / np.sum(weight)
-            here, nit = fit(weight, here, 10)
+            here, nit = fit(weight, here, 10, ON_THE_WAY)
             total += nit
             error = errors(here)
     return found, total
@@ -358,7 +360,7 @@ def _rational(
     lines = criterion.grid
     data = lines.response.transpose(1, 2, 0)
 
-    def fit(weight: F64, begin: Any, most: int) -> tuple[RationalFit, int]:
+    def fit(weight: F64, begin: Any, most: int = 200, tol: float = 1e-12) -> tuple[RationalFit, int]:
         poles = None if begin is None else begin if isinstance(begin, list) else begin.free_poles
         given = weight if weight.ndim == 1 else weight.transpose(1, 2, 0)
         found = fit_rational(
@@ -370,12 +372,13 @@ def _rational(
             region=region,
             dcgain=dc,
             start=poles,
+            tol=tol,
             maxiter=most,
         )
         return found, found.nit
 
     begins = [None] if start is None else [None, [start]]
-    candidates = [fit(criterion.weight, begin, 200)[0] for begin in begins]
+    candidates = [fit(criterion.weight, begin)[0] for begin in begins]
     if criterion.minimax:
 
         def error(one: RationalFit) -> F64:

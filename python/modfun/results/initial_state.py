@@ -358,10 +358,10 @@ class _Point:
         return float(self.residual @ self.residual)
 
 
-def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float]:
+def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float, float]:
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
     rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
-    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0] / size
-    left = here.residual - jacobian @ step
-    return step, here.cost - float(left @ left)
+    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0]
+    left = here.residual - jacobian @ (step / size)
+    return step / size, here.cost - float(left @ left), float(step @ step)
