@@ -52,27 +52,45 @@ impl NoiseLevel {
 
     /// σ̂ of samples of that length.
     pub fn of(&self, isa: Isa, samples: &[f64]) -> Result<f64, Error> {
+        Ok(self.covariance(isa, &[samples])?.0[0].sqrt())
+    }
+
+    /// Covariance of the noise of channels of that length, row major, and the standard deviation of a correlation where
+    /// there is none.
+    pub fn covariance(&self, isa: Isa, channels: &[&[f64]]) -> Result<(Vec<f64>, f64), Error> {
         let (plan, q, piece) = (&self.plan, self.q, self.plan.intervals());
         let (low, top) = (piece.div_ceil(4), piece / 2);
-        let (mut re, mut im) = (vec![0.0; top + 1], vec![0.0; top + 1]);
+        let mut lines = vec![[vec![0.0; top + 1], vec![0.0; top + 1]]; channels.len()];
         let mut scratch = plan.scratch();
-        let mut power = 0.0;
+        let size = channels.len();
+        let mut power = vec![0.0; size * size];
         for first in (0..self.pieces).map(|k| k * piece) {
-            plan.run_in(isa, &samples[first..=first + piece], &mut re, &mut im, &mut scratch)?;
-            for part in [&mut re, &mut im] {
-                for round in 0..q {
-                    for m in low..=top - round - 1 {
-                        part[m] = part[m + 1] - part[m];
+            for (samples, [re, im]) in channels.iter().zip(&mut lines) {
+                plan.run_in(isa, &samples[first..=first + piece], re, im, &mut scratch)?;
+                for part in [re, im] {
+                    for round in 0..q {
+                        for m in low..=top - round - 1 {
+                            part[m] = part[m + 1] - part[m];
+                        }
                     }
                 }
             }
-            let lines = low..=top - q;
-            power += lines.map(|m| re[m] * re[m] + im[m] * im[m]).sum::<f64>();
+            for (a, left) in lines.iter().enumerate() {
+                for (b, right) in lines.iter().enumerate() {
+                    let part = |part: usize, m: usize| left[part][m] * right[part][m];
+                    let each = (low..=top - q).map(|m| part(0, m) + part(1, m));
+                    power[a * size + b] += each.sum::<f64>();
+                }
+            }
         }
         let count = (self.pieces * (top - q - low + 1)) as f64;
         // C(2q, q) = Π (q + i)/i.
-        let choose: f64 = (1..=q).map(|i| (q + i) as f64 / i as f64).product();
-        Ok((power / (count * choose * plan.unit_variance())).sqrt())
+        let choose = |q: usize| -> f64 { (1..=q).map(|i| (q + i) as f64 / i as f64).product() };
+        let unit = count * choose(q) * plan.unit_variance();
+        power.iter_mut().for_each(|p| *p /= unit);
+        // Differenced lines are correlated as C(2q, q + k)/C(2q, q), whose squares add up to C(4q, 2q)/C(2q, q)².
+        let doubt = (choose(2 * q) / (2.0 * count)).sqrt() / choose(q);
+        Ok((power, doubt))
     }
 }
 

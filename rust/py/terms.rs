@@ -72,7 +72,8 @@ impl GivenTerms {
             Ok(Signal { kind: Kind::from_name(&kind)?, lag })
         };
         let term = |(equation, signal, order)| Term { equation, signal, order };
-        let inputs = self.channels + self.noisy.len() + parameters;
+        let noisy = self.noisy.len();
+        let inputs = self.channels + noisy * (noisy + 1) / 2 + parameters;
         Ok(TermsOptions {
             equations: Equations {
                 orders: self.orders,
@@ -175,6 +176,7 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("scale", f.scale)?;
     out.set_item("levels", rows(py, f.levels)?)?;
     out.set_item("seen", rows(py, f.seen)?)?;
+    out.set_item("correlation", rows(py, f.correlation)?)?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
     out.set_item("at_bound", f.at_bound)?;
     let residuals = PyList::empty(py);

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, nan
+from math import ceil, isqrt, nan
 from typing import Any
 
 import numpy as np
@@ -136,8 +136,9 @@ def fit_equation(
     driven = "process_levels" in found  # one level of each kind for all records, some of which may be 0
     cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
     over = np.ones_like(own) if driven else own / known
+    noise = np.outer(known, known) * np.mean(_correlations(found, len(known)), axis=0) * found["scale"]
     return EquationFit.of_core(
-        found | {"cost": cost, "noise": np.diag(known**2 * found["scale"]), "record_levels": over},
+        found | {"cost": cost, "noise": noise, "record_levels": over},
         structure,
         layout,
         options,
@@ -150,6 +151,14 @@ def fit_equation(
         df_hc3=found["df_hc3"],
         again=again,
     )
+
+
+def _correlations(found: dict[str, Any], outputs: int) -> F64:
+    """Correlation of the noise of the outputs, (record, output, output)."""
+    each = np.asarray(found["correlation"])
+    channels = isqrt(each.shape[1])
+    each = each.reshape(-1, channels, channels)
+    return each[:, :outputs, :outputs]
 
 
 def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:

@@ -117,13 +117,15 @@ def test_stacked_state_equations_are_what_dense_matrices_give():
     assert np.sqrt(np.diag(fit.cov_nonrobust))[order] == pytest.approx(np.sqrt(np.diag(oracle.cov)), rel=0.01)
 
 
-def test_learnt_levels_are_those_of_restricted_likelihood():
-    """At the levels each output's noise has of the weighted sum of squares what it has of the rows."""
+@pytest.mark.parametrize("rho", [0.0, -0.7])
+def test_learnt_noise_is_that_of_restricted_likelihood(rho):
+    """There noise has of the weighted sum of squares what it has of the rows, each output with each."""
     case = nonlinear.short_period(600)
     rng = np.random.default_rng(9)
     slow = [
         np.convolve(rng.standard_normal(800), np.hanning(101), "valid")[: case.t.size] / 6 for _ in range(2)
     ]
+    slow[1] = rho * slow[0] + np.sqrt(1 - rho**2) * slow[1]
     size = np.sqrt(np.mean(case.v**2, axis=1))[:, None]
     v = case.v + size * (np.array([[0.02], [0.2]]) * slow + 1e-4 * rng.standard_normal(case.v.shape))
     rec = mf.Record(y=v, u=case.u(case.t), dt=case.t[1], outputs=["alpha", "q"], inputs=["de"])
@@ -132,14 +134,61 @@ def test_learnt_levels_are_those_of_restricted_likelihood():
     )
     fit = mf.fit(rec, model, trend=None, harmonics=13, tol=1e-12)
     assert fit.seen[0] == pytest.approx(1e-4 * size[:, 0], rel=0.2)
-    problem = terms.Problem(case.terms, v, rec.dt, fit.levels[0], 14)
+    correlation = correlation_of(fit)
+    assert correlation[0, 1] == pytest.approx(rho, abs=0.35)
+    problem = terms.Problem(case.terms, v, rec.dt, fit.levels[0], 14, correlation=correlation)
     theta = fit.params[[fit.param_names.index(name) for name in ("Za", "Zd", "Ma", "Mq", "Md")]]
     whiten, _, residual = problem.at_theta(theta, theta)
     inverse = whiten.T @ whiten
-    for level, lines in zip(fit.levels[0], problem.sensitivity(theta), strict=True):
-        squares = level**2 * np.sum((lines.T @ inverse @ residual) ** 2)
-        rows = level**2 * np.trace(inverse @ lines @ lines.T) * fit.df_resid / residual.size
-        assert squares == pytest.approx(rows, rel=0.01)
+    lines = problem.sensitivity(theta)
+    for i, j in ((0, 0), (1, 1), (0, 1)):
+        scale = fit.levels[0, i] * fit.levels[0, j]
+        squares = scale * (lines[i].T @ inverse @ residual) @ (lines[j].T @ inverse @ residual)
+        rows = scale * np.trace(inverse @ lines[i] @ lines[j].T) * fit.df_resid / residual.size
+        level = scale * np.sqrt(np.prod([np.trace(inverse @ lines[k] @ lines[k].T) for k in (i, j)]))
+        assert squares == pytest.approx(rows, abs=0.005 * level)
+
+
+def correlation_of(fit):
+    level = np.sqrt(np.diag(fit.noise_cov))
+    return fit.noise_cov / np.outer(level, level)
+
+
+@pytest.mark.parametrize("case", ["short period", "predator and prey"])
+def test_correlated_noise_is_seen_and_weighed_as_dense_matrices_do(case):
+    """Noise of two outputs correlated by 0.8; of the product x z it adds its covariance."""
+    names = {"short period": ("Za", "Zd", "Ma", "Mq", "Md"), "predator and prey": ("a", "b", "c", "d")}[case]
+    if case == "short period":
+        own = nonlinear.short_period(600)
+        model = mf.StateSpace(
+            [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], C=np.eye(2), states=["alpha", "q"], inputs=["de"]
+        )
+        given = {"u": own.u(own.t), "outputs": ["alpha", "q"], "inputs": ["de"]}
+    else:
+        own = nonlinear.predator_and_prey(600)
+        model = mf.Equation(["x' = a*x - b*x*z", "z' = -c*z + d*x*z"], outputs=["x", "z"])
+        given = {"outputs": ["x", "z"]}
+    sigma = 0.1 * np.std(own.v, axis=1)
+    noise = np.linalg.cholesky([[1, 0.8], [0.8, 1]]) @ np.random.default_rng(8).standard_normal(own.v.shape)
+    v = own.v + sigma[:, None] * noise
+    rec = mf.Record(y=v, dt=own.t[1], **given)
+    fit = mf.fit(rec, model, trend=None, harmonics=13, tol=1e-12)
+    np.testing.assert_array_equal(fit.levels, fit.seen)
+    # Some 60 independent lines: four standard deviations of a correlation of 0.8.
+    assert correlation_of(fit)[0, 1] == pytest.approx(0.8, abs=0.2)
+    problem = terms.Problem(own.terms, v, rec.dt, fit.levels[0], 14, correlation=correlation_of(fit))
+    theta = terms.ml(problem, terms.wls(problem, own.true))
+    if case == "predator and prey":  # slopes are taken once more where the noise is taken away
+        whiten, _, residual = problem.at_theta(theta, theta)
+        clean = v - problem.noise(theta, whiten, residual)
+        problem = terms.Problem(
+            own.terms, v, rec.dt, fit.levels[0], 14, correlation=correlation_of(fit), at=clean
+        )
+        theta = terms.ml(problem, theta)
+    order = [fit.param_names.index(name) for name in names]
+    assert fit.params[order] == pytest.approx(theta, abs=0.02 * np.min(fit.bse))
+    alike = mf.fit(rec, model, trend=None, harmonics=13, noise=mf.Noise(y=fit.levels[0]))
+    assert np.prod(fit.bse) < 0.6 * np.prod(alike.bse)
 
 
 def test_a_batch_is_its_single_fits_whatever_the_threads():

@@ -67,6 +67,30 @@ def duffing(intervals=1024):
     )
 
 
+def predator_and_prey(intervals=600):
+    """x' = a x - b x z, z' = -c z + d x z from (2, 1), 12 s."""
+    a, b, c, d = true = np.array([1.0, 0.5, 1.2, 0.6])
+
+    def both(coefficient, equation):
+        slopes = {0: lambda v, t, theta: v[1], 1: lambda v, t, theta: v[0]}
+        return Term(coefficient, 0, lambda v, t, theta: v[0] * v[1], slopes, equation)
+
+    terms = [
+        linear(_unit, 1, 0, 0),
+        linear(lambda theta: -theta[0], 0, 0, 0),
+        both(_parameter(1), 0),
+        linear(_unit, 1, 1, 1),
+        linear(_parameter(2), 0, 1, 1),
+        both(lambda theta: -theta[3], 1),
+    ]
+
+    def rhs(t, x):
+        return [a * x[0] - b * x[0] * x[1], -c * x[1] + d * x[0] * x[1]]
+
+    v = response(rhs, [2.0, 1.0], 12.0, intervals)
+    return SimpleNamespace(terms=terms, v=v, t=np.linspace(0, 12, intervals + 1), true=true)
+
+
 def elevator(t):
     """3-2-1-1 of half seconds, edges of .1 s, from t = 1 s."""
     edges = 1.0 + 0.7 * np.array([0, 3, 5, 6, 7])

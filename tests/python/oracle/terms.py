@@ -1,19 +1,20 @@
 """Modulated equations Σ_j g_j(θ) p^{k_j} E_j(v, t) = 0 with dense matrices: the oracle of general terms.
 
-v are noisy channels (white noise of standard deviation σ_c), E any function of them and of time.  On the
-lines s = i m ω₀, m = low..K, each equation is ε(θ) = Σ_j g_j(θ) A_j E_j less a polynomial T(s) with n_e real
-coefficients, n_e its highest derivative; A_j are the real rows of s^{k_j} W, W the weighted DFT.  To first
-order ε moves with the noise by L_c(θ) = Σ_j g_j A_j diag(∂E_j/∂v_c), so that C = Σ_c σ_c² L_c L_cᵀ and
+v are noisy channels (white noise of standard deviation σ_c, correlation R), E any function of them and of
+time.  On the lines s = i m ω₀, m = low..K, each equation is ε(θ) = Σ_j g_j(θ) A_j E_j less a polynomial T(s)
+with n_e real coefficients, n_e its highest derivative; A_j are the real rows of s^{k_j} W, W the weighted
+DFT.  To first order ε moves with the noise by L_c(θ) = Σ_j g_j A_j diag(∂E_j/∂v_c), so that
+C = Σ_cd Σ_cd L_c L_dᵀ and
 
     ml: min over θ of min over T of (ε - T)ᵀ C(θ)⁻¹ (ε - T)
 
-by Gauss-Newton: v̂_c = σ_c² L_cᵀ C⁻¹ (ε - T) is the smoothed noise, J_i = ∂ε/∂θ_i - Σ_c (∂L_c/∂θ_i) v̂_c are
-the columns of the denoised signals, which makes JᵀC⁻¹ε the exact gradient.  `awls` has J = ∂ε/∂θ instead.
+by Gauss-Newton: v̂_c = Σ_d Σ_cd L_dᵀ C⁻¹ (ε - T) is the smoothed noise, J_i = ∂ε/∂θ_i - Σ_c (∂L_c/∂θ_i) v̂_c
+are the columns of the denoised signals, which makes JᵀC⁻¹ε the exact gradient.  `awls` has J = ∂ε/∂θ instead.
 
 Order of rows: line by line, in a line equation by equation, Re before Im; Im of line 0 is left out.
 
-Bias: the mean of f(v + noise) is e^{½σ²∂²} f, so signals are replaced by e^{-½σ²∂²} f, which is the mean of
-f(v + iσz) over a normal z: Gauss-Hermite sums, exact for polynomials, with no derivative taken.
+Bias: the mean of f(v + noise) is e^{½∂Σ∂} f, so signals are replaced by e^{-½∂Σ∂} f, which is the mean of
+f(v + iWz) over normal z, WWᵀ = Σ: Gauss-Hermite sums, exact for polynomials, with no derivative taken.
 """
 
 from collections.abc import Callable
@@ -59,16 +60,21 @@ class Result:
 
 
 class Problem:
-    """Terms on the lines low..top of a record v (channels, N+1) with noise levels sigma, one per channel.
+    """Terms on the lines low..top of a record v (channels, N+1) with noise levels sigma, one per channel, and
+    their correlation (default: none).
 
     `correct` takes the bias of nonlinear signals away; slopes are taken at `at` (default: at v).
     """
 
-    def __init__(self, terms, v, dt, sigma, top, low=0, correct=True, rule="gregory", at=None):
+    def __init__(
+        self, terms, v, dt, sigma, top, low=0, correct=True, rule="gregory", at=None, correlation=None
+    ):
         self.terms, self.correct, self.rule = terms, correct, rule
         self.v = np.atleast_2d(np.asarray(v, float))
         self.at = self.v if at is None else at
         self.sigma = np.broadcast_to(np.asarray(sigma, float), self.v.shape[0])
+        whole = np.eye(self.sigma.size) if correlation is None else np.asarray(correlation, float)
+        self.spread = np.outer(self.sigma, self.sigma) * whole
         self.intervals = self.v.shape[1] - 1
         self.t = dt * np.arange(self.intervals + 1)
         self.m = np.arange(low, top + 1)
@@ -96,16 +102,16 @@ class Problem:
         return (np.repeat(self.m, 2 * len(self.orders)) > 0) | (part == 0)
 
     def unbiased(self, function, depends, v, theta):
-        """e^{-½Σσ²∂²} of a function of the channels `depends`, at v."""
+        """e^{-½∂Σ∂} of a function of the channels `depends`, at v."""
         noisy = [c for c in depends if self.sigma[c] > 0]
         if not self.correct or not noisy:
             return function(v, self.t, theta) + np.zeros(v.shape[1])
         nodes, mass = np.polynomial.hermite_e.hermegauss(8)
+        root = np.linalg.cholesky(self.spread[np.ix_(noisy, noisy)])
         total = np.zeros(v.shape[1])
         for pick in product(range(nodes.size), repeat=len(noisy)):
             w = v.astype(complex)
-            for c, q in zip(noisy, pick, strict=True):
-                w[c] += 1j * self.sigma[c] * nodes[q]
+            w[noisy] += 1j * (root @ nodes[list(pick)])[:, None]
             total = total + np.prod(mass[list(pick)]) * np.real(function(w, self.t, theta))
         return total / np.sum(mass) ** len(noisy)
 
@@ -156,7 +162,8 @@ class Problem:
         if theta is None:
             m = np.repeat(self.m, 2 * len(self.orders))[self.kept()]
             return np.diag(np.where(m == 0, 1.0, 0.5)) * unit_variance(self.rule, self.intervals)
-        return sum(s**2 * x @ x.T for s, x in zip(self.sigma, self.sensitivity(theta), strict=True))
+        lines = self.sensitivity(theta)
+        return sum(lines[c] @ lines[d].T * own for (c, d), own in np.ndenumerate(self.spread) if own)
 
     def columns(self, theta, noise=None):
         """∂(ε - L noise)/∂θ, with `noise` held (None: zero), by five-point differences."""
@@ -184,7 +191,7 @@ class Problem:
     def noise(self, theta, whiten, residual):
         """v̂ = Σ Lᵀ C⁻¹ (ε - T), (channels, N+1)."""
         dual = whiten.T @ (whiten @ residual)
-        return self.sigma[:, None] ** 2 * (self.sensitivity(theta).transpose(0, 2, 1) @ dual)
+        return self.spread @ (self.sensitivity(theta).transpose(0, 2, 1) @ dual)
 
     def differences(self):
         """Δ^{n_e} of the lines of every equation, rows from -⌊n_e/2⌋ on: maps rows to rows (low = 0)."""

@@ -67,7 +67,7 @@ fn equations(
         }
     }
     let all = values.into_iter().chain(by).collect();
-    let inputs = channels + noisy.len() + parameters;
+    let inputs = channels + noisy.len() * (noisy.len() + 1) / 2 + parameters;
     Equations {
         orders,
         signals: vec![signal; signals],

@@ -62,9 +62,10 @@ class Columns:
             A term without a finite value, as log(y) where y is negative.
         """
         rows = self.formulas.rows(y, u, t)
-        with np.errstate(all="ignore"):
-            found = self._evaluate(*rows, *variances)
         count, noisy = len(self.kinds), len(self.formulas.noisy)
+        independent = np.zeros(noisy * (noisy - 1) // 2)
+        with np.errstate(all="ignore"):
+            found = self._evaluate(*rows, *variances, *independent)
         signals = np.array([np.broadcast_to(one, t.shape) for one in found[:count]], dtype=np.float64)
         slopes = np.zeros((count, noisy, t.size))
         for (signal, channel), one in zip(self.formulas.words["sensitivities"], found[count:], strict=True):

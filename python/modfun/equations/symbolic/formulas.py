@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,8 @@ class Formulas:
     noisy : tuple of str
         Names of the noisy channels.
     expressions : tuple of list
-        Signals and slopes as expressions, and the symbols in them: channels, variances and parameters.
+        Signals and slopes as expressions, and the symbols in them: channels, variances, covariances and
+        parameters.
     """
 
     compiled: Compiled
@@ -163,6 +165,10 @@ class _Writer:
             )
             for name in noisy
         }
+        self.common = {
+            both: sympy.Symbol(f"covariance of {both[0]} and {both[1]}", real=True)
+            for both in combinations(self.noise, 2)
+        }
         self.signals: list[tuple[sympy.Expr, str, sympy.Expr]] = []
         self.sensitive: list[dict[sympy.Symbol, sympy.Expr]] = []
         self.terms: list[tuple[int, int, int]] = []
@@ -198,7 +204,7 @@ class _Writer:
         kind, expr = self._kind(expr)
         expr = expr.subs(self.log)
         if self.correct:
-            expr = unbiased(expr, {c: v for c, v in self.noise.items() if c in expr.free_symbols})
+            expr = unbiased(expr, self.noise, self.common)
         found = {c: sympy.diff(expr, c) for c in self.noise}
         return self._placed(expr, kind, late, {c: d for c, d in found.items() if d != 0})
 
@@ -223,15 +229,15 @@ class _Writer:
     ) -> int:
         """Position of F⁽ⁱ⁾E with F smoothed."""
         front = self._smoothed(factor, derivative)
-        inner = unbiased(signal, self.noise) if self.correct else signal
+        inner = unbiased(signal, self.noise, self.common) if self.correct else signal
         expr = front * inner
         found = {c: front * sympy.diff(inner, c) for c in self.noise}
         if self.correct:
-            for channel, variance in self.noise.items():
-                both = sympy.diff(factor, channel) * sympy.diff(signal, channel)
+            for (left, right), covariance in self._covariances():
+                both = sympy.diff(factor, left) * sympy.diff(signal, right)
                 if both != 0:
                     gain = self._smoothed(factor, derivative, gain=True)
-                    expr -= variance * gain * both
+                    expr -= covariance * gain * both
         if through is not None:
             own = self._smoothed(signal, order)
             for channel in self.noise:
@@ -239,6 +245,14 @@ class _Writer:
                 found[channel] += sign * sympy.diff(through, channel) * own
         kind = self._kind(expr)[0]
         return self._placed(expr, kind, sympy.Integer(0), {c: d for c, d in found.items() if d != 0})
+
+    def _covariances(self) -> Iterator[tuple[tuple[sympy.Symbol, sympy.Symbol], sympy.Symbol]]:
+        """Each noisy channel beside each, and what their noise has in common."""
+        for channel, variance in self.noise.items():
+            yield (channel, channel), variance
+        for (left, right), covariance in self.common.items():
+            yield (left, right), covariance
+            yield (right, left), covariance
 
     def _smoothed(self, expr: sympy.Expr, derivative: int, gain: bool = False) -> sympy.Symbol:
         if derivative == 0 and not gain and not (expr.free_symbols & set(self.noise)):
@@ -295,7 +309,7 @@ class _Writer:
         channels = self._channels()
         noise = list(self.noise)
         symbols = [c.symbol for c in channels]
-        inputs = [*symbols, *(self.noise[c] for c in noise), *parameters]
+        inputs = [*symbols, *self.noise.values(), *self.common.values(), *parameters]
         results = [expr for expr, _, _ in self.signals]
         sensitivities = []
         for at, found in enumerate(self.sensitive):

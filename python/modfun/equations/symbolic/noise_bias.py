@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import sympy
 
@@ -11,8 +12,14 @@ __all__ = ["unbiased"]
 _MOST_TERMS = 16
 
 
-def unbiased(expr: sympy.Expr, variances: Mapping[sympy.Symbol, sympy.Symbol]) -> sympy.Expr:
+def unbiased(
+    expr: sympy.Expr,
+    variances: Mapping[sympy.Symbol, sympy.Symbol],
+    covariances: Mapping[tuple[sympy.Symbol, sympy.Symbol], sympy.Symbol] = MappingProxyType({}),
+) -> sympy.Expr:
     """f with e^{-(v/2)∂²}f for each noisy channel: its mean over white noise is f of the true channel.
+
+    Of two channels whose noise is correlated likewise e^{-c ∂∂}f.
 
     Exact for sums of polynomials, exponentials, sines and cosines and of their products over channels; else
     to the second order in the variance.
@@ -21,11 +28,16 @@ def unbiased(expr: sympy.Expr, variances: Mapping[sympy.Symbol, sympy.Symbol]) -
     ----------
     expr : sympy.Expr
     variances : mapping from channel symbol to the symbol of its noise variance
+    covariances : mapping from two channel symbols to the symbol of their noise's covariance
     """
     found = sympy.expand(expr) if expr.is_Add or expr.is_Mul or expr.is_Pow else expr
     for channel, variance in variances.items():
         if channel in found.free_symbols:
             found = sympy.Add(*(_one(term, channel, variance) for term in sympy.Add.make_args(found)))
+    for (left, right), covariance in covariances.items():
+        if {left, right} <= found.free_symbols:
+            terms = sympy.Add.make_args(sympy.expand(found))
+            found = sympy.Add(*(_two(term, left, right, covariance) for term in terms))
     return found
 
 
@@ -47,6 +59,22 @@ def _one(term: sympy.Expr, channel: sympy.Symbol, variance: sympy.Symbol) -> sym
         factor = -factor * variance / (2 * k)
         total += factor * part
     return aside * total
+
+
+def _two(term: sympy.Expr, left: sympy.Symbol, right: sympy.Symbol, covariance: sympy.Symbol) -> sympy.Expr:
+    mixed = sympy.diff(term, left, right)
+    if mixed == 0:
+        return term
+    if not (rate := sympy.simplify(mixed / term)).free_symbols & {left, right}:
+        return sympy.exp(-covariance * rate) * term
+    total, part, factor = term, term, sympy.Integer(1)
+    for k in range(1, _MOST_TERMS if term.is_polynomial(left, right) else 3):
+        part = sympy.diff(part, left, right)
+        if part == 0:
+            break
+        factor = -factor * covariance / k
+        total += factor * part
+    return total
 
 
 def _second(expr: sympy.Expr, channel: sympy.Symbol) -> sympy.Expr:

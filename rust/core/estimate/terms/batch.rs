@@ -38,12 +38,12 @@ impl TermsFitter {
         };
         let one = std::slice::from_ref(first);
         self.check(one)?;
-        let variances = self.first_variances(one, &self.variances(one)?)?;
-        let chosen = self.choose(one, &variances)?;
+        let sigmas = self.first_sigmas(one, &self.sigmas(one)?)?;
+        let chosen = self.choose(one, &sigmas)?;
         // Where one record's parameters are a good start for all; a linear start needs none.
         let start = match self.o.equations.linear {
             true => None,
-            false => Some(self.finish(one, variances, &chosen, Worker::default())?.0.answer.theta),
+            false => Some(self.finish(one, sigmas, &chosen, Worker::default())?.0.answer.theta),
         };
         let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
         let work = |worker: &mut Worker, chunk: usize| {
@@ -56,7 +56,7 @@ impl TermsFitter {
                 }
                 let one = std::slice::from_ref(record);
                 self.check(one)?;
-                let own = self.variances(one)?;
+                let own = self.sigmas(one)?;
                 let (fit, back) = self.finish(one, own, &shared, std::mem::take(worker))?;
                 *worker = back;
                 out.push_terms(&fit);

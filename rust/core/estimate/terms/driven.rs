@@ -367,8 +367,8 @@ impl TermsFitter {
         let mut rows = Rows::new(problem, noise);
         let mut driven = Driven::new(&rows, self.isa);
         let mut found = Found { theta: first.theta.clone(), ..Found::default() };
-        let own = &problem.variances;
-        let mean = |c: usize| own.iter().map(|v| v[c]).sum::<f64>() / own.len() as f64;
+        let own = &problem.sigmas;
+        let mean = |c: usize| own.iter().map(|v| v.get(c, c)).sum::<f64>() / own.len() as f64;
         let start: Vec<f64> = (0..q).map(mean).collect();
         let sought = driven.seek(
             &mut rows,

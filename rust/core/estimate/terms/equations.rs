@@ -1,5 +1,6 @@
 //! What is fitted: terms g(θ) p^k E of equations, signals E and coefficients g as formulas.
 
+use super::sigma::numbers;
 use crate::error::Error;
 use crate::spectrum::Kind;
 use crate::tape::Tape;
@@ -35,8 +36,8 @@ pub struct Term {
 
 /// Equations Σ g(θ) p^k E = 0 of sampled channels.
 ///
-/// The tape of samples has as inputs the channels, the noise variance of each noisy channel, and θ; its
-/// results are the signals, then the sensitivities. The tape of coefficients has θ as inputs; its results
+/// The tape of samples has as inputs the channels, the noise variance of each noisy channel, the covariances of these
+/// channels, (0, 1), (0, 2), …, (1, 2), …, and θ; its results are the signals, then the sensitivities. The tape of coefficients has θ as inputs; its results
 /// are g of each term, then the slopes.
 #[derive(Debug, Clone)]
 pub struct Equations {
@@ -106,7 +107,7 @@ impl Equations {
             return wrong("signals");
         }
         if self.noisy.iter().any(|c| *c >= self.channels)
-            || self.samples.inputs() != self.channels + self.noisy.len() + p
+            || self.samples.inputs() != self.channels + numbers(self.noisy.len()) + p
             || self.coefficients.inputs() != p
         {
             return wrong("channels");

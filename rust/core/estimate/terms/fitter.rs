@@ -5,6 +5,7 @@ use super::iterate::{Ended, TermsProblem};
 use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Spot, Worker};
+use super::sigma::Sigma;
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
 use crate::estimate::answer::Answer;
@@ -19,6 +20,8 @@ use crate::structure::{Method, Noise};
 const SILENT: f64 = 1e-9;
 /// A band of more than so many times the lines that tell the unknowns is wide.
 const WIDE: usize = 2;
+/// Standard deviations of a correlation in the high band that are no chance.
+const CORRELATED: f64 = 3.0;
 /// Precision of an estimate that slopes are taken at.
 const START: f64 = 1e-4;
 /// A finished fit.
@@ -32,6 +35,8 @@ pub struct TermsFit {
     pub levels: Vec<Vec<f64>>,
     /// The same as given, or as seen in the high band.
     pub seen: Vec<Vec<f64>>,
+    /// Correlation of the noise of these channels, of each record, row major.
+    pub correlation: Vec<Vec<f64>>,
     /// Degrees of freedom of each HC3 standard error (Satterthwaite).
     pub hc3_degrees: Vec<f64>,
     /// Whether each parameter stands at a bound.
@@ -49,12 +54,12 @@ impl TermsFitter {
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
     pub fn fit(&self, records: &[TermsRecord<'_>]) -> Result<TermsFit, Error> {
         self.check(records)?;
-        let seen = self.variances(records)?;
-        let variances = self.first_variances(records, &seen)?;
-        let chosen = self.choose(records, &variances)?;
+        let seen = self.sigmas(records)?;
+        let sigmas = self.first_sigmas(records, &seen)?;
+        let chosen = self.choose(records, &sigmas)?;
         let mut lent = self.workers.lend();
         let worker = lent.get_or(Worker::default);
-        let (mut fit, back) = self.finish(records, variances, &chosen, std::mem::take(worker))?;
+        let (mut fit, back) = self.finish(records, sigmas, &chosen, std::mem::take(worker))?;
         *worker = back;
         if fit.driven.is_none() {
             fit.seen = levels(&seen);
@@ -66,18 +71,18 @@ impl TermsFitter {
     pub(crate) fn finish(
         &self,
         records: &[TermsRecord<'_>],
-        variances: Vec<Vec<f64>>,
+        sigmas: Vec<Sigma>,
         chosen: &Choice,
         worker: Worker,
     ) -> Result<(TermsFit, Worker), Error> {
         if let Some(noise) = self.driven() {
-            return self.finish_driven(records, variances, chosen, worker, noise);
+            return self.finish_driven(records, sigmas, chosen, worker, noise);
         }
         let other = match &chosen.theta {
             Some(_) => None,
-            None => self.narrow_guess(records, &variances, &chosen.ranges)?,
+            None => self.narrow_guess(records, &sigmas, &chosen.ranges)?,
         };
-        let mut problem = self.problem(records, variances, &chosen.ranges, worker)?;
+        let mut problem = self.problem(records, sigmas, &chosen.ranges, worker)?;
         let mut ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
         if let Some(theta) = other {
             let second = self.estimate(&mut problem, Some(&theta))?;
@@ -95,7 +100,7 @@ impl TermsFitter {
     fn finish_driven(
         &self,
         records: &[TermsRecord<'_>],
-        variances: Vec<Vec<f64>>,
+        sigmas: Vec<Sigma>,
         chosen: &Choice,
         worker: Worker,
         noise: Noise,
@@ -106,9 +111,9 @@ impl TermsFitter {
             .zip(&chosen.ranges)
             .map(|(few, own)| (own.0, few.1.min(own.1)))
             .collect();
-        let few = self.problem(records, variances.clone(), &narrow, Worker::default());
+        let few = self.problem(records, sigmas.clone(), &narrow, Worker::default());
         let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok();
-        let mut problem = self.problem(records, variances, &chosen.ranges, worker)?;
+        let mut problem = self.problem(records, sigmas, &chosen.ranges, worker)?;
         let wide = self.estimate(&mut problem, chosen.theta.as_deref())?;
         let starts: Vec<Ended> = [Some(wide), few].into_iter().flatten().filter(usable).collect();
         let mut best: Option<DrivenTerms> = None;
@@ -147,6 +152,7 @@ impl TermsFitter {
             },
             scale: 1.0,
             seen: levels.clone(),
+            correlation: problem.sigmas.iter().map(Sigma::correlation).collect(),
             levels,
             hc3_degrees: known(found.degrees),
             at_bound: found.ended.at_bound,
@@ -172,40 +178,54 @@ impl TermsFitter {
         )))
     }
 
-    /// Variance of each noisy channel of each record: as given, else from the band that signals leave empty.
-    pub(crate) fn variances(&self, records: &[TermsRecord<'_>]) -> Result<Vec<Vec<f64>>, Error> {
+    /// Covariance of the noisy channels of each record: as given, else from the band that signals leave empty.
+    pub(crate) fn sigmas(&self, records: &[TermsRecord<'_>]) -> Result<Vec<Sigma>, Error> {
         if let Some(levels) = &self.o.levels {
-            return Ok(vec![levels.iter().map(|s| s * s).collect(); records.len()]);
+            let own = Sigma::independent(levels.iter().map(|s| s * s).collect());
+            return Ok(vec![own; records.len()]);
         }
-        let order = self.o.equations.orders.iter().copied().max().unwrap_or(1);
-        let one = |record: &TermsRecord<'_>, plan: &TermsRecordPlan, channel: usize| {
-            let level = match plan.dt.is_nan() {
-                false => plan.noise_level(self.isa, record.channels[channel], order),
-                true => Err(Error::Data(
-                    "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
-                     give it with noise=mf.Noise(y=...)"
-                        .into(),
-                )),
-            };
-            let level = match level {
-                Err(error) if self.o.levels_matter => return Err(error),
-                Err(_) => 1.0,
-                Ok(level) => level,
-            };
-            let samples = &record.channels[channel][plan.window.lead..];
-            let least = SILENT * samples.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-            Ok((level * level).max(least * least).max(f64::MIN_POSITIVE))
+        let own = records.iter().zip(&self.records);
+        own.map(|(record, plan)| self.sigma(record, plan)).collect()
+    }
+
+    fn sigma(&self, record: &TermsRecord<'_>, plan: &TermsRecordPlan) -> Result<Sigma, Error> {
+        let e = &self.o.equations;
+        let order = e.orders.iter().copied().max().unwrap_or(1);
+        let channels: Vec<&[f64]> =
+            e.noisy.iter().map(|c| &record.channels[*c][plan.window.lead..]).collect();
+        let seen = match plan.dt.is_nan() {
+            false => plan.noise_level(order).and_then(|own| own.covariance(self.isa, &channels)),
+            true => Err(Error::Data(
+                "fitting: the samples are uneven in time, so that their noise level cannot be seen; \
+                 give it with noise=mf.Noise(y=...)"
+                    .into(),
+            )),
         };
-        let all = |(record, plan): (&TermsRecord<'_>, &TermsRecordPlan)| {
-            self.o.equations.noisy.iter().map(|channel| one(record, plan, *channel)).collect()
+        let (seen, doubt) = match seen {
+            Err(error) if self.o.levels_matter => return Err(error),
+            Err(_) => (Sigma::independent(vec![1.0; channels.len()]), 1.0),
+            Ok((whole, doubt)) => (Sigma::of(channels.len(), &whole), doubt),
         };
-        records.iter().zip(&self.records).map(all).collect()
+        let least = |samples: &&[f64]| {
+            let own = SILENT * samples.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            (own * own).max(f64::MIN_POSITIVE)
+        };
+        let mut own = seen.at_least(&channels.iter().map(least).collect::<Vec<f64>>());
+        let together = |r: f64| self.o.learn && r.abs() > CORRELATED * doubt;
+        let q = channels.len();
+        let correlation = own.correlation();
+        for (a, b) in (0..q * q).map(|k| (k / q, k % q)).filter(|(a, b)| a < b) {
+            if !together(correlation[a * q + b]) {
+                own.set(a, b, 0.0);
+            }
+        }
+        Ok(own.kept_definite())
     }
 
     pub(crate) fn problem<'a>(
         &'a self,
         records: &'a [TermsRecord<'a>],
-        variances: Vec<Vec<f64>>,
+        sigmas: Vec<Sigma>,
         ranges: &[Range],
         worker: Worker,
     ) -> Result<TermsProblem<'a>, Error> {
@@ -237,7 +257,7 @@ impl TermsFitter {
                     .fold(0.0, |m: f64, (r, p)| { m.max(r.1 as f64 * p.window.omega0) })
             )));
         }
-        let mut problem = TermsProblem::new(self, records, variances, spots, desk);
+        let mut problem = TermsProblem::new(self, records, sigmas, spots, desk);
         if equations > 1 {
             // Flat weights compare equations by what they hold without parameters.
             problem.cost(&vec![0.0; e.parameters], RowWeights::Flat)?;
@@ -259,7 +279,7 @@ impl TermsFitter {
     fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
-        variances: &[Vec<f64>],
+        sigmas: &[Sigma],
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
         let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
@@ -267,8 +287,7 @@ impl TermsFitter {
         if !wide || linear {
             return Ok(None);
         }
-        let Ok(mut few) =
-            self.problem(records, variances.to_vec(), &self.narrow, Worker::default())
+        let Ok(mut few) = self.problem(records, sigmas.to_vec(), &self.narrow, Worker::default())
         else {
             return Ok(None); // too few lines for the unknowns
         };
@@ -323,14 +342,14 @@ impl TermsFitter {
     pub(crate) fn choose(
         &self,
         records: &[TermsRecord<'_>],
-        variances: &[Vec<f64>],
+        sigmas: &[Sigma],
     ) -> Result<Choice, Error> {
         if !self.band_is_sought() {
             return Ok(Choice { ranges: self.given.clone(), rule: None, theta: None });
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
-        let wide = self.widest(records, variances)?;
-        let mut all = self.problem(records, variances.to_vec(), &wide, Worker::default())?;
+        let wide = self.widest(records, sigmas)?;
+        let mut all = self.problem(records, sigmas.to_vec(), &wide, Worker::default())?;
         let first = self.estimate(&mut all, None)?;
         let mut rule = BandRule {
             wide: last(&wide),
@@ -341,7 +360,7 @@ impl TermsFitter {
         let mut best = Some(first).filter(usable);
         if self.narrow != wide
             && let Ok(mut few) =
-                self.problem(records, variances.to_vec(), &self.narrow, Worker::default())
+                self.problem(records, sigmas.to_vec(), &self.narrow, Worker::default())
         {
             let start = self.estimate(&mut few, None)?;
             if usable(&start) {
@@ -374,11 +393,7 @@ impl TermsFitter {
 
     /// The wide band: as planned, for nonlinear signals no wider than the channels show more than noise, since
     /// what noise makes of such a signal beyond would pass for information.
-    fn widest(
-        &self,
-        records: &[TermsRecord<'_>],
-        variances: &[Vec<f64>],
-    ) -> Result<Vec<Range>, Error> {
+    fn widest(&self, records: &[TermsRecord<'_>], sigmas: &[Sigma]) -> Result<Vec<Range>, Error> {
         let e = &self.o.equations;
         let mut ranges = self.given.clone();
         if !e.bends() {
@@ -386,11 +401,12 @@ impl TermsFitter {
         }
         let order = e.orders.iter().copied().max().unwrap_or(1);
         let own = ranges.iter_mut().zip(&self.narrow).zip(self.records.iter().zip(records));
-        for (((range, narrow), (plan, record)), variances) in own.zip(variances) {
+        for (((range, narrow), (plan, record)), sigma) in own.zip(sigmas) {
             if plan.dt.is_nan() {
                 continue;
             }
             let channels = &record.channels;
+            let variances = sigma.variances();
             let edge = plan.signal_edge(self.isa, channels, &e.noisy, variances, order, range.1)?;
             range.1 = range.1.min(edge.max(narrow.1));
         }
@@ -454,8 +470,9 @@ impl TermsFitter {
                 band_rule,
             },
             scale,
-            levels: levels(&problem.variances),
-            seen: levels(&problem.variances),
+            levels: levels(&problem.sigmas),
+            seen: levels(&problem.sigmas),
+            correlation: problem.sigmas.iter().map(Sigma::correlation).collect(),
             hc3_degrees,
             at_bound: ended.at_bound.clone(),
             residuals,
@@ -464,8 +481,8 @@ impl TermsFitter {
     }
 }
 
-fn levels(variances: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    variances.iter().map(|own| own.iter().map(|v| v.sqrt()).collect()).collect()
+fn levels(sigmas: &[Sigma]) -> Vec<Vec<f64>> {
+    sigmas.iter().map(Sigma::levels).collect()
 }
 
 /// Whether an estimate is one.

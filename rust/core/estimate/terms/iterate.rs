@@ -15,6 +15,7 @@ use super::factor::Factor;
 use super::lines::{Desk, Place};
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Spot, Worker};
+use super::sigma::Sigma;
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::qr::dot;
@@ -31,8 +32,8 @@ const LEVEL: f64 = 1e-9;
 pub(crate) struct TermsProblem<'a> {
     pub fitter: &'a TermsFitter,
     pub records: &'a [TermsRecord<'a>],
-    /// Variance of each noisy channel of each record.
-    pub variances: Vec<Vec<f64>>,
+    /// Covariance of the noisy channels of each record.
+    pub sigmas: Vec<Sigma>,
     pub spots: Vec<Spot>,
     /// g of each term, then the slopes.
     values: Vec<f64>,
@@ -91,7 +92,7 @@ impl<'a> TermsProblem<'a> {
     pub fn new(
         fitter: &'a TermsFitter,
         records: &'a [TermsRecord<'a>],
-        variances: Vec<Vec<f64>>,
+        sigmas: Vec<Sigma>,
         spots: Vec<Spot>,
         desk: Desk,
     ) -> TermsProblem<'a> {
@@ -99,7 +100,7 @@ impl<'a> TermsProblem<'a> {
         TermsProblem {
             fitter,
             records,
-            variances,
+            sigmas,
             values: vec![0.0; e.coefficients.results()],
             lags: vec![0.0; e.signals.len()],
             registers: Vec::new(),
@@ -123,9 +124,9 @@ impl<'a> TermsProblem<'a> {
         rows.saturating_sub(spent + self.equations().parameters).max(1)
     }
 
-    /// Other levels from now on.
-    pub fn set_variances(&mut self, variances: Vec<Vec<f64>>) {
-        self.variances = variances;
+    /// Other noise from now on.
+    pub fn set_sigmas(&mut self, sigmas: Vec<Sigma>) {
+        self.sigmas = sigmas;
         self.loaded = Loaded::Nothing;
         self.stands = None;
     }
@@ -168,7 +169,7 @@ impl<'a> TermsProblem<'a> {
         for (k, ((plan, record), spot)) in own.enumerate() {
             let at = Place {
                 channels: &record.channels,
-                variances: &self.variances[k],
+                sigma: &self.sigmas[k],
                 theta,
                 clean: self.clean.get(k).map_or(&[], Vec::as_slice),
             };
@@ -192,10 +193,9 @@ impl<'a> TermsProblem<'a> {
         // The cost of one record was just made from these formulas.
         let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
-        for (((plan, record), spot), variances) in own.zip(&self.variances) {
+        for (((plan, record), spot), sigma) in own.zip(&self.sigmas) {
             spot.find_sources(isa, pairs);
-            let (channels, variances) = (&record.channels[..], &variances[..]);
-            let at = Place { channels, variances, theta, clean: &[] };
+            let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
             let (sources, desk) = (&spot.sources, &mut self.desk);
             clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, fresh, desk));
@@ -223,17 +223,12 @@ impl<'a> TermsProblem<'a> {
         Ok(cost)
     }
 
-    /// That of one record at the θ of the last cost with other variances; what stands is then to be made anew.
-    pub fn cost_of(
-        &mut self,
-        record: usize,
-        variances: &[f64],
-        theta: &[f64],
-    ) -> Result<f64, Error> {
+    /// That of one record at the θ of the last cost under other noise; what stands is then to be made anew.
+    pub fn cost_of(&mut self, record: usize, sigma: &Sigma, theta: &[f64]) -> Result<f64, Error> {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let at = Place {
             channels: &self.records[record].channels,
-            variances,
+            sigma,
             theta,
             clean: self.clean.get(record).map_or(&[], Vec::as_slice),
         };

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use super::complex::Split;
 use super::equations::{Equations, Lag};
 use super::noise::{NoisePlan, Room};
+use super::sigma::Sigma;
 use crate::error::Error;
 use crate::estimate::fit::Time;
 use crate::estimate::window::Window;
@@ -51,6 +52,8 @@ pub(crate) struct Spectra {
     pub middle: usize,
     /// Whether a pair has no lag but 0.
     pub white: Vec<bool>,
+    /// Whether a pair has nothing in common, its channels' noise being independent.
+    pub apart: Vec<bool>,
 }
 
 /// Which signals are noisy, and where the products of two of them stand.
@@ -64,8 +67,8 @@ pub(crate) struct Pairs {
     pub place: Vec<Vec<Option<usize>>>,
     /// What correlates two equations, row after row of them.
     pub couples: Vec<Vec<Couple>>,
-    /// The sensitivities of both signals that have a channel in common, a pair: (first, second, channel).
-    products: Vec<Vec<(usize, usize, usize)>>,
+    /// The sensitivities of both signals that are multiplied, a pair: (first, second).
+    products: Vec<Vec<(usize, usize)>>,
 }
 
 /// Noisy signals of two equations that have noise in common, each by its place among the loads, and their pair.
@@ -76,10 +79,10 @@ pub(crate) struct Couple {
     pub pair: usize,
 }
 
-/// Where formulas are evaluated: one record's channels, the noisy ones' variances, θ.
+/// Where formulas are evaluated: one record's channels, the noisy ones' covariance, θ.
 pub(crate) struct Place<'a> {
     pub channels: &'a [&'a [f64]],
-    pub variances: &'a [f64],
+    pub sigma: &'a Sigma,
     pub theta: &'a [f64],
     /// Noisy channels without their noise, where slopes are taken there.
     pub clean: &'a [Vec<f64>],
@@ -105,19 +108,14 @@ impl Pairs {
         let noisy: Vec<usize> = (0..e.signals.len()).filter(|s| used(*s) && sensed(*s)).collect();
         let own = |s: usize| {
             let each = e.sensitivities.iter().enumerate();
-            each.filter(move |(_, (signal, _))| *signal == s).map(|(k, (_, c))| (k, *c))
+            each.filter(move |(_, (signal, _))| *signal == s).map(|(k, _)| k)
         };
-        let mut products: Vec<Vec<(usize, usize, usize)>> = Vec::new();
+        let mut products: Vec<Vec<(usize, usize)>> = Vec::new();
         let mut place = vec![vec![None; noisy.len()]; e.signals.len()];
         for (s, places) in place.iter_mut().enumerate() {
             for (j, other) in noisy.iter().enumerate() {
-                let mut list: Vec<(usize, usize, usize)> = own(s)
-                    .flat_map(|(a, c)| {
-                        own(*other)
-                            .filter(move |(_, d)| *d == c)
-                            .map(move |(b, _)| (a.min(b), a.max(b), c))
-                    })
-                    .collect();
+                let mut list: Vec<(usize, usize)> =
+                    own(s).flat_map(|a| own(*other).map(move |b| (a.min(b), a.max(b)))).collect();
                 list.sort_unstable();
                 if list.is_empty() {
                     continue;
@@ -190,17 +188,13 @@ impl TermsRecordPlan {
         Ok(TermsRecordPlan { samples, dt, window, highest, plans, noise, level, uneven })
     }
 
-    /// Standard deviation of white noise on a channel, from the window.
-    pub fn noise_level(&self, isa: Isa, channel: &[f64], order: usize) -> Result<f64, Error> {
-        let samples = &channel[self.window.lead..];
-        let level = match self.level.get() {
-            Some(level) => level,
-            None => {
-                let own = NoiseLevel::new(samples.len(), order)?;
-                self.level.get_or_init(|| own)
-            }
-        };
-        level.of(isa, samples)
+    /// What tells the noise of the window's samples.
+    pub fn noise_level(&self, order: usize) -> Result<&NoiseLevel, Error> {
+        if let Some(level) = self.level.get() {
+            return Ok(level);
+        }
+        let own = NoiseLevel::new(self.samples - self.window.lead, order)?;
+        Ok(self.level.get_or_init(|| own))
     }
 
     /// The lines from `first` to `last`.
@@ -276,14 +270,22 @@ impl TermsRecordPlan {
         out.middle = self.noise.middle();
         out.pairs.resize_with(pairs.products.len(), Split::default);
         out.white.resize(pairs.products.len(), false);
-        let each = out.pairs.iter_mut().zip(&mut out.white).zip(&pairs.products);
-        for ((out, white), list) in each {
-            let constant = self.constant_product(e, list, at.variances);
+        out.apart.resize(pairs.products.len(), false);
+        let each = out.pairs.iter_mut().zip(&mut out.white).zip(&mut out.apart);
+        for (((out, white), apart), list) in each.zip(&pairs.products) {
+            let common = |(a, b): &(usize, usize)| {
+                at.sigma.get(e.sensitivities[*a].1, e.sensitivities[*b].1) != 0.0
+            };
+            *apart = !list.iter().any(common);
+            if *apart {
+                continue;
+            }
+            let constant = self.constant_product(e, list, at.sigma);
             *white = constant.is_some_and(|product| self.noise.correlate_constant(product, out));
             if *white {
                 continue;
             }
-            self.product(e, list, at.variances, desk);
+            self.product(e, list, at.sigma, desk);
             self.noise.correlate(isa, &mut desk.product, &mut desk.room, out)?;
         }
         Ok(())
@@ -299,7 +301,7 @@ impl TermsRecordPlan {
         for (channel, values) in e.noisy.iter().zip(clean) {
             own[*channel] = values;
         }
-        let values = at.variances.iter().chain(at.theta).map(|v| Input::Value(*v));
+        let values = at.sigma.numbers().iter().chain(at.theta).map(|v| Input::Value(*v));
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
         e.samples.run(&inputs, self.samples, &mut desk.registers, &mut desk.results);
     }
@@ -327,19 +329,20 @@ impl TermsRecordPlan {
         for (s, own) in pairs.noisy.iter().zip(sources) {
             self.noise.wave(isa, own, count, first, &mut desk.wave);
             let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
-            for (k, (_, c)) in each {
+            for (k, (_, d)) in each {
                 let slope = &desk.results[e.signals.len() + k][lead..];
-                let own = clean[*c][lead..].iter_mut().zip(numbers(&desk.wave).iter().zip(slope));
-                let variance = at.variances[*c];
-                match self.uneven.get(*c) {
-                    None => {
-                        for (to, (w, d)) in own {
-                            *to -= variance * d * w;
-                        }
+                for (c, clean) in clean.iter_mut().enumerate() {
+                    let both = at.sigma.get(c, *d);
+                    if both == 0.0 {
+                        continue;
                     }
-                    Some(uneven) => {
-                        for ((to, (w, d)), own) in own.zip(&uneven[lead..]) {
-                            *to -= variance * own * d * w;
+                    let own = clean[lead..].iter_mut().zip(numbers(&desk.wave).iter().zip(slope));
+                    match self.uneven_product(c, *d) {
+                        None => own.for_each(|(to, (w, d))| *to -= both * d * w),
+                        Some(uneven) => {
+                            for ((to, (w, d)), own) in own.zip(uneven) {
+                                *to -= both * own * d * w;
+                            }
                         }
                     }
                 }
@@ -388,47 +391,52 @@ impl TermsRecordPlan {
         Ok(edge)
     }
 
-    /// Σ over channels of both sensitivities times the variance of the sample, on the window.
-    fn product(
-        &self,
-        e: &Equations,
-        list: &[(usize, usize, usize)],
-        variances: &[f64],
-        desk: &mut Desk,
-    ) {
+    /// Σ of both sensitivities times the covariance of the sample, on the window.
+    fn product(&self, e: &Equations, list: &[(usize, usize)], sigma: &Sigma, desk: &mut Desk) {
         let (first, n) = (self.window.lead, self.window.intervals);
         let signals = e.signals.len();
         desk.product.resize(n + 1, 0.0);
         desk.product.fill(0.0);
-        for (a, b, c) in list {
+        for (a, b) in list {
+            let (c, d) = (e.sensitivities[*a].1, e.sensitivities[*b].1);
+            let both = sigma.get(c, d);
+            if both == 0.0 {
+                continue;
+            }
             let (a, b) = (&desk.results[signals + a][first..], &desk.results[signals + b][first..]);
-            match self.uneven.get(*c) {
-                None => {
-                    for ((to, a), b) in desk.product.iter_mut().zip(a).zip(b) {
-                        *to += variances[*c] * a * b;
-                    }
-                }
-                Some(own) => {
-                    let each = desk.product.iter_mut().zip(a).zip(b).zip(&own[first..]);
-                    for (((to, a), b), v) in each {
-                        *to += variances[*c] * v * a * b;
-                    }
-                }
+            let each = desk.product.iter_mut().zip(a).zip(b);
+            match self.uneven_product(c, d) {
+                None => each.for_each(|((to, a), b)| *to += both * a * b),
+                Some(own) => each.zip(own).for_each(|(((to, a), b), v)| *to += both * v * a * b),
             }
         }
+    }
+
+    /// Roots of the variances of each sample of the window over those of the channels, multiplied; none where all are one.
+    fn uneven_product(&self, c: usize, d: usize) -> Option<impl Iterator<Item = f64>> {
+        let (c, d) = (self.uneven.get(c)?, self.uneven.get(d)?);
+        let lead = self.window.lead;
+        Some(
+            c[lead..].iter().zip(&d[lead..]).map(|(c, d)| if c == d { *c } else { (c * d).sqrt() }),
+        )
     }
 
     /// The product where it is the same for all samples.
     fn constant_product(
         &self,
         e: &Equations,
-        list: &[(usize, usize, usize)],
-        variances: &[f64],
+        list: &[(usize, usize)],
+        sigma: &Sigma,
     ) -> Option<f64> {
         let slope = |k: usize| e.samples.constant(e.signals.len() + k);
-        list.iter().try_fold(0.0, |sum, (a, b, c)| match self.uneven.get(*c) {
-            None => Some(sum + variances[*c] * slope(*a)? * slope(*b)?),
-            Some(_) => None,
+        list.iter().try_fold(0.0, |sum, (a, b)| {
+            let (c, d) = (e.sensitivities[*a].1, e.sensitivities[*b].1);
+            let both = sigma.get(c, d);
+            match self.uneven.get(c) {
+                _ if both == 0.0 => Some(sum),
+                None => Some(sum + both * slope(*a)? * slope(*b)?),
+                Some(_) => None,
+            }
         })
     }
 }

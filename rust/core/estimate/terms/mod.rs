@@ -23,6 +23,7 @@ mod lines;
 mod noise;
 mod plan;
 mod rows;
+mod sigma;
 mod starts;
 mod uncertainty;
 

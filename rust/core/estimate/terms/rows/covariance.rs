@@ -81,7 +81,8 @@ impl Covariance<'_> {
         let lag = if MIRRORED { 2 * (m + self.first) + ahead } else { ahead };
         let mut sum = (L::splat(0.0), L::splat(0.0));
         for couple in couples {
-            if self.spectra.white[couple.pair] && lag > 0 {
+            let pair = couple.pair;
+            if self.spectra.apart[pair] || (self.spectra.white[pair] && lag > 0) {
                 continue;
             }
             let to = self.loads[couple.to].eight::<L>(m + ahead);

@@ -105,7 +105,7 @@ impl Kernel for Noise<'_> {
             let m = block * LANES;
             let mut sum = (L::splat(0.0), L::splat(0.0));
             for (place, z) in self.places.iter().zip(self.sources) {
-                let Some(pair) = *place else { continue };
+                let Some(pair) = place.filter(|pair| !self.spectra.apart[*pair]) else { continue };
                 let (r, middle) = (&self.spectra.pairs[pair], self.spectra.middle);
                 if self.spectra.white[pair] {
                     let (own, near) = (L::splat(r.re[middle]), z.eight::<L>(m));
