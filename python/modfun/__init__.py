@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from .study.results import Results
     from .systems.frequency_response import FrequencyResponse
     from .systems.lti import LTI
-    from .systems.making import ss, tf
+    from .systems.making import ss, tf, zpk
+    from .systems.sampling import c2d, d2c
     from .tones.results import Sinusoids, SinusoidsMany
     from .tones.search import sinusoids
 
@@ -85,7 +86,8 @@ _NAMES = {
     ".study.results": ("Results",),
     ".systems.frequency_response": ("FrequencyResponse",),
     ".systems.lti": ("LTI",),
-    ".systems.making": ("ss", "tf"),
+    ".systems.making": ("ss", "tf", "zpk"),
+    ".systems.sampling": ("c2d", "d2c"),
     ".tones.results": ("Sinusoids", "SinusoidsMany"),
     ".tones.search": ("sinusoids",),
 }
@@ -97,10 +99,10 @@ __all__ = [  # noqa: RUF022, in the order of dir()
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
     "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "ProcessNoise", "Record",
     "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table",
-    "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "coefficients", "collinearity",
-    "columns", "common_poles", "compare", "crlb", "cross_validate", "dryden", "fit", "fit_many", "frf",
-    "load", "plot", "rank_test", "read", "reduce", "regressors", "rivals", "select_order", "select_terms",
-    "signals", "simulate", "sinusoids", "ss", "tf", "timelag",
+    "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d", "coefficients",
+    "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c", "dryden", "fit",
+    "fit_many", "frf", "load", "plot", "rank_test", "read", "reduce", "regressors", "rivals", "select_order",
+    "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "timelag", "zpk",
 ]  # fmt: skip
 
 

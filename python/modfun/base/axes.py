@@ -73,7 +73,7 @@ def chosen_rows(rows: Sequence[str], outputs: Sequence[str], output: str | None,
     return chosen_outputs(outputs, output, what)
 
 
-def take_grid(ax: Any, rows: int, columns: int, *, sharex: bool = True) -> list[Any]:
+def take_grid(ax: Any, rows: int, columns: int, *, height: float = 3.1, sharex: bool = True) -> list[Any]:
     """Return Axes row by row: new ones, or the given ones."""
     if ax is not None:
         if hasattr(ax, "plot"):
@@ -85,7 +85,7 @@ def take_grid(ax: Any, rows: int, columns: int, *, sharex: bool = True) -> list[
         columns,
         sharex=sharex,
         squeeze=False,
-        figsize=(4.6 * columns, 3.1 * rows + 0.5),
+        figsize=(4.6 * columns, height * rows + 0.5),
         layout="constrained",
     )
     return list(made.ravel())

@@ -15,6 +15,7 @@ from ..records.record import Record
 from ..reduction.reduction import Reduction
 from ..results.drawing import bode, correlation, poles, response
 from ..results.drawing_lines import harmonics, residual_tests, residuals
+from ..results.drawing_systems import impulse, nyquist, step
 from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
 from ..streams.track import Track
@@ -29,6 +30,8 @@ __all__ = [
     "cross_validation",
     "harmonics",
     "histogram",
+    "impulse",
+    "nyquist",
     "order",
     "poles",
     "quantiles",
@@ -40,6 +43,7 @@ __all__ = [
     "signals",
     "sinusoids",
     "spectrum",
+    "step",
     "study",
     "terms",
     "track",

@@ -108,7 +108,8 @@ class Reduction:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        return self.errors._repr_html_() + html.listing(self.notes) + self.model._repr_html_()
+        model = f"<pre>{html.escape(repr(self.model))}</pre>"
+        return self.errors._repr_html_() + html.listing(self.notes) + model
 
     def gains(self) -> tuple[F64, dict[str, F64]]:
         """Frequencies, rad/s, and the largest gains there of the system, the models, and their differences.

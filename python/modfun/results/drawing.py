@@ -20,7 +20,7 @@ from ..base.axes import (
 from ..base.student import root
 from ..errors import SpecError
 from ..records.record import Record
-from ..systems.drawing import Curve, curves_of, draw_bode, span
+from ..systems.drawing import Curve, curves_of, draw_bode, draw_bode_grid, span
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.making import linear
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
@@ -98,6 +98,7 @@ def bode(
     *systems: Any,
     band: tuple[float, float] | None = None,
     hz: bool = False,
+    grid: bool = False,
     labels: Sequence[str] | None = None,
     ax: Any = None,
 ) -> Any:
@@ -112,14 +113,18 @@ def bode(
         Frequencies drawn, rad/s; default: around the bands of the fits or the poles of the systems.
     hz : bool, default False
         Frequencies in hertz instead of rad/s.
+    grid : bool, default False
+        Panels of its own for each path, outputs below each other and inputs side by side, instead of all
+        paths in one pair.
     labels : sequence of str, optional
         A name a system, for the legend.
     ax : sequence of two Axes, optional
-        Magnitude and phase; new ones by default.
+        Magnitude and phase; of a grid row by row; new ones by default.
 
     Returns
     -------
     ndarray of Axes
+        Magnitude and phase; of a grid (2 · outputs, inputs).
 
     See Also
     --------
@@ -165,9 +170,10 @@ def bode(
     omega = np.geomspace(low, high, 400)
     for k, system in enumerate(systems):
         for curve in _curves(system, omega):
-            words = (curve.path,) if labels is None else (labels[k], curve.path)
+            path = "" if grid else curve.path
+            words = (path,) if labels is None else (labels[k], path)
             curves.append((" ".join(filter(None, words)) or type(system).__name__, curve))
-    return draw_bode(curves, low, high, hz=hz, ax=ax)
+    return (draw_bode_grid if grid else draw_bode)(curves, low, high, hz=hz, ax=ax)
 
 
 def _curves(system: Any, omega: F64) -> list[Curve]:
@@ -189,7 +195,7 @@ def _curves(system: Any, omega: F64) -> list[Curve]:
         )
         path = f"{system.inputs[k]} → {system.outputs[i]}"
         decibels, degrees = 20 / np.log(10) * half * size, np.degrees(half * angle)
-        curves.append(Curve(path, omega, response[i, k], decibels, degrees, inside))
+        curves.append(Curve(path, omega, response[i, k], decibels, degrees, inside, (int(i), int(k))))
     return curves
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import C128, F64
-from ..base.axes import clip_to_lines, frequency_axis, returned, take_axes
+from ..base.axes import clip_to_lines, frequency_axis, returned, take_axes, take_grid
 from ..errors import SpecError
 
-__all__ = ["Curve", "curves_of", "draw_bode", "span"]
+__all__ = ["Curve", "curves_of", "draw_bode", "draw_bode_grid", "span"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +25,7 @@ class Curve:
     decibels: F64 | None = None
     degrees: F64 | None = None
     inside: Any = True
+    place: tuple[int, int] = (0, 0)  # output, input
 
 
 def curves_of(
@@ -41,7 +42,7 @@ def curves_of(
             decibels = 20 / np.log(10) * relative
             degrees = np.degrees(np.arcsin(np.minimum(relative, 1.0)))
         path = f"{inputs[k]} → {outputs[i]}" if several else ""
-        found.append(Curve(path, omega, gain, decibels, degrees))
+        found.append(Curve(path, omega, gain, decibels, degrees, place=(i, k)))
     return found
 
 
@@ -98,6 +99,28 @@ def draw_bode(
     above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "fontsize": "small"}
     upper.legend(frameon=False, **(above if color > 4 else {}))  # many names would hide the lines
     return returned(ax, [upper, lower])
+
+
+def draw_bode_grid(
+    curves: Sequence[tuple[str, Curve]], low: float, high: float, *, hz: bool = False, ax: Any = None
+) -> Any:
+    """Draw each path in panels of its own: outputs below each other, inputs side by side."""
+    outputs, inputs = (1 + max(curve.place[k] for _, curve in curves) for k in range(2))
+    axes = np.array(take_grid(ax, 2 * outputs, inputs, height=2.2), dtype=object)
+    panels = axes.reshape(2 * outputs, inputs)
+    for i, k in np.ndindex(outputs, inputs):
+        own = [(text, one) for text, one in curves if one.place == (i, k) and np.any(one.gain != 0)]
+        upper, lower = panels[2 * i, k], panels[2 * i + 1, k]
+        if not own:
+            upper.set_title("no path", fontsize="medium")
+            continue
+        draw_bode(own, low, high, hz=hz, ax=[upper, lower])
+        upper.set_title(own[0][1].path, fontsize="medium")
+        if (i, k) != (0, 0) or len(own) < 2:
+            upper.get_legend().remove()
+        if i < outputs - 1:
+            lower.set_xlabel("")
+    return panels
 
 
 def _turned(degrees: Any, omega: Any, drawn: dict[str, Any], path: str) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,14 @@ from ..base.samples import MOST_SAMPLES, frequencies, frozen, steps_of
 from ..errors import DataError, SpecError
 from ..signals import Signals
 from ..signals.sources import is_samples, sources
+from .arithmetic import Arithmetic
 from .frequency_response import FrequencyResponse
 from .gains import gains
 from .interop import labelled, matrices_to_control, polynomials_to_control, refuse_late, to_scipy
-from .polynomials import Polynomials, all_equal, by_modulus, companion, fractions, roots, strip, time_unit
+from .latex import in_fractions, in_matrices
+from .polynomials import Polynomials, all_equal, by_modulus, fractions, roots
 from .propagate import intersample_kinds, respond
+from .realization import observable, transfer
 
 __all__ = ["LTI", "Delays", "state_space"]
 
@@ -31,7 +33,7 @@ Delays = tuple[float, ...] | tuple[tuple[float, ...], ...]
 
 @public
 @dataclass(frozen=True, eq=False, repr=False)
-class LTI:
+class LTI(Arithmetic):
     """A continuous-time linear system with numbers; made by `mf.tf` or `mf.ss`.
 
     It is either a transfer function matrix or a state space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
@@ -296,6 +298,29 @@ class LTI:
         t: F64 = np.arange(intervals + 1.0) * (duration / intervals)
         return t, y[0, 0] if self.shape == (1, 1) else y
 
+    def impulse(self, duration: float, intervals: int = 500) -> tuple[F64, F64]:
+        """Unit impulse response; a direct path adds an impulse at its delay, which is not in it.
+
+        Parameters
+        ----------
+        duration : float
+            Length in seconds.
+        intervals : int
+            Number of sampling intervals; the response is exact for any.
+
+        Returns
+        -------
+        t : ndarray, shape (time,)
+        y : ndarray, shape (time,), or (output, input, time) with several channels
+        """
+        a, b, c, _, _ = self.scaled()  # y' of the step response has the output c(ax + bu)
+        rate = replace(self, numerators=None, denominators=None, matrices=(a, b, c @ a, c @ b))
+        return rate.step(duration, intervals)
+
+    def without_delays(self) -> LTI:
+        """The same system with all delays 0."""
+        return replace(self, delays=(0.0,) * self.shape[1])
+
     # Other forms -----------------------------------------------------------------------------
 
     def to_ss(self) -> LTI:
@@ -343,22 +368,7 @@ class LTI:
             assert self.numerators is not None
             assert self.denominators is not None
             return self.numerators, self.denominators
-        a, b, c, d = self.matrices
-        outputs, inputs = d.shape
-        den = np.atleast_1d(np.poly(a)).real if a.size else np.ones(1)
-        # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
-        num = tuple(
-            tuple(
-                strip(
-                    (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1))
-                    + (d[i, j] - 1.0) * den,
-                    relative=1e-12,
-                )
-                for j in range(inputs)
-            )
-            for i in range(outputs)
-        )
-        return num, ((den,) * inputs,) * outputs
+        return transfer(*self.matrices)
 
     def to_control(self, pade: int | None = None) -> Any:
         """The same as a python-control object with the same names of channels (extra ``control``).
@@ -395,8 +405,10 @@ class LTI:
             return "LTI state space\n" + "\n".join(parts) + waiting
         return fractions(*self.polynomials(), self.path_delays)
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(repr(self))}</pre>"
+    def _repr_latex_(self) -> str:
+        if self.matrices is not None:
+            return in_matrices(self.matrices, self.delays)
+        return in_fractions(*self.polynomials(), self.path_delays)
 
     # Inside ----------------------------------------------------------------------------------
 
@@ -456,38 +468,7 @@ class LTI:
         """
         if self.matrices is not None:
             return (*self.matrices, np.ones(self.matrices[0].shape[0]))
-        num, den = self.polynomials()
-        outputs, inputs = self.shape
-        blocks: list[tuple[int, list[int], F64]] = []
-        for i in range(outputs):
-            if all_equal((den[i],)):
-                blocks.append((i, list(range(inputs)), den[i][0]))
-            else:
-                blocks.extend((i, [j], den[i][j]) for j in range(inputs))
-        n = sum(p.size - 1 for _, _, p in blocks)
-        a, b = np.zeros((n, n)), np.zeros((n, inputs))
-        c, d = np.zeros((outputs, n)), np.zeros((outputs, inputs))
-        scale = np.ones(n)
-        at = 0
-        for i, which, p in blocks:
-            m = p.size - 1
-            w = time_unit(p)
-            powers = w ** -np.arange(m + 1.0)
-            q = p * powers
-            rows = slice(at, at + m)
-            if m:
-                a[rows, rows] = companion(p, w)
-                c[i, at] = 1.0
-                scale[rows] = powers[:m]
-            for j in which:
-                numerator = np.concatenate([np.zeros(m + 1 - num[i][j].size), num[i][j]]) * powers
-                markov = np.zeros(m + 1)
-                for k in range(m + 1):
-                    markov[k] = numerator[k] - q[1 : k + 1] @ markov[:k][::-1]
-                d[i, j] += markov[0]
-                b[rows, j] = w * markov[1:]
-            at += m
-        return a, b, c, d, scale
+        return observable(*self.polynomials())
 
 
 def state_space(a: F64, b: F64, c: F64, d: F64, delays: Delays) -> LTI:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.arguments import public, reals
+from ..base.arguments import complexes, public, real, reals
 from ..base.samples import frozen, numbered
 from ..errors import SpecError
 from .lti import LTI, Delays, state_space
 from .polynomials import polynomials_of, strip
 
-__all__ = ["linear", "named", "ss", "system_of", "tf"]
+__all__ = ["linear", "named", "ss", "system_of", "tf", "zpk"]
 
 
 @public
@@ -165,6 +165,55 @@ def ss(
     made = state_space(a, b, c, d, _delays(delay, d.shape[0], d.shape[1], "mf.ss"))
     made.input_delays("mf.ss")
     return made
+
+
+@public
+def zpk(zeros: ArrayLike, poles: ArrayLike, gain: float, *, delay: float = 0.0) -> LTI:
+    """Transfer function gain·Π(s − zeros)/Π(s − poles)·e^(−delay·s) of one input and output.
+
+    Parameters
+    ----------
+    zeros, poles : array_like of complex
+        In rad/s, complex ones in conjugate pairs; ``[]`` for none.
+    gain : float
+        Ratio of the leading coefficients.
+    delay : float
+        In seconds, at least 0.
+
+    Returns
+    -------
+    LTI
+
+    Raises
+    ------
+    SpecError
+        A complex root without its conjugate, more zeros than poles, or as `tf`.
+
+    See Also
+    --------
+    modfun.tf : Of polynomials.
+
+    References
+    ----------
+    T. Kailath, Linear Systems, Prentice-Hall, 1980.
+
+    Examples
+    --------
+    >>> zpk([-0.5], [-1 + 2j, -1 - 2j], 3)
+      3 s + 1.5
+    -------------
+    s^2 + 2 s + 5
+    """
+    own = []
+    for name, given in (("zeros", zeros), ("poles", poles)):
+        found = np.atleast_1d(complexes("mf.zpk", name, given)).ravel()
+        polynomial = np.atleast_1d(np.poly(found))
+        if np.iscomplexobj(polynomial):  # NumPy makes it real where all roots have their conjugates
+            raise SpecError(
+                f"mf.zpk: {name}={found.tolist()} hold a complex number without its conjugate; give both"
+            )
+        own.append(polynomial)
+    return tf(real("mf.zpk", "gain", gain) * own[0], own[1], delay=delay)
 
 
 def foreign(given: Any) -> bool:

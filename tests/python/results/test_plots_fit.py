@@ -17,7 +17,8 @@ def fit():
     return mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
 
 
-THINGS = [name for name in mf.plot.__all__ if name != "bode"]
+OF_SYSTEMS = ("bode", "impulse", "nyquist", "step")
+THINGS = [name for name in mf.plot.__all__ if name not in OF_SYSTEMS]
 
 
 @pytest.mark.parametrize("other", [5, "fit", None, np.zeros(3)], ids=str)

@@ -104,7 +104,7 @@ def test_print():
     assert "e^(-0.1 s)" in repr(mf.tf([1, -2], [1, 0, 1], delay=0.1))
     assert "input 2 to output 1" in repr(mf.tf([[1], [2]], [1, 1]))
     assert "A =" in repr(mf.ss([[-1.0]], [1.0], [1.0]))
-    assert EQ24._repr_html_().startswith("<pre>")
+    assert EQ24._repr_latex_() == r"$$G(s) = \frac{5}{s^{2} + 3 s + 8}$$"
 
 
 def test_frozen_and_pickled():

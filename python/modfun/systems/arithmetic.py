@@ -1,0 +1,76 @@
+"""Products, sums and feedback of systems, which python-control computes."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+from .connections import connected
+
+__all__ = ["Arithmetic"]
+
+
+class Arithmetic:
+    """Operators of an `LTI`."""
+
+    __array_ufunc__ = None  # numbers of NumPy leave products and sums to the methods here
+
+    def _connected(self, how: str, first: Any, second: Any, sign: int = -1) -> Self:
+        return type(self)(**vars(connected(how, first, second, sign)))
+
+    def __mul__(self, other: Any) -> Self:
+        """In series: `other` acts first (extra ``control``)."""
+        return self._connected("*", self, other)
+
+    def __rmul__(self, other: Any) -> Self:
+        """In series, this system acting first."""
+        return self._connected("*", other, self)
+
+    def __add__(self, other: Any) -> Self:
+        """In parallel (extra ``control``)."""
+        return self._connected("+", self, other)
+
+    def __radd__(self, other: Any) -> Self:
+        """In parallel."""
+        return self._connected("+", other, self)
+
+    def __sub__(self, other: Any) -> Self:
+        """In parallel, the other one with the opposite sign (extra ``control``)."""
+        return self._connected("-", self, other)
+
+    def __rsub__(self, other: Any) -> Self:
+        """In parallel, this one with the opposite sign."""
+        return self._connected("-", other, self)
+
+    def __neg__(self) -> Self:
+        """The opposite sign (extra ``control``)."""
+        return self._connected("*", -1, self)
+
+    def feedback(self, other: Any = 1, sign: int = -1) -> Self:
+        """The closed loop with another system, or a gain, in the feedback path (extra ``control``).
+
+        Parameters
+        ----------
+        other : LTI, system of python-control, number or matrix, default 1
+        sign : {-1, 1}
+            -1 for negative feedback.
+
+        Returns
+        -------
+        LTI
+
+        Raises
+        ------
+        SpecError
+            Numbers of channels that do not fit, or delays: give a Padé form of them.
+        ImportError
+            python-control is not installed.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> mf.tf([5], [1, 3, 8]).feedback(2)
+              5
+        --------------
+        s^2 + 3 s + 18
+        """
+        return self._connected("feedback", self, other, sign)

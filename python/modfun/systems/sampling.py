@@ -1,0 +1,172 @@
+"""Systems in discrete time: sampled ones of continuous-time systems, and back."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from ..base.arguments import public, real
+from ..base.arrays import F64
+from ..base.names import nearest
+from ..errors import SpecError
+from .lti import LTI
+from .making import linear, ss, tf
+
+__all__ = ["c2d", "d2c"]
+
+METHODS = {"zoh": "zoh", "foh": "foh", "tustin": "bilinear", "impulse": "impulse"}  # here, and in SciPy
+
+
+@public
+def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
+    """Sample a continuous-time system.
+
+    Parameters
+    ----------
+    system : LTI, or a system of python-control or SciPy
+    dt : float
+        Sampling interval in seconds.
+    method : {"zoh", "foh", "tustin", "impulse"}
+        Input held, input in straight lines, bilinear transformation, or the same impulse response.
+
+    Returns
+    -------
+    scipy.signal.dlti
+        With one input and one output the class of `system`, transfer function or state space; else a state
+        space.
+
+    Raises
+    ------
+    SpecError
+        Something else than a continuous-time system, a system with delays, or an unknown method.
+
+    See Also
+    --------
+    modfun.d2c : The way back.
+    modfun.LTI.simulate : Exact responses to sampled inputs.
+
+    References
+    ----------
+    G. F. Franklin, J. D. Powell, M. L. Workman, Digital Control of Dynamic Systems, Addison-Wesley, 1998.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> sampled = mf.c2d(mf.tf([1], [1, 1]), 0.1)
+    >>> print(sampled.den.round(4), sampled.dt)
+    [ 1.     -0.9048] 0.1
+    """
+    from scipy.signal import BadCoefficients
+
+    system = linear(system, "c2d")
+    if not isinstance(system, LTI):
+        raise SpecError(f"c2d: give a linear system (mf.tf, mf.ss, fit.model), not {type(system).__name__!r}")
+    if method not in METHODS:
+        raise SpecError(f"c2d: method={method!r} is not available; {nearest(method, list(METHODS))}")
+    if np.any(system.path_delays):
+        raise SpecError(
+            f"c2d: the system has delays {system.delays} s; sample system.without_delays(), and delay the "
+            "input by samples"
+        )
+    plain = system.to_scipy()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BadCoefficients)  # numerators that begin with a zero
+        return plain.to_discrete(_step("c2d", dt), method=METHODS[method])
+
+
+@public
+def d2c(system: Any, method: str = "zoh") -> LTI:
+    """Return the continuous-time system of a sampled one.
+
+    Parameters
+    ----------
+    system : discrete-time system of SciPy or python-control
+        With its sampling interval ``dt``.
+    method : {"zoh", "tustin"}
+        How it was sampled: the input held, or the bilinear transformation.
+
+    Returns
+    -------
+    LTI
+        A transfer function of one with one input and output, else a state space.
+
+    Raises
+    ------
+    SpecError
+        A system without dt, or with poles that no sampled system has, such as negative real ones.
+
+    See Also
+    --------
+    modfun.c2d : Samples a system.
+
+    References
+    ----------
+    As `c2d`.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> mf.d2c(mf.c2d(mf.tf([5], [1, 3, 8]), 0.1))
+          5
+    -------------
+    s^2 + 3 s + 8
+    """
+    if method not in ("zoh", "tustin"):
+        raise SpecError(f"d2c: method={method!r} is not available; {nearest(method, ['zoh', 'tustin'])}")
+    dt = getattr(system, "dt", None)
+    if isinstance(dt, bool) or dt in (None, 0):
+        raise SpecError(f"d2c: give a sampled system with its dt, not {type(system).__name__!r}")
+    matrices, single = _matrices(system)
+    found = ss(*(_held if method == "zoh" else _bilinear)(*matrices, _step("d2c", dt)))
+    if not single:
+        return found
+    num, den = found.polynomials()
+    top = num[0][0].copy()
+    top[np.abs(top) < 1e-10 * np.abs(top).max()] = 0.0  # rounding of the logarithm
+    return tf(np.trim_zeros(top, "f") if top.any() else [0.0], den[0][0])
+
+
+def _step(what: str, dt: Any) -> float:
+    step = real(what, "dt", dt)
+    if not step > 0:
+        raise SpecError(f"{what}: dt={dt!r}; give the sampling interval in seconds, above 0")
+    return step
+
+
+def _matrices(system: Any) -> tuple[tuple[F64, F64, F64, F64], bool]:
+    """A, B, C, D, and whether the system was a transfer function of one input and output."""
+    if all(hasattr(system, name) for name in "ABCD"):
+        return tuple(np.atleast_2d(getattr(system, name)) for name in "ABCD"), False  # type: ignore[return-value]
+    from scipy import signal
+
+    nums: Any = [[getattr(system, "num", None)]]
+    dens: Any = [[getattr(system, "den", None)]]
+    num, den = getattr(system, "num_list", nums), getattr(system, "den_list", dens)
+    if len(num) != 1 or len(num[0]) != 1 or num[0][0] is None or np.ndim(num[0][0]) != 1:
+        raise SpecError("d2c: give a system in state space, or a transfer function of one input and output")
+    return signal.tf2ss(num[0][0], den[0][0]), True
+
+
+def _held(a: F64, b: F64, c: F64, d: F64, dt: float) -> tuple[F64, F64, F64, F64]:
+    """The system whose input was held: exp([[A, B], [0, 0]]·dt) has the blocks of the sampled one."""
+    from scipy.linalg import logm
+
+    n, inputs = b.shape
+    poles = np.linalg.eigvals(a) if n else np.ones(1)
+    if bad := [pole for pole in poles if pole.real <= 0 and abs(pole.imag) < 1e-12 * max(abs(pole), 1e-300)]:
+        raise SpecError(f"d2c: the pole {bad[0].real:.4g} is none of a held system; method='tustin' takes it")
+    whole = np.block([[a, b], [np.zeros((inputs, n)), np.eye(inputs)]])
+    rate = np.real(logm(whole)) / dt
+    return rate[:n, :n], rate[:n, n:], c, d
+
+
+def _bilinear(a: F64, b: F64, c: F64, d: F64, dt: float) -> tuple[F64, F64, F64, F64]:
+    """The system of which z = (1 + s·dt/2)/(1 − s·dt/2) made the sampled one."""
+    one = np.eye(len(a))
+    try:
+        over = np.linalg.inv(a + one)
+    except np.linalg.LinAlgError:
+        raise SpecError("d2c: a pole at -1 has no counterpart in continuous time") from None
+    return 2 / dt * over @ (a - one), 2 / dt * over @ b, 2 * c @ over, d - c @ over @ b

@@ -1,0 +1,132 @@
+"""Systems connected, sampled and written: beside frequency responses, python-control and SciPy."""
+
+import control
+import modfun as mf
+import numpy as np
+import pytest
+from scipy import signal
+
+S = 1j * np.array([0.3, 1.0, 2.0, 9.0])
+G = mf.tf([5], [1, 3, 8])
+H = mf.tf([1, 2], [1, 1], delay=0.2)
+TWO = mf.tf([[[1], [2]], [[1, 0], [3]]], [1, 2, 5])
+g, h = G(S), H(S)
+
+CONNECTED = {
+    "series": (lambda: G * H, g * h),
+    "series of state spaces": (lambda: G.to_ss() * H, g * h),
+    "gain": (lambda: np.float64(2) * G, 2 * g),
+    "sum": (lambda: G + mf.tf([1], [1, 1]), g + 1 / (S + 1)),
+    "sum with state space": (lambda: G.to_ss() + G, 2 * g),
+    "sum of alike delays": (lambda: H + 2 * H, 3 * h),
+    "difference": (lambda: 1 - G, 1 - g),
+    "sign": (lambda: -G, -g),
+    "feedback": (lambda: G.feedback(), g / (1 + g)),
+    "positive feedback": (lambda: G.feedback(G, 1), g / (1 - g * g)),
+    "of python-control": (lambda: control.tf([1], [1, 1]) * G, g / (S + 1)),
+}
+
+
+@pytest.mark.parametrize("case", CONNECTED)
+def test_connections_are_those_of_the_frequency_responses(case):
+    make, wanted = CONNECTED[case]
+    made = make()
+    assert isinstance(made, mf.LTI)
+    np.testing.assert_allclose(made(S), wanted, rtol=1e-9)
+
+
+def test_several_channels_are_connected_as_matrices():
+    np.testing.assert_allclose((TWO * TWO)(S), np.einsum("ijw,jkw->ikw", TWO(S), TWO(S)), rtol=1e-9)
+
+
+def test_names_of_channels_stay():
+    first = mf.tf(control.tf([1], [1, 1], inputs=["de"], outputs=["q"]))
+    second = mf.tf(control.tf([2], [1, 2], inputs=["q"], outputs=["theta"]))
+    chain = second * first
+    assert (chain.inputs, chain.outputs) == (("de",), ("theta",))
+    assert (2 * first).outputs == first.feedback().outputs == ("q",)
+    assert (first + second).outputs is None
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: H.feedback(), r"feedback of systems with delays \[0\.2\].*to_control\(pade=3\)"),
+        (lambda: G + H, "sum of systems with delays"),
+        (lambda: G.feedback(sign=2), "sign=2 must be -1"),
+        (lambda: mf.tf([[[1]], [[1]]], [1, 1]) * TWO, "series of these systems does not exist"),
+    ],
+)
+def test_what_cannot_be_connected_is_refused(make, words):
+    with pytest.raises(mf.SpecError, match=words):
+        make()
+
+
+def test_without_python_control_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "control", None)
+    with pytest.raises(ImportError, match=r"series of systems needs control: pip install 'modfun"):
+        G * H
+    assert mf.c2d(G, 0.1).dt == 0.1
+
+
+def test_impulse_responses_are_those_of_scipy_and_late_by_the_delay():
+    t, y = G.impulse(5.0)
+    np.testing.assert_allclose(y, signal.impulse(([5], [1, 3, 8]), T=t)[1], atol=1e-13)
+    t, y = mf.tf([1], [1, 1], delay=0.5).impulse(2.0, 400)
+    np.testing.assert_allclose(y[t > 0.51], np.exp(0.5 - t[t > 0.51]), rtol=1e-9)
+    assert not y[t < 0.49].any()
+    assert TWO.impulse(1.0, 10)[1].shape == (2, 2, 11)
+
+
+def test_zeros_poles_and_gain():
+    made = mf.zpk([-0.5], [-1 + 2j, -1 - 2j], 3, delay=0.1)
+    np.testing.assert_allclose(made(S), 3 * (S + 0.5) / ((S + 1) ** 2 + 4) * np.exp(-0.1 * S), rtol=1e-12)
+    with pytest.raises(mf.SpecError, match=r"zeros=.* without its conjugate"):
+        mf.zpk([1j], [-1], 1)
+    with pytest.raises(mf.SpecError, match="numerator has degree 2"):
+        mf.zpk([-1, -2], [-1], 1)
+
+
+@pytest.mark.parametrize("method", ["zoh", "tustin"])
+@pytest.mark.parametrize("system", [mf.tf([5, 1], [1, 3, 8]), TWO.to_ss()], ids=["tf", "ss"])
+def test_sampling_and_back(system, method):
+    sampled = mf.c2d(system, 0.1, method)
+    other = control.sample_system(system.to_control(), 0.1, method)
+    z = np.exp(0.7j)
+    if system.matrices is None:
+        assert np.polyval(sampled.num, z) / np.polyval(sampled.den, z) == pytest.approx(other(z), rel=1e-9)
+    else:
+        found = sampled.C @ np.linalg.inv(z * np.eye(4) - sampled.A) @ sampled.B + sampled.D
+        np.testing.assert_allclose(found, other(z), rtol=1e-9)
+    for given in (sampled, other):
+        np.testing.assert_allclose(mf.d2c(given, method)(S), system(S), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: mf.c2d(H, 0.1), r"delays \(0\.2,\) s; sample system\.without_delays\(\)"),
+        (lambda: mf.c2d(G, 0.1, "zho"), "method='zho' .* did you mean 'zoh'"),
+        (lambda: mf.c2d(G, -1), "dt=-1; give the sampling interval"),
+        (lambda: mf.c2d("G", 1), "give a linear system .* not 'str'"),
+        (lambda: mf.d2c(control.tf([1], [1, 0.5], 0.1)), "pole -0.5 is none of a held system"),
+        (lambda: mf.d2c(G), "give a sampled system with its dt, not 'LTI'"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(make, words):
+    with pytest.raises(mf.SpecError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (H, r"$$G(s) = \frac{s + 2}{s + 1} e^{-0.2 s}$$"),
+        (mf.tf([1e-7], [1, 2e8]), r"$$G(s) = \frac{1 \cdot 10^{-7}}{s + 2 \cdot 10^{8}}$$"),
+        (TWO, r"& \frac{2}{s^{2} + 2 s + 5} \\"),
+        (G.to_ss(), r"\dot x = \begin{bmatrix} 0 & 1 \\ -8 & -3 \end{bmatrix} x"),
+    ],
+    ids=["delay", "powers of ten", "matrix", "state space"],
+)
+def test_notebooks_typeset_systems(system, words):
+    assert words in system._repr_latex_()
