@@ -18,11 +18,12 @@ from ..base.axes import (
     take_pairs,
 )
 from ..base.student import root
-from ..errors import SpecError
+from ..errors import ModfunError, SpecError
 from ..records.record import Record
 from ..systems.drawing import Curve, curves_of, draw_bode, draw_bode_grid, span
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.making import linear
+from .bands import both
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .scores import score
 
@@ -34,6 +35,9 @@ NUMBERS = 10  # parameters up to which correlations are written into their cells
 @drawing
 def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, output: str | None = None) -> Any:
     """Draw measured and simulated outputs, the error below each; masked samples bridged by dots.
+
+    The band of the response is its 95 % interval, that of the errors the interval of new samples
+    (`Fit.predict`).
 
     Parameters
     ----------
@@ -70,6 +74,10 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
     chosen = chosen_outputs(fit.outputs, output, "plot.response")
     measured = fit.record_of(rec, "plot_response")
     simulated, _ = fit.simulate(measured)
+    try:
+        bands = both(fit, measured)
+    except ModfunError:  # a response that overflows for parameters close by
+        bands = None
     errors = np.where(True if measured.mask is None else measured.mask, measured.y - simulated, np.nan)
     levels = score(fit, measured)["signal_to_error"]
     axes = take_pairs(ax, len(chosen), height=2.3)
@@ -82,6 +90,13 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         )
         bridge_gaps(upper, measured.t, measured[name], measured._good(name), label="masked")
         lower.plot(measured.t, errors[i], color="C0", linewidth=0.8, label="error")
+        if bands is not None:
+            response, half = bands["confidence"], bands["prediction"].upper[i] - simulated[i]
+            faint = {"alpha": 0.25, "linewidth": 0, "zorder": 1}
+            upper.fill_between(
+                measured.t, response.lower[i], response.upper[i], color="C3", label="95 % band", **faint
+            )
+            lower.fill_between(measured.t, -half, half, color="C0", **faint)
         upper.set_ylabel(f"{name}{unit}")
         if lower is not upper:
             lower.axhline(0.0, color="0.3", linewidth=0.6)

@@ -23,6 +23,7 @@ from ..files.writing import write_text
 from ..pages.page import check_place, save
 from ..records.record import Record
 from . import check, derived, drawing, drawing_lines, scores
+from .bands import predicted
 from .estimates import Estimates
 from .noise_spectrum import noise_spectrum
 from .page import page_of
@@ -257,8 +258,9 @@ class Fit(Estimates):
     # Against records ----------------------------------------------------------------------------
 
     def predict(
-        self, rec: Record | int | None = None, *, initial_state: str | ArrayLike | InitialState | None = None
-    ) -> Record:
+        self, rec: Record | int | None = None, *, initial_state: Any = None, interval: str | None = None,
+        level: float = 0.95,
+    ) -> Any:  # fmt: skip
         """Simulate a record from its inputs (never one step ahead).
 
         Initial state and trend are fitted to the record's output by linear least squares on the free
@@ -272,13 +274,19 @@ class Fit(Estimates):
         initial_state : "zero", array or InitialState, optional
             Instead of a fitted one: y, y', ... of the free response at the first sample. The trend is
             fitted all the same.
+        interval : {"confidence", "prediction"}, optional
+            Add an interval at each sample: of the noise-free response, by the errors of parameters, initial
+            state and trend; or of a new sample, whose noise is as strong as the residuals here.
+        level : float, default 0.95
 
         Returns
         -------
-        Record
-            The same inputs and times, the simulated output.
+        Record, or Prediction
+            The same inputs and times, the simulated output. With `interval` the arrays `y`, `lower`, `upper`.
         """
         record = self.record_of(rec, "predict")
+        if interval is not None:
+            return predicted(self, record, interval, initial_state, level)
         simulated, _ = self.simulate(record, initial_state)
         return record._like(y=simulated, mask=None, sigma=None)
 

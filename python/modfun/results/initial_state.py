@@ -25,7 +25,7 @@ from ..systems.propagate import respond
 from .estimates import Estimates
 from .prediction import InitialState, given_state
 
-__all__ = ["find_state", "simulate_equations", "slopes"]
+__all__ = ["find_state", "linear_columns", "simulate_equations", "slopes"]
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
 # First guesses of what is not measured, in units of the outputs' size.
@@ -75,14 +75,25 @@ def simulate_equations(
 
 
 def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:
-    """As `simulate_equations`, for a StateSpace: its channels by name, as the record has them."""
+    """As `simulate_equations`, for a StateSpace."""
+    system, algebraic = _system(fit, rec, structure)
+    return _linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
+
+
+def linear_columns(fit: Estimates, rec: Record, free: bool) -> F64:
+    """Derivatives of a StateSpace's outputs to its initial state, where free, and trend."""
+    system, algebraic = _system(fit, rec, fit.structure)
+    return np.array(_columns(system, rec, TRENDS.index(fit.trend), algebraic, free)).reshape(-1, *rec.y.shape)
+
+
+def _system(fit: Estimates, rec: Record, structure: Any) -> tuple[LTI, list[int]]:
+    """The system with its channels by name, as the record has them, and outputs that are no states."""
     a, b, c, d = fit.model.matrices  # type: ignore[misc]  # of a state space there are
     rows = [structure.outputs.index(name) for name in rec.outputs]
     pick = np.array([[float(own == name) for name in rec.inputs] for own in structure.inputs])
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
-    system = ss(a, b @ pick, c[rows], d[rows] @ pick)
-    return _linear_state(system, rec, TRENDS.index(fit.trend), algebraic, state)
+    return ss(a, b @ pick, c[rows], d[rows] @ pick), algebraic
 
 
 def _linear_state(
@@ -121,20 +132,10 @@ def _linear_state(
     none = np.zeros((n, 0))
     words = (rec.dt, rec.intervals)
 
-    def free(x0: F64) -> F64:
-        return respond((a, none, c, np.zeros((outputs, 0))), x0, [], *words, (), ())
-
-    def pushed(equation: int, u: F64) -> F64:
-        column = np.eye(n)[:, [equation]]
-        return respond((a, column, c, np.zeros((outputs, 1))), np.zeros(n), [u], *words, ("foh",), (0.0,))
-
     forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, (0.0,) * len(rec.u))
-    columns = [free(x0) for x0 in np.eye(n)] if state is None else []
     if state is not None:
-        forced = forced + free(state)
-    shapes = [rec.t**power for power in range(terms)]
-    columns += [-pushed(equation, u) for equation in range(n) for u in shapes]
-    columns += [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
+        forced = forced + respond((a, none, c, np.zeros((outputs, 0))), state, [], *words, (), ())
+    columns = _columns(system, rec, terms, algebraic, state is None)
     if not columns:
         return forced, InitialState(np.asarray(state), np.zeros((n, n)), np.zeros(0), np.zeros((0, 0)))
     own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
@@ -161,6 +162,23 @@ def _linear_state(
     if state is not None:
         return forced + simulated, InitialState(state, np.zeros((n, n)), z, cov)
     return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:], cov[n:, n:])
+
+
+def _columns(system: LTI, rec: Record, terms: int, algebraic: Sequence[int], free: bool) -> list[F64]:
+    """Outputs (output, time) of each state at 1, where it is free, and of each term of a trend."""
+    assert system.matrices is not None
+    assert rec.dt is not None
+    a, _, c, _ = system.matrices
+    n, outputs = a.shape[0], c.shape[0]
+    none, words = np.zeros((n, 0)), (rec.dt, rec.intervals)
+    shapes, columns = [rec.t**power for power in range(terms)], []
+    if free:
+        through = a, none, c, np.zeros((outputs, 0))
+        columns += [respond(through, x0, [], *words, (), ()) for x0 in np.eye(n)]
+    for column in np.eye(n)[:, :, None]:
+        pushed = a, column, c, np.zeros((outputs, 1))
+        columns += [-respond(pushed, np.zeros(n), [u], *words, ("foh",), (0.0,)) for u in shapes]
+    return columns + [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
 
 
 def find_state(

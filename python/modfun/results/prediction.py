@@ -27,6 +27,7 @@ __all__ = [
     "InitialState",
     "given_state",
     "observe_paths",
+    "path_columns",
     "path_model",
     "simulate_paths",
 ]
@@ -152,6 +153,20 @@ def simulate_paths(
             "predict a shorter piece with rec.window(start, stop)"
         )
     return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets), trend_cov)
+
+
+def path_columns(layout: Layout, params: F64, trend: str | None, rec: Record, free: bool) -> F64:
+    """Derivatives of the outputs to what belongs to the record, (unknown, output, time).
+
+    These are the initial state, where it is free, and the trend of each output.
+    """
+    drift, found = trend_columns(rec.t, trend), []
+    for i in range(len(layout.orders)):
+        den, _ = layout.polynomials(params, i)
+        for row in [*(free_response(den, rec.t) if free else []), *drift]:
+            found.append(np.zeros_like(rec.y))
+            found[-1][i] = row
+    return np.array(found).reshape(-1, *rec.y.shape)
 
 
 def observe_paths(
