@@ -9,8 +9,9 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.gamma_regression import smooth_level
+from ..base.named import Named
+from ..base.names import nearest
 from ..base.student import confidence, root, student_interval
-from ..base.tables import nearest
 from ..errors import SpecError
 from ..records.mask import sample_weights
 from ..records.record import Record
@@ -114,7 +115,7 @@ def _variances(fit: Estimates, rec: Record, y: F64, initial: InitialState, given
     if linear:
 
         def moving(params: F64) -> F64:
-            return replace(fit, params=params).simulate(rec, given)[0]
+            return replace(fit, params=Named(params, fit.param_names)).simulate(rec, given)[0]
 
         moved = differences(moving, fit.params, fit.bse)
     else:

@@ -22,9 +22,9 @@ from ..errors import SpecError
 from ..files.writing import write_text
 from ..pages.page import check_place, save
 from ..records.record import Record
-from . import check, derived, drawing, drawing_lines, scores
+from . import check, derived, scores
 from .bands import predicted
-from .estimates import Estimates
+from .drawn import Drawn
 from .noise_spectrum import noise_spectrum
 from .page import page_of
 from .page_records import Content, of_records
@@ -38,7 +38,7 @@ __all__ = ["Fit"]
 
 
 @public
-class Fit(Estimates):
+class Fit(Drawn):
     """A fitted transfer function, of one output or several.
 
     Made by `fit`, an `Estimator` or `load`. Methods that take a record use the fit's own when it is left
@@ -398,17 +398,7 @@ class Fit(Estimates):
     def _observed(self, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
         return observe_paths(self.layout, self.params, self.trend, rec, eigenvalues)
 
-    # Plots --------------------------------------------------------------------------------------
-
-    def plot_response(
-        self, rec: Record | int | None = None, *, output: str | None = None, ax: Any = None
-    ) -> Any:
-        """Measured and simulated outputs with the errors below; see `modfun.plot.response`."""
-        return drawing.response(self, rec, ax=ax, output=output)
-
-    def plot_bode(self, *, band: tuple[float, float] | None = None, hz: bool = False, ax: Any = None) -> Any:
-        """Bode plot with a 95 % band; see `modfun.plot.bode`."""
-        return drawing.bode(self, band=band, hz=hz, ax=ax)
+    # Its noise ---------------------------------------------------------------------------------
 
     def noise_spectrum(self, level: float = 0.95) -> Table:
         """Noise level over the band, which standard errors rest on; 1 in white noise."""
@@ -417,26 +407,6 @@ class Fit(Estimates):
     def process_noise(self, level: float = 0.95) -> Table:
         """Levels of noise="process" with intervals: of the samples, and of what drives the system."""
         return process_noise(self, level)
-
-    def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
-        """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
-        return drawing_lines.residuals(self, ax=ax, output=output)
-
-    def plot_residual_tests(self, *, output: str | None = None, ax: Any = None) -> Any:
-        """Cumulated power and normal quantiles of the residual lines; see `modfun.plot.residual_tests`."""
-        return drawing_lines.residual_tests(self, ax=ax, output=output)
-
-    def plot_harmonics(self, rec: Record | int | None = None, *, hz: bool = False, ax: Any = None) -> Any:
-        """Spectrum with the used harmonics shaded and the noise level; see `modfun.plot.harmonics`."""
-        return drawing_lines.harmonics(self, rec, ax=ax, hz=hz)
-
-    def plot_correlation(self, *, ax: Any = None) -> Any:
-        """Correlations of the estimates as a matrix; see `modfun.plot.correlation`."""
-        return drawing.correlation(self, ax=ax)
-
-    def plot_poles(self, *, ax: Any = None) -> Any:
-        """Poles with 95 % confidence ellipses; see `modfun.plot.poles`."""
-        return drawing.poles(self, ax=ax)
 
     # Keeping it ---------------------------------------------------------------------------------
 
