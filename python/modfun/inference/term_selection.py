@@ -289,10 +289,8 @@ def _path(
         "chosen": sizes == size,
     }
     if tests:
-        near = np.abs(sizes - size) <= LARGER
         columns["fit_percent"] = [
-            _simulated(records, tests, _equation(library, mask, records[0]), options) if own else np.nan
-            for (mask, _), own in zip(rows, near, strict=True)
+            _simulated(records, tests, _equation(library, mask, records[0]), options) for mask, _ in rows
         ]
     return Table(columns)
 
