@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -13,26 +14,21 @@ import typer
 from .._core import __version__
 from ..errors import SpecError
 from ..fitting import fit as estimation
-from ..models.transfer_function import TransferFunction
 from ..pages.page import check_place
-from ..records.record import Record
 from ..results.fit import Fit
 from ..results.storage import told
+from .reading import Files, Part, Reading, reads
+from .structures import structure_of
 from .study import mc
 from .words import (
     Json,
     band_of,
-    by_path,
     command_line,
-    degree_of,
-    delay_of,
     one_or_all,
-    param_of,
-    picked,
     poles_of,
     say,
     write_json,
-)
+)  # fmt: skip
 
 __all__ = ["app"]
 
@@ -46,28 +42,6 @@ reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again
 app.add_typer(reproduce, name="reproduce")
 app.add_typer(mc, name="mc")
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE", help=".csv, .xlsx, .mat, .parquet, ...")]
-Outputs = Annotated[
-    list[str] | None, typer.Option("--output", "-y", help="Column of an output; repeat for several.")
-]
-Inputs = Annotated[
-    list[str] | None, typer.Option("--input", "-u", help="Column of an input; repeat for several.")
-]
-Time = Annotated[str | None, typer.Option("--time", "-t", help="Column of time in s.")]
-Step = Annotated[
-    float | None, typer.Option("--dt", help="Sampling interval in s, where there is no time column.")
-]
-Between = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--intersample", help="Inputs between samples: auto, smooth, zoh or foh; once, or one per input."
-    ),
-]
-On = Annotated[
-    str | None, typer.Option(help="Column of an event marker: one record each time it is on, or each number.")
-]
-Only = Annotated[str | None, typer.Option(help="Which of these records, counted from 0, such as 0,1,2.")]
-Missing = Annotated[str, typer.Option(help="Gaps in outputs: refuse, or mask to leave them out.")]
 Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one per input.")]
 Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")]
 Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
@@ -76,7 +50,6 @@ Picture = Annotated[Path | None, typer.Option(help="Draw to a file (.png, .pdf, 
 ReportTo = Annotated[
     Path | None, typer.Option("--report", metavar="FILE.html", help="Write a page about it.")
 ]
-Part = Annotated[str | None, typer.Option(help="Struct or experiment of a .mat file that holds several.")]
 
 
 def _version(wanted: bool) -> None:
@@ -113,31 +86,34 @@ def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path(
     say(f"wrote {file}; next: modfun check {file}")
 
 
+@app.command("columns")
+def _columns(files: Files, part: Part = None, json_to: Json = None) -> None:
+    """List the columns of files: units, ranges, missing values, which one is the time."""
+    from ..records.reading import columns
+
+    tables = {str(file): columns(file, part=part) for file in files}
+    if json_to != "-":
+        print("\n\n".join(map(str, tables.values())))
+    write_json(json_to, [{"file": name, "columns": table.to_dict()} for name, table in tables.items()])
+
+
 @app.command()
+@reads
 def check(
-    files: Files,
-    output: Outputs = None,
-    input: Inputs = None,
-    time: Time = None,
-    dt: Step = None,
-    intersample: Between = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
-    missing: Missing = "refuse",
+    data: Reading,
     json_to: Json = None,
 ) -> None:
     """Show the columns of files; with --output, say what is wrong or doubtful about the record."""
     from ..records.reading import columns
 
     answers: list[dict[str, Any]] = []
-    for file in files:
-        table = columns(file, part=part)
+    for file in data.files:
+        table = columns(file, part=data.part)
         answer: dict[str, Any] = {"file": str(file), "columns": table.to_dict()}
         if json_to != "-":
             print(f"{file}\n{table}")
-        if output or "output" in table["note"].tolist():  # an exported iddata says itself what is what
-            found = _records([file], output, input, time, dt, intersample, part, on, only, missing)
+        if data.output or "output" in table["note"].tolist():  # an exported iddata says itself what is what
+            found = replace(data, files=[file]).records()
             answer["findings"] = [text for rec in found for text in rec.check()]
             if json_to != "-":
                 print("".join(f"\n{rec}\n{rec.check()}\n" for rec in found), end="")
@@ -146,11 +122,10 @@ def check(
 
 
 @app.command()
+@reads
 def fit(
     context: typer.Context,
-    files: Files,
-    output: Outputs = None,
-    input: Inputs = None,
+    data: Reading,
     poles: Annotated[
         list[int] | None, typer.Option(help="Number of poles, default 2; with separate, also one per output.")
     ] = None,
@@ -171,6 +146,30 @@ def fit(
     denominator: Annotated[
         str | None, typer.Option(help="Of several outputs: common or separate poles.")
     ] = None,
+    equation: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--equation",
+            "-e",
+            help="Instead of poles, such as \"y'' + d*y' + k*y = b*u\"; repeat for several.",
+        ),
+    ] = None,
+    hidden: Annotated[
+        list[str] | None, typer.Option(help="Signal of the equations that is not measured; repeat.")
+    ] = None,
+    a: Annotated[
+        str | None,
+        typer.Option("--A", metavar="ROWS", help='Instead of poles, a state matrix such as "Za 1; Ma Mq".'),
+    ] = None,
+    b: Annotated[str | None, typer.Option("--B", metavar="ROWS", help="Its input matrix.")] = None,
+    c: Annotated[
+        str | None,
+        typer.Option("--C", metavar="ROWS", help="Its output matrix. Default: all states."),
+    ] = None,
+    d: Annotated[str | None, typer.Option("--D", metavar="ROWS", help="Its feedthrough.")] = None,
+    states: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Names of the states, with commas between.")
+    ] = None,
     param: Annotated[
         list[str] | None,
         typer.Option(
@@ -178,13 +177,6 @@ def fit(
             help="Hold a parameter (a2=0) or bound it (a1=0:, from 0 on); repeat.",
         ),
     ] = None,
-    time: Time = None,
-    dt: Step = None,
-    intersample: Between = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
-    missing: Missing = "refuse",
     method: Annotated[str, typer.Option(help="ml, awls, wls or ls.")] = "ml",
     band: Band = None,
     harmonics: Harmonics = None,
@@ -203,25 +195,17 @@ def fit(
     ] = None,
     report: ReportTo = None,
 ) -> None:
-    """Fit a transfer function to one file, or to several files as one problem."""
-    if not output:
+    """Fit a transfer function, equations or a state space to one file, or to several as one problem."""
+    if not data.output:
         raise SpecError("fit: give --output, the column to be modelled; repeat it for several")
     if report is not None:
         check_place(report, "--report")
-    records = _records(files, output, input, time, dt, intersample, part, on, only, missing)
-    if len(output) > 1 and denominator is None:
-        raise SpecError(
-            f"fit: {len(output)} outputs ({', '.join(output)}): say whether they share their poles, "
-            "--denominator common or separate"
-        )
-    channels = (len(records[0].outputs), len(records[0].inputs))
-    structure = TransferFunction(
-        poles=one_or_all(poles) or 2,
-        zeros=by_path("--zeros", zeros, degree_of, channels),
-        delay=by_path("--delay", delay, delay_of, channels) or 0.0,
-        denominator=denominator,
-        params=dict(param_of(word) for word in param or ()),
-    )
+    records = data.records()
+    given = {name: text for name, text in zip("ABCD", (a, b, c, d), strict=True) if text is not None}
+    structure = structure_of(
+        data, records[0], equation=equation, hidden=hidden, matrices=given, states=states, poles=poles,
+        zeros=zeros, delay=delay, denominator=denominator, param=param,
+    )  # fmt: skip
     result = estimation.fit(
         records,
         structure,
@@ -249,22 +233,14 @@ def fit(
 
 
 @app.command()
+@reads
 def order(
-    files: Files,
-    output: Outputs = None,
-    input: Inputs = None,
+    data: Reading,
     poles: Annotated[str, typer.Option(help="Number of poles, or fewest:most.")] = "1:5",
     zeros: Annotated[
         list[int] | None, typer.Option(help="Number of zeros to try; repeat. Default: all below the poles.")
     ] = None,
     delay: Delay = None,
-    time: Time = None,
-    dt: Step = None,
-    intersample: Between = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
-    missing: Missing = "refuse",
     method: Annotated[str, typer.Option(help="ml or awls.")] = "ml",
     band: Band = None,
     harmonics: Harmonics = None,
@@ -275,10 +251,10 @@ def order(
     """Compare transfer functions of several orders, on one file or several as one problem."""
     from ..inference.order import select_order
 
-    if not output or len(output) != 1:
+    if len(data.outputs) != 1:
         raise SpecError("order: give exactly one --output, the column to be modelled")
     found = select_order(
-        _records(files, output, input, time, dt, intersample, part, on, only, missing),
+        data.records(),
         poles=poles_of(poles),
         zeros=zeros or "any",
         delay=one_or_all(delay) or 0.0,
@@ -298,10 +274,9 @@ def order(
 
 
 @app.command()
+@reads
 def terms(
-    files: Files,
-    output: Outputs = None,
-    input: Inputs = None,
+    data: Reading,
     library: Annotated[
         str | None, typer.Option(help='Candidates, such as "y, y**3, u" or "polynomials of y, u up to 3".')
     ] = None,
@@ -311,22 +286,16 @@ def terms(
     keep: Annotated[str | None, typer.Option(help="Terms that are known to belong.")] = None,
     sign: Annotated[list[str] | None, typer.Option(help="Sign of a coefficient, y**3=-; repeatable.")] = None,
     hierarchy: Annotated[bool, typer.Option(help="A product comes in only with its factors.")] = False,
-    time: Time = None,
-    dt: Step = None,
-    intersample: Between = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
     json_to: Json = None,
     plot: Picture = None,
 ) -> None:
     """Find the terms of differential equations among candidates, on one file or several as one problem."""
     from ..inference.terms import select_terms
 
-    if not output or not library:
+    if not data.output or not library:
         raise SpecError("terms: give --output, the measured states, and --library, the candidate terms")
     found = select_terms(
-        _records(files, output, input, time, dt, intersample, part, on, only, "refuse"),
+        data.records(),
         library,
         target=target or None,
         keep=keep,
@@ -345,17 +314,9 @@ def terms(
 
 
 @app.command()
+@reads
 def frf(
-    files: Files,
-    output: Outputs = None,
-    input: Inputs = None,
-    time: Time = None,
-    dt: Step = None,
-    intersample: Between = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
-    missing: Missing = "refuse",
+    data: Reading,
     method: Annotated[str, typer.Option(help="lrm, lpm or modulating.")] = "lrm",
     degree: Annotated[int, typer.Option(help="Of the local polynomials.")] = 2,
     halfwidth: Annotated[
@@ -368,10 +329,10 @@ def frf(
     """Estimate the frequency response without a model, from one file or several."""
     from ..responses.frf import frf
 
-    if not output or not input:
+    if not data.output or not data.input:
         raise SpecError("frf: give --output and --input, the columns between which the response is wanted")
     found = frf(
-        _records(files, output, input, time, dt, intersample, part, on, only, missing),
+        data.records(),
         method=method,
         degree=degree,
         halfwidth=halfwidth,
@@ -385,35 +346,32 @@ def frf(
 
 
 @app.command()
-def compare(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FIT... FILE", help="Fits (.json of modfun fit), then one record.")
-    ],
-    time: Time = None,
-    dt: Step = None,
-    part: Part = None,
-    on: On = None,
-    only: Only = None,
-    missing: Missing = "refuse",
-    json_to: Json = None,
-    plot: Picture = None,
-) -> None:
-    """Score fits on a record: its columns are read by the names of the fits' channels."""
+@reads
+def compare(data: Reading, json_to: Json = None, plot: Picture = None) -> None:
+    """Score fits (.json of modfun fit) on a record, the last file.
+
+    Its columns are read by the names of the fits' channels; --output NAME=COLUMN and --input give others.
+    """
     from ..inference.comparison import compare
     from ..study.loading import load
 
-    *paths, data = files
-    if not paths or data.suffix == ".json":
+    *paths, file = data.files
+    if not paths or file.suffix == ".json":
         raise SpecError("compare: give one or more fits, written by modfun fit --json, and then one record")
     fits = {str(path): load(path) for path in paths}
     for path, fit in fits.items():
         if not isinstance(fit, Fit):
             raise SpecError(f"compare: {path} holds no fit; make one with modfun fit --json")
     first = next(iter(fits.values()))
-    words = (time, dt, list(first.intersample), part, on, only, missing)
-    rec, *more = _records([data], list(first.outputs), list(first.inputs), *words)
+    rec, *more = replace(
+        data,
+        files=[file],
+        output=data.output or list(first.outputs),
+        input=data.input or list(first.inputs),
+        intersample=data.intersample or list(first.intersample),
+    ).records()
     if more:
-        raise SpecError(f"compare: --on {on} makes {1 + len(more)} records; say with --only which one")
+        raise SpecError(f"compare: --on {data.on} makes {1 + len(more)} records; say with --only which one")
     table = compare(fits, rec)
     if json_to != "-":
         print(table)
@@ -434,32 +392,6 @@ def _report(
     answer = reproduction.report(out, many=runs, quick=quick, progress="auto")
     if json_to is not None:
         write_json(json_to, answer.to_dict() if hasattr(answer, "to_dict") else answer)
-
-
-# From words to objects ----------------------------------------------------------------------------
-
-
-def _records(
-    files: list[Path],
-    output: list[str] | None,
-    input: list[str] | None,
-    time: str | None,
-    dt: float | None,
-    intersample: list[str] | None,
-    part: str | None,
-    on: str | None,
-    only: str | None,
-    missing: str,
-) -> list[Record]:
-    """A record a file, or, with --on, one each time the marker is on; --only picks some of all these."""
-    from ..records.reading import read
-
-    between = one_or_all(intersample)
-    words: Any = {"time": time, "dt": dt, "outputs": output, "inputs": input, "keep": on, "part": part}
-    found = [read(file, intersample=between, missing=missing, **words) for file in files]
-    if on is not None:
-        found = [piece for rec in found for piece in rec.split(on=on)]
-    return found if only is None else picked(found, only)
 
 
 # Pictures -----------------------------------------------------------------------------------------

@@ -18,8 +18,8 @@ from ..models.free import Free
 from ..results.storage import told
 
 __all__ = [
-    "Json", "band_of", "by_path", "command_line", "degree_of", "delay_of", "one_or_all", "param_of", "picked",
-    "poles_of", "say", "write_json",
+    "Json", "band_of", "by_path", "command_line", "degree_of", "delay_of", "matrix_rows", "one_or_all",
+    "pairs_of", "param_of", "picked", "poles_of", "say", "window_of", "write_json",
 ]  # fmt: skip
 
 Json = Annotated[
@@ -109,6 +109,40 @@ def poles_of(given: str) -> Any:
     if len(ends) > 2 or not all(word.isdecimal() for word in ends):
         raise SpecError(f"--poles {given}: give a whole number, or fewest:most, such as 1:5")
     return range(int(ends[0]), int(ends[-1]) + 1)
+
+
+def pairs_of(option: str, given: list[str] | None) -> dict[str, str]:
+    """Names and what belongs to them, NAME=VALUE each."""
+    pairs = [word.partition("=") for word in given or ()]
+    if wrong := [
+        f"{name}{equals}{value}" for name, equals, value in pairs if not (name and equals and value)
+    ]:
+        raise SpecError(f"{option} {wrong[0]}: give NAME=UNIT, such as q=deg/s")
+    return {name: value for name, _, value in pairs}
+
+
+def window_of(given: str, first: float, last: float) -> tuple[float, float]:
+    """Ends of a part of a record in s; those left out are its own."""
+    ends = given.split(":")
+    try:
+        if len(ends) != 2:
+            raise ValueError
+        return float(ends[0] or first), float(ends[1] or last)
+    except ValueError:
+        raise SpecError(f"--window {given}: give FROM:TO in s, such as 2:10 or 2:") from None
+
+
+def matrix_rows(given: str) -> list[list[Any]]:
+    """A matrix as text: rows apart by semicolons, entries by commas, or by blanks where there is none."""
+    rows = [row.split(",") if "," in row else row.split() for row in given.split(";")]
+    return [[_entry(entry.strip()) for entry in row] for row in rows]
+
+
+def _entry(text: str) -> Any:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def picked(found: list[Any], given: str) -> list[Any]:

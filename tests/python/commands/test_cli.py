@@ -381,3 +381,59 @@ def test_without_typer_one_sentence_names_the_extra(monkeypatch, capsys):
 )
 def test_messages_are_in_the_words_of_the_command_line(said, here):
     assert in_options(said) == here
+
+
+def test_columns_are_listed(table, capsys):
+    assert main(["columns", str(table)]) == 0
+    assert str(mf.columns(table)) in capsys.readouterr().out
+    assert main(["columns", str(table), "--json", "-"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["columns"]["column"] == ["t_s", "q", "de"]
+
+
+def params(capsys):
+    return json.loads(capsys.readouterr().out)["params"]
+
+
+def test_windows_names_and_units_of_what_is_read(table, capsys):
+    words = ["--output", "rate=q", "--input", "ele=de", "--units", "rate=deg/s", "--convert", "rate=rad/s"]
+    more = ["--window", ":8", "--poles", "2", "--zeros", "0", "--json", "-"]
+    assert main(["fit", str(table), *words, *more]) == 0
+    rec = mf.read(table, outputs={"rate": "q"}, inputs={"ele": "de"}, units={"rate": "deg/s"})
+    rec = rec.window(0, 8).convert(rate="rad/s")
+    assert params(capsys) == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
+
+
+def test_equations_and_state_spaces_are_fitted_from_text(table, tmp_path, capsys):
+    rec = mf.read(table, outputs="q", inputs="de")
+    text = "q'' + d*q' + k*q = b*de + c"
+    path = tmp_path / "fit.json"
+    assert main(["fit", str(table), "-y", "q", "-u", "de", "--equation", text, "--json", str(path)]) == 0
+    wanted = mf.fit(rec, mf.Equation(text, outputs=["q"], inputs=["de"]))
+    assert mf.load(path).params.tolist() == wanted.params.tolist()
+    capsys.readouterr()
+    assert main(["compare", str(path), str(table), "-y", "q=q", "--window", "5:"]) == 0
+    assert str(wanted.score(rec.window(5, 10))["fit_percent"][0])[:5] in capsys.readouterr().out
+    words = ["--A", "0 1; -k -d", "--B", "0; b", "--C", "1 0", "--states", "x,v", "--param", "k=8"]
+    assert main(["fit", str(table), "-y", "q", "-u", "de", *words, "--json", "-"]) == 0
+    model = mf.StateSpace(
+        [[0, 1], ["-k", "-d"]], [[0], ["b"]], [[1, 0]], states=["x", "v"], inputs=["de"], outputs=["q"],
+        params={"k": 8.0},
+    )  # fmt: skip
+    assert params(capsys) == mf.fit(rec, model).params.tolist()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--A", "a", "--poles", "2"], "--A beside --poles, --zeros, --delay and --denominator"),
+        (["--B", "b"], "--B without --A; give the matrix of the states as well"),
+        (["--window", "3"], "--window 3: give FROM:TO in s, such as 2:10"),
+        (["--units", "q"], "--units q: give NAME=UNIT, such as q=deg/s"),
+        (["--output", "q=q"], "q=q: give each column once"),
+        (["--equation", "q' + = 3"], "equation"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(table, capsys, words, said):
+    assert main(["fit", str(table), "--output", "q", "--input", "de", *words]) == 2
+    assert said in capsys.readouterr().err
