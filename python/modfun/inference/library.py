@@ -65,6 +65,11 @@ class Library:
         """Of the candidates."""
         return self.columns.degrees[len(self.targets) :]
 
+    @property
+    def order(self) -> int:
+        """Highest derivative of a signal."""
+        return int(self.columns.parts.shape[1]) - 1
+
     def texts(self, chosen: Any, names: Sequence[str]) -> list[str]:
         """The equations with the chosen candidates, each with its coefficient."""
         sides: list[list[str]] = [[] for _ in self.targets]

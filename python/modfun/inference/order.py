@@ -30,11 +30,11 @@ from ..results.doubts import FINEST
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
 from . import drawing
+from .common import contradicts, widest
 
 __all__ = ["OrderSelection", "select_order"]
 
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
-DOUBT = 1e-3  # two noise levels that differ so improbably are not those of white noise
 MOST = 100  # numbers of poles
 LOOK = 1e-5  # precision of estimates that only say which band is needed
 
@@ -266,8 +266,7 @@ class _Race:
     def wide(self) -> tuple[float, float]:
         """The wide band of the default rule, in rad/s, that all records have."""
         fit = self.fits[-1]
-        tops = [max(n // 8, min(n // 4, 16)) for n in fit.intervals]
-        return 0.0, min(top * w for top, w in zip(tops, fit.omega0, strict=True))
+        return 0.0, widest(fit.intervals, fit.omega0)
 
     def finest(self) -> float:
         """Level below which residuals say nothing."""
@@ -411,8 +410,6 @@ def _growth(row: dict[str, Any]) -> float:
 
 def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
     """Noise level of the high band; the same pooled with the largest candidate's, nan where they disagree."""
-    from scipy.special import fdtr
-
     high = largest.high_band_sigma
     if last["usable"] and last["sigma"] < finest:
         text = (
@@ -425,9 +422,7 @@ def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, f
     if not last["usable"]:
         return high, high, ("The noise level is that of the high band.",)
     free, df = high_band_df(largest), last["df_resid"]
-    ratio = (last["sigma"] / high) ** 2
-    below = float(fdtr(df, free, ratio))
-    if min(below, 1 - below) < DOUBT / 2:
+    if contradicts((last["sigma"] / high) ** 2, df, free):
         text = (
             f"The high band says a noise level of {high:.3g}, the residuals of the largest candidate "
             f"{last['sigma']:.3g}: the noise is not white, or no candidate is large enough. "

@@ -17,6 +17,7 @@ from ..models.options import MOST
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
+from .common import widest
 
 __all__ = ["rank_test"]
 
@@ -104,7 +105,7 @@ def _lines(rec: Record, edges: tuple[float, float] | None) -> tuple[F64, C128, C
     if rec.dt is None:
         raise DataError("rank_test: the record's steps are uneven; resample it first")
     n, omega0 = rec.intervals, 2 * np.pi / rec.duration
-    low, high = (0.0, max(n // 8, min(n // 4, 16)) * omega0) if edges is None else edges
+    low, high = (0.0, widest([n], [omega0])) if edges is None else edges
     first, last = max(1, int(np.ceil(min(low / omega0, n) - 1e-9))), int(min(high / omega0, n) + 1e-9)
     if last > n // 2 or last <= first:
         raise SpecError(

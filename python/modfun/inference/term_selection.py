@@ -21,8 +21,10 @@ from ..fitting.fit import fit_quietly
 from ..models.noise import Noise
 from ..models.options import Options
 from ..records.record import Record
+from ..results.diagnosis import level_df
 from ..results.fit import Fit
 from . import drawing_terms
+from .common import contradicts
 from .library import Library
 from .term_search import FALSE_ALARM, Searched, weights
 
@@ -30,7 +32,6 @@ __all__ = ["TermSelection", "selection"]
 
 LARGER = 3  # sizes beyond the chosen one that the path shows
 ALIKE = 6.0  # rise of the criterion at an exchange, under which two terms are not told apart
-FAR = 4.0  # standard deviations of a residual variance that contradicts the noise level
 LIKELY = 0.01  # least probability that a summary shows
 AVERAGED = 1e-6  # least weight of a subset in the averages
 
@@ -219,7 +220,7 @@ def selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        notes=_notes(library, searched),
+        notes=_notes(records, library, searched),
         records=records,
         options=options,
     )
@@ -322,13 +323,14 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
+def _notes(records: Sequence[Record], library: Library, searched: Searched) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
         f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
         f"at most {100 * FALSE_ALARM:g} %."
     ]
-    if searched.excess - 1 > FAR * sqrt(2 / searched.freedom):
+    high = len(records[0].outputs) * level_df([rec.intervals for rec in records], library.order)
+    if searched.excess > 1 and contradicts(searched.excess, searched.freedom, high):
         signed = ", or a sign is wrong" if any(library.signs) else ""
         notes.append(
             f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the "

@@ -15,6 +15,7 @@ from ..fitting.fit import records_of
 from ..fitting.gaps import bridged, relative, variances
 from ..models.noise import Noise
 from ..records.record import Record
+from .common import widest
 from .library import Library, library_of
 from .moments import Lines, signal_edge
 from .term_search import Search
@@ -128,7 +129,7 @@ def select_terms(
                 "numpy.interp does"
             )
     found = library_of(library, target, keep, records[0], signs, hierarchy)
-    order = found.columns.parts.shape[1] - 1
+    order = found.order
     levels = [_levels(rec, noise, order) for rec in records]
     outputs = [bridged(rec) for rec in records]
     tops, edge = _band(records, [y for y, _ in outputs], levels, found)
@@ -195,14 +196,14 @@ def _band(
 
     Up to where an output shows more than noise, but as many lines as tell the candidates apart.
     """
-    order = found.columns.parts.shape[1] - 1
+    order = found.order
     most = int(np.max(np.bincount(found.equation))) + order
     wide, own = [], []
     for rec, y, sd in zip(records, outputs, levels, strict=True):
         omega0 = 2 * np.pi / rec.duration
-        most_lines = max(rec.intervals // 8, min(rec.intervals // 4, 16))
-        wide.append(most_lines * omega0)
-        own.append(max(signal_edge(y, sd**2, order, most_lines), most) * omega0)
+        wide.append(widest([rec.intervals], [omega0]))
+        lines = round(wide[-1] / omega0)
+        own.append(max(signal_edge(y, sd**2, order, lines), most) * omega0)
     edge = min(max(own), *wide)
     tops = [int(edge * rec.duration / (2 * np.pi) + 1e-9) for rec in records]
     rows = sum((2 * top + 1) - order for top in tops)

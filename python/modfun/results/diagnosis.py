@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import comb, inf, isfinite, nan
@@ -118,8 +118,12 @@ def high_band_df(fit: Estimates) -> float:
     Of a record: the mean over L lines that were differenced q times, whose squares are correlated as
     (C(2q, q + k)/C(2q, q))^2 at distance k. The mean over records of equal noise: r^2/sum(1/df).
     """
-    q = max(fit.layout.orders, default=0) + 2
-    each = [_level_df(intervals, q) for intervals in fit.intervals]
+    return level_df(fit.intervals, max(fit.layout.orders, default=0))
+
+
+def level_df(intervals: Iterable[int], order: int) -> float:
+    """The same from the numbers of intervals of the records and the order of the model."""
+    each = [_level_df(n, order + 2) for n in intervals]
     return len(each) ** 2 / sum(1 / df for df in each)
 
 

@@ -1,0 +1,30 @@
+"""What candidates of any kind are compared on: one band, and one noise level to count their cost in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+__all__ = ["contradicts", "widest"]
+
+DOUBT = 1e-3  # two levels that white noise makes differ so much once in 1/DOUBT records are not of one noise
+
+
+def widest(intervals: Iterable[int], omega0: Iterable[float]) -> float:
+    """Upper edge of the wide band of the default rule that all records have, rad/s."""
+    return min(max(n // 8, min(n // 4, 16)) * w for n, w in zip(intervals, omega0, strict=True))
+
+
+def contradicts(ratio: float, df: float, high_df: float) -> bool:
+    """Whether residuals of the largest candidate contradict the noise level of the high band.
+
+    Parameters
+    ----------
+    ratio : float
+        Variance of the residuals over that of the high band.
+    df, high_df : float
+        Their degrees of freedom.
+    """
+    from scipy.special import fdtr
+
+    below = float(fdtr(df, high_df, ratio))
+    return min(below, 1 - below) < DOUBT / 2
