@@ -189,6 +189,7 @@ def fit(
     initial_state: Annotated[
         str, typer.Option(help="unknown, zero, rest (steady before the first sample) or periodic.")
     ] = "unknown",
+    reference: Annotated[list[str] | None, typer.Option(help="Command of a control loop; a column.")] = None,
     json_to: Json = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw response and Bode plot to a file (.png, .pdf, .svg).")
@@ -200,7 +201,7 @@ def fit(
         raise SpecError("fit: give --output, the column to be modelled; repeat it for several")
     if report is not None:
         check_place(report, "--report")
-    records = data.records()
+    records = data.records(keep=reference)
     given = {name: text for name, text in zip("ABCD", (a, b, c, d), strict=True) if text is not None}
     structure = structure_of(
         data, records[0], equation=equation, hidden=hidden, matrices=given, states=states, poles=poles,
@@ -217,6 +218,7 @@ def fit(
         cov_type=cov_type,
         rule=rule,
         initial_state=initial_state,
+        reference=reference,
     )
     usable = result.status in ("ok", "maxiter")
     if json_to != "-":
@@ -407,9 +409,8 @@ def _save(to: Path, draw: Callable[[Any], Any]) -> None:
     if to.suffix.lstrip(".").lower() not in known:
         raise SpecError(f"--plot {to}: unknown kind of picture; end the name in .png, .pdf or .svg")
     pyplot.close("all")
-    figure = draw(pyplot)
-    figure.savefig(to, dpi=120)
-    pyplot.close(figure)
+    draw(pyplot).savefig(to, dpi=120)
+    pyplot.close("all")
     say(f"drew {to}")
 
 

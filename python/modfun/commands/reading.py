@@ -90,8 +90,9 @@ class Reading:
         """Names of the inputs."""
         return list(_channels(self.input) or ())
 
-    def records(self) -> list[Record]:
-        """Read them."""
+    def records(self, keep: list[str] | None = None) -> list[Record]:
+        """Read them, with further channels to keep where they are no inputs."""
+        apart = [name for name in (*(keep or ()), self.on) if name and name not in self.inputs]
         found = [
             read(
                 file,
@@ -99,7 +100,7 @@ class Reading:
                 inputs=_channels(self.input),
                 time=self.time,
                 dt=self.dt,
-                keep=self.on,
+                keep=apart or None,
                 units=pairs_of("--units", self.units),
                 intersample=one_or_all(self.intersample),
                 missing=self.missing,

@@ -14,7 +14,7 @@ from ..base.arguments import public, whole
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
-from ..models.options import MOST_THREADS, SWITCHES, Choices, Options
+from ..models.options import MOST_THREADS, Choices, Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
@@ -24,6 +24,7 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
+from .instruments import referenced_fit
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
@@ -64,6 +65,7 @@ def fit(
     stable: bool = False,
     initial_state: str = "unknown",
     robust: bool = False,
+    reference: str | Sequence[str] | None = None,
     **unknown: Never,
 ) -> Fit:
     """Estimate the parameters of a structure from one record, or from several as one problem.
@@ -141,6 +143,10 @@ def fit(
         freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the
         relative noise of each sample (`Record.sigma`). Where the residuals are no heavier than normal ones,
         this is the plain fit.
+    reference : str or sequence of str, optional
+        Kept channels (``Record(keep=)``) or inputs that no noise reaches, such as the command of a control
+        loop that feeds the noise of the sensors back to the inputs. The part of the inputs that they explain
+        is the instrument, so noise in the rest biases nothing (`Fit.instrumented`). For transfer functions.
 
     Returns
     -------
@@ -203,6 +209,7 @@ def fit(
         stable=stable,
         initial_state=initial_state,
         robust=robust,
+        reference=reference,
         **unknown,
     )
     return _fitted(data, structure_of(model, "fit"), options)
@@ -321,15 +328,16 @@ def fit_many(
     (3, 3)
     """
     checked = Options.checked("fit_many", **options)
-    for name in SWITCHES:
-        if getattr(checked, name):
-            raise SpecError(f"fit_many: {name}=True is for mf.fit, one fit at a time")
+    if isinstance(data, Batch) or not checked.reference:  # records may keep references
+        checked.refuse_alone("fit_many")
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
     if not isinstance(data, Batch):
         data = records_of(data, "fit_many")
         first = data[0]
         alike = (first.y.shape[1], first.dt)
+        if checked.reference:
+            return fit_each(data, structure, checked, fit_quietly, progress)
         uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
         if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
             return fit_each(data, structure, checked, fit_quietly, progress)
@@ -364,6 +372,8 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
+    if options.reference:
+        return referenced_fit(records, structure, options, fit_quietly)
     if not isinstance(structure, TransferFunction):
         return fit_equation(records, structure, options, fit_quietly)
     made = prepare(structure, options, records)

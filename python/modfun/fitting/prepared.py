@@ -98,6 +98,7 @@ def prepare_stream(
     The last `intervals` of it are fitted, and as many before them for each further weight, that of their
     squared residuals. Delays are known, noise is white or given by numbers.
     """
+    options.refuse_alone("Stream")
     if options.initial_state != "unknown":
         raise SpecError(
             f"Stream: initial_state={options.initial_state!r} is for whole records, and a stream forgets "

@@ -42,10 +42,11 @@ def robust_fit(
     FitError
         A fit whose response cannot be simulated beside its records.
     """
-    if options.initial_state != "unknown" or options.method not in ("ml", "awls"):
+    able = options.initial_state == "unknown" and options.method in ("ml", "awls")
+    if not able or options.reference:
         raise SpecError(
-            'fit: robust=True weights samples, which goes with "ml" and "awls" and initial_state="unknown"; '
-            "leave the other option out"
+            'fit: robust=True weights samples, which goes with "ml" and "awls", initial_state="unknown" and '
+            "no reference=; leave the other option out"
         )
     options = options.replace(robust=False)
     fit = first = fit_once(records, structure, options)

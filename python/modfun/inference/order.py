@@ -173,6 +173,7 @@ def select_order(
     """
     records = records_of(data, "select_order")
     checked = Options.checked("select_order", **options)
+    checked.refuse_alone("select_order")
     if checked.method not in ("awls", "ml") or checked.noise != "output":
         raise SpecError(
             f"select_order: method={checked.method!r} with noise={checked.noise!r} has residuals that do not "

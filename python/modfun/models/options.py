@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any, TypedDict
@@ -29,7 +30,7 @@ SWITCHES = {
     "stable": "an unstable estimate gives way to the nearest stable model",
     "robust": "samples are weighted by Student's t, for spikes and heavy tails",
 }
-_REPORTED = ("cov_type", "output_weights", "correct", "stable", "robust")
+_REPORTED = ("cov_type", "output_weights", "correct", "stable", "robust", "reference")
 MOST = 10**9
 MOST_THREADS = 10_000
 
@@ -52,6 +53,7 @@ class Choices(TypedDict, total=False):
     stable: bool
     initial_state: str
     robust: bool
+    reference: str | Sequence[str] | None
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class Options:
     stable: bool = field(default=False, repr=False)  # no study has it
     initial_state: str = field(default="unknown", repr=False)  # in hashes of studies where it is not this
     robust: bool = field(default=False, repr=False)  # no study has it
+    reference: tuple[str, ...] = field(default=(), repr=False)  # no study has it
 
     @classmethod
     def checked(cls, what: str, **given: Any) -> Options:
@@ -116,6 +119,19 @@ class Options:
         settled = self.settled()
         return {f.name: getattr(settled, f.name) for f in fields(self) if f.name not in _REPORTED}
 
+    def refuse_alone(self, what: str) -> None:
+        """Refuse options that make more of a fit than one problem of least squares.
+
+        Raises
+        ------
+        SpecError
+        """
+        for name in (*SWITCHES, "reference"):
+            if getattr(self, name):
+                raise SpecError(
+                    f"{what}: {name}={getattr(self, name)!r} is for mf.fit, one fit at a time; leave it out"
+                )
+
     @property
     def drives(self) -> bool:
         """Whether noise drives the system, beside that of the samples."""
@@ -155,6 +171,8 @@ def _checked(what: str, **given: Any) -> Options:
             f'{what}: noise="process" estimates levels by likelihood, which method={given["method"]!r} has '
             'not; take method="ml"'
         )
+    if "reference" in given:
+        checked["reference"] = _references(what, given["reference"])
     if given.get("harmonics") is not None:
         if checked.get("band") is not None:
             raise SpecError(
@@ -188,6 +206,15 @@ def _checked(what: str, **given: Any) -> Options:
 
 
 _looked_up = lru_cache(64, typed=True)(_checked)
+
+
+def _references(what: str, given: Any) -> tuple[str, ...]:
+    names = (given,) if isinstance(given, str) else tuple(given or ())
+    if not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
+        raise SpecError(
+            f"{what}: reference={given!r} must be the name of a channel that the record keeps, or several"
+        )
+    return names
 
 
 def _weights(what: str, given: Any) -> tuple[Any, ...]:

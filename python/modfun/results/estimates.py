@@ -34,8 +34,7 @@ __all__ = ["Estimates"]
 # Fields that are in the core's answer by the same name.
 ANSWERED = (
     "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "cost", "df_resid", "status", "nit", "gram",
-    "condition_bound", "band_rule",
-)  # fmt: skip
+    "condition_bound", "band_rule")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,6 +79,7 @@ class Estimates:
     free_cost: float = nan
     process_levels: tuple[F64, F64, F64] | None = None
     tail: float = inf
+    instrumented: tuple[Record, ...] | None = None
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     def __post_init__(self) -> None:

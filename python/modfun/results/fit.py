@@ -67,6 +67,9 @@ class Fit(Drawn):
         The cost with free initial states, where `initial_state` says more of them; else nan.
     tail : float
         Degrees of freedom of Student's t where ``robust=True`` found heavy tails; else inf.
+    instrumented : tuple of Record or None
+        Where references are given: each record with the part of its inputs that they explain, and its outputs
+        less the response to the rest.
     status : str
         "ok", "maxiter", "rank" or "nonfinite".
     nit : int
@@ -469,7 +472,7 @@ class Fit(Drawn):
 
     def without_samples(self) -> Self:
         """The same fit without the records it came from."""
-        return replace(self, records=None, known_level=self.high_band_levels)
+        return replace(self, records=None, instrumented=None, known_level=self.high_band_levels)
 
     def __repr__(self) -> str:
         return one_line(self, len(self.check()) if self.success else 0)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .._core import coefficients
 from ..base.arrays import C128, F64
 from ..errors import DataError
+from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
@@ -89,8 +90,7 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[
 
 def _simulated(fit: Estimates, k: int) -> F64 | None:
     """Simulated outputs over what was fitted of a record; None where they leave the range of floats."""
-    assert fit.records is not None
-    rec = fit.records[k]
+    rec = fitted(fit)[k]
     try:
         with np.errstate(all="ignore"):
             return fit.simulate(rec)[0][:, rec.intervals - fit.intervals[k] :]
@@ -100,19 +100,24 @@ def _simulated(fit: Estimates, k: int) -> F64 | None:
 
 def _testable(fit: Estimates) -> bool:
     return (
-        bool(fit.records)
+        bool(fitted(fit))
         and fit.layout.rational
         and fit.options.noise == "output"
         and fit.options.method in ("awls", "ml")
         and bool(np.all(np.diag(fit.noise_cov) > 0))
         and stationary(fit)
-        and all(rec.dt is not None for rec in fit.records or ())
+        and all(rec.dt is not None for rec in fitted(fit))
     )
+
+
+def fitted(fit: Estimates) -> tuple[Record, ...]:
+    """Records whose lines were fitted: those of the fit, or what references made of them."""
+    return fit.instrumented or fit.records or ()
 
 
 def stationary(fit: Estimates) -> bool:
     """Whether all samples count alike, so that noise may be stationary."""
-    return all(rec.mask is None and rec.sigma is None for rec in fit.records or ())
+    return all(rec.mask is None and rec.sigma is None for rec in fitted(fit))
 
 
 def event(fit: Estimates) -> Explained | None:
@@ -127,7 +132,7 @@ def event(fit: Estimates) -> Explained | None:
     p, i, k, at, share = found
     lines, start = fit.pieces[k].shape[1], 0.0
     if fit.records is not None:
-        rec = fit.records[k]
+        rec = fitted(fit)[k]
         start = float(rec.t[rec.intervals - fit.intervals[k]])
     time = start + at / (4 * lines) * 2 * np.pi / fit.omega0[k]
     gain = -2 * lines * log(max(1 - share, 1e-300)) - 3 * log(2 * lines)
@@ -168,7 +173,7 @@ def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Exp
     from scipy.special import ndtr
 
     found = []
-    for k, (rec, whole) in enumerate(zip(fit.records or (), simulated, strict=True)):
+    for k, (rec, whole) in enumerate(zip(fitted(fit), simulated, strict=True)):
         if whole is None:
             continue
         first = rec.intervals - fit.intervals[k]
@@ -179,7 +184,7 @@ def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Exp
         beside = float(np.max(np.delete(far[max(at - 1, 0) : at + 2], min(at, 1)), initial=0.0))
         if not 0 < usual < LARGE or 2 * beside > far[at]:  # what lasts is no spike
             continue
-        p = min(1.0, 2 * far.size * len(fit.records or ()) * float(ndtr(-far[at] / usual)))
+        p = min(1.0, 2 * far.size * len(fitted(fit)) * float(ndtr(-far[at] / usual)))
         share = min(float(far[at] ** 2 / np.sum(far**2)), 1 - 1e-9)
         gain = -far.size * log(1 - share) - 2 * log(far.size)
         found.append(Explained("spike", fit.outputs[i], i, p, gain, float(rec.t[first + at])))
@@ -206,8 +211,7 @@ class _Block:
 
     @classmethod
     def of(cls, fit: Estimates, k: int, i: int, simulated: F64 | None) -> _Block:
-        assert fit.records is not None
-        rec, (lo, hi) = fit.records[k], fit.lines[k]
+        rec, (lo, hi) = fitted(fit)[k], fit.lines[k]
         m = np.arange(lo, hi + 1, dtype=np.float64)
         s = 1j * m * fit.omega0[k]
         delays = np.array(fit.layout.delays(fit.params, i)).reshape(-1)
@@ -246,8 +250,7 @@ class _Block:
 
     def gains(self, k: int) -> C128:
         """Powers of an input, and what they would add to the equation."""
-        assert self.fit.records is not None
-        rec = self.fit.records[self.record]
+        rec = fitted(self.fit)[self.record]
         u = rec.u[k, rec.intervals - self.fit.intervals[self.record] :]
         u = (u - u.mean()) / (float(np.ptp(u)) or 1.0)
         found = self._spectra(np.vstack([u**2, u**3])) * self.late[k].conj()
@@ -265,7 +268,7 @@ class _Block:
         return self._spectra(np.vstack([time, time**2]))
 
     def _spectra(self, rows: F64) -> C128:
-        full = np.zeros((len(rows), self.fit.records[self.record].t.size))  # type: ignore[index]
+        full = np.zeros((len(rows), fitted(self.fit)[self.record].t.size))
         full[:, full.shape[1] - rows.shape[1] :] = rows
         kinds = ["smooth"] * len(rows)
         return _lines(self.fit, self.record, full, kinds, np.zeros(len(rows))) / self.deviation
@@ -285,8 +288,7 @@ def _ramp(m: F64) -> C128:
 
 def _lines(fit: Estimates, k: int, rows: F64, kinds: Sequence[str], late: F64) -> C128:
     """Fourier coefficients of rows (row, time) of a record over the lines of the fit."""
-    assert fit.records is not None
-    rec, (lo, hi) = fit.records[k], fit.lines[k]
+    rec, (lo, hi) = fitted(fit)[k], fit.lines[k]
     rules = [fit.options.rule if kind == "smooth" else kind for kind in kinds]
     if not len(rows):
         return np.zeros((0, hi + 1 - lo), complex)

@@ -122,6 +122,7 @@ def _options_from_dict(values: dict[str, Any]) -> Options:
     options = dict(values)
     if options["band"] is not None:
         options["band"] = tuple(options["band"])
+    options["reference"] = tuple(options.get("reference", ()))
     if options["output_weights"] is not None:
         options["output_weights"] = Options.checked(
             "load", output_weights=options["output_weights"]

@@ -100,12 +100,30 @@ def facts(fit: Estimates) -> list[tuple[str, str]]:
             f"{fit.trend or 'none'}{' (default for this structure)' if fit.options.trend == 'auto' else ''}",
         ),
         *([("Start", START[fit.options.initial_state])] if fit.options.initial_state in START else []),
+        *([("Reference", _reference(fit))] if fit.options.reference else []),
         ("Noise", _noise(fit)),
         *([("Tails", tails(fit))] if isfinite(fit.tail) else []),
         ("Chi-square", _chi2(fit)),
         ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
         ("Errors", f"{fit.cov_type}; Student's t with {_degrees(fit)} degrees of freedom"),
     ]
+
+
+def _reference(fit: Estimates) -> str:
+    """The references, taken as free of noise, and what they explain of each input."""
+    text = f"{', '.join(fit.options.reference)}, taken as free of noise"
+    if fit.records is None or fit.instrumented is None:
+        return text
+    pairs = list(zip(fit.records, fit.instrumented, strict=True))
+    shares = [
+        sum(np.var(part.u[j]) * part.u[j].size for _, part in pairs)
+        / sum(np.var(rec.u[j]) * rec.u[j].size for rec, _ in pairs)
+        for j in range(len(fit.inputs))
+    ]
+    said = " and ".join(
+        f"{100 * share:.3g} % of {name}" for share, name in zip(shares, fit.inputs, strict=True)
+    )
+    return f"{text}; explains {said}"
 
 
 def tails(fit: Estimates) -> str:

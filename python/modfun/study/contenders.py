@@ -17,7 +17,7 @@ from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
 from ..models.layout import Layout
-from ..models.options import SWITCHES, WORDS, Options
+from ..models.options import WORDS, Options
 from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -144,13 +144,11 @@ def contenders(
     structures = tuple(_structure(g, model) for g in found)
     made = []
     for name, value in given.items():
-        for switch in SWITCHES:
-            if options.get(switch) or (isinstance(value, Estimator) and getattr(value.options, switch)):
-                raise SpecError(f"MonteCarlo: {switch}=True of {name!r} is for mf.fit, one fit at a time")
         if isinstance(value, str):
             if value not in words:
                 raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")
             checked = Options.checked("MonteCarlo", **{**options, "method": value})
+            checked.refuse_alone("MonteCarlo")
             if None in structures:
                 raise SpecError(
                     f"MonteCarlo: the method {value!r} needs a structure, and there is no system to take it "
@@ -158,6 +156,7 @@ def contenders(
                 )
             own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
         elif isinstance(value, Estimator):
+            value.options.refuse_alone(f"MonteCarlo: estimator {name!r}")
             own = (value,) * len(found)
         elif callable(value) and not isinstance(value, type):
             made.append(_contender(str(name), value, (), structures, found))

@@ -60,11 +60,12 @@ def equal(one: mf.MonteCarlo, two: mf.MonteCarlo) -> bool:
 
 def test_each_key_is_an_argument_of_the_study() -> None:
     arguments = set(inspect.signature(mf.MonteCarlo.__init__).parameters) - {"self", "options"}
-    # Studies fit freely: stable= and robust= are for one fit at a time.
+    # Studies fit freely: stable=, robust= and reference= are for one fit at a time.
     assert set(toml_file.KEYS) == arguments | set(Options.__dataclass_fields__) - {
         "method",
         "stable",
         "robust",
+        "reference",
     }
 
 

@@ -1,0 +1,57 @@
+"""Records of an unstable plant under a sampled controller that feeds the noise of its sensor back."""
+
+from __future__ import annotations
+
+import modfun as mf
+import numpy as np
+
+PLANT = mf.tf([5.0], [1.0, 0.5, -2.0])
+TRUTH = np.array([0.5, -2.0, 5.0])
+MODEL = mf.TransferFunction(poles=2, zeros=0)
+DT, INTERVALS = 0.1, 200
+
+
+def command() -> np.ndarray:
+    """Steps to 1 or -1 each 0.4 s."""
+    held = round(0.4 / DT)
+    levels = np.random.default_rng(99).choice([-1.0, 1.0], INTERVALS // held + 2)
+    return np.repeat(levels, held)[: INTERVALS + 1]
+
+
+def flown(noise: float, seed: int, feedback: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Measured output and input; without feedback of the noise the controller sees the output itself."""
+    step, kick, r = _plant(), _kick(), command()
+    e = noise * np.random.default_rng(seed).standard_normal(INTERVALS + 1)
+    x, y, u = np.zeros(2), np.zeros(INTERVALS + 1), np.zeros(INTERVALS + 1)
+    rate = last = seen = 0.0
+    for k in range(INTERVALS + 1):
+        y[k] = x[0] + e[k]
+        if k:  # one sample late: 1.5 y and 0.7 times its rate, behind a lag of 0.05 s
+            rate = 0.05 / 0.15 * rate + 0.7 / 0.15 * (seen - last)
+            last = seen
+        u[k] = r[k] - (1.5 * seen + rate if k else 0.0)
+        seen = y[k] if feedback else x[0]
+        x = step @ x + kick * u[k]
+    return y, u
+
+
+def record(noise: float, seed: int, feedback: bool = True) -> mf.Record:
+    y, u = flown(noise, seed, feedback)
+    return mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": command()})
+
+
+def _system() -> mf.LTI:
+    return mf.ss([[0.0, 1.0], [2.0, -0.5]], [[0.0], [5.0]], np.eye(2))
+
+
+def _plant() -> np.ndarray:
+    free = [_system().simulate(u=[0.0, 0.0], dt=DT, intersample="zoh", x0=x)[:, 1] for x in np.eye(2)]
+    return np.array(free).T
+
+
+def _kick() -> np.ndarray:
+    return np.asarray(_system().simulate(u=[1.0, 1.0], dt=DT, intersample="zoh")[:, 1])
+
+
+CLEAN, CLEAN_INPUT = flown(0.0, 0)
+LEVEL = 0.3 * float(CLEAN.std())
