@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -63,12 +64,11 @@ def penalties(keep: Any, degrees: Sequence[int], signs: Any = 0) -> F64:
     FALSE_ALARM, and simple terms come in more easily than those of high degree. A superfluous term has the
     sign that is asked for half of the time.
     """
-    from scipy.special import chdtri
-
     degree, free = np.asarray(degrees), ~np.asarray(keep, dtype=bool)
     count = np.bincount(degree[free], minlength=int(degree.max()) + 1)
     share = FALSE_ALARM / (2.0 ** (degree + 1) * np.maximum(count[degree], 1))
-    return np.asarray(chdtri(1.0, np.where(np.asarray(signs) != 0, 2 * share, share)))
+    share = np.where(np.asarray(signs) != 0, 2 * share, share)
+    return np.array([NormalDist().inv_cdf(one / 2) ** 2 for one in share])
 
 
 class Search:

@@ -48,9 +48,9 @@ def _one(term: sympy.Expr, channel: sympy.Symbol, variance: sympy.Symbol) -> sym
     second = _second(own, channel)
     if second == 0:
         return term
-    if channel not in (rate := sympy.simplify(second / own)).free_symbols:
-        return aside * sympy.exp(-variance * rate / 2) * own
     polynomial = own.is_polynomial(channel)
+    if not polynomial and channel not in (rate := _short(second / own, {channel})).free_symbols:
+        return aside * sympy.exp(-variance * rate / 2) * own
     total, part, factor = own, own, sympy.Integer(1)
     for k in range(1, _MOST_TERMS if polynomial else 3):
         part = _second(part, channel)
@@ -65,16 +65,23 @@ def _two(term: sympy.Expr, left: sympy.Symbol, right: sympy.Symbol, covariance: 
     mixed = sympy.diff(term, left, right)
     if mixed == 0:
         return term
-    if not (rate := sympy.simplify(mixed / term)).free_symbols & {left, right}:
+    polynomial = term.is_polynomial(left, right)
+    rate = mixed / term if polynomial else _short(mixed / term, {left, right})
+    if not rate.free_symbols & {left, right}:
         return sympy.exp(-covariance * rate) * term
     total, part, factor = term, term, sympy.Integer(1)
-    for k in range(1, _MOST_TERMS if term.is_polynomial(left, right) else 3):
+    for k in range(1, _MOST_TERMS if polynomial else 3):
         part = sympy.diff(part, left, right)
         if part == 0:
             break
         factor = -factor * covariance / k
         total += factor * part
     return total
+
+
+def _short(rate: sympy.Expr, channels: set[sympy.Symbol]) -> sympy.Expr:
+    """A ratio that is constant as such where it can be; simplify takes long, and longer to load."""
+    return sympy.simplify(rate) if rate.free_symbols & channels else rate
 
 
 def _second(expr: sympy.Expr, channel: sympy.Symbol) -> sympy.Expr:
