@@ -51,7 +51,7 @@ class System:
         lost = [term for own in truth for term in own if term not in self.terms]
         assert not lost, lost
         self.t = np.linspace(0, duration, intervals + 1)
-        self.clean = response(self.slope, x0, duration, intervals)
+        self.x0, self.clean = x0, response(self.slope, x0, duration, intervals)
         self.rms = np.sqrt(np.mean(self.clean**2, axis=1, keepdims=True))
 
     def features(self, *values):
@@ -251,6 +251,28 @@ def weakest(system, level):
     return float(np.min(np.abs(truth[at]) / np.sqrt(np.diag(cov))))
 
 
+def bound(system):
+    """Median relative error at the Cramér–Rao bound of the true equations, over the noise level."""
+    equations, values = [], {}
+    for name, own in zip(system.names, system.theta, strict=True):
+        side = []
+        for at in np.flatnonzero(own):
+            values[key := f"c{len(values) + 1}"] = own[at]
+            side.append(key if system.terms[at] == "1" else f"{key}*{system.terms[at]}")
+        equations.append(f"{name}' = {' + '.join(side)}")
+    model = mf.Equation(equations, outputs=system.names, inputs=["u"] if system.driven else [])
+    level = 1e-2
+    found = mf.crlb(
+        model,
+        system.record(0.0, 0),
+        sigma=(level * system.rms[:, 0]).tolist(),
+        params=values,
+        start=system.x0,
+    )
+    draws = np.random.default_rng(0).multivariate_normal(np.zeros(len(values)), found.cov, 4000)
+    return np.median(np.linalg.norm(draws, axis=1)) / np.linalg.norm(system.theta) / level
+
+
 def power(system, level, records=1000):
     """How often the criterion finds the true terms where noise acts to first order on noise-free signals."""
     from modfun.inference.library import library_of
@@ -347,12 +369,14 @@ def main():
                     Path(options.keep).write_text(json.dumps(kept, indent=1))
             print(key, *kept[key], sep=" | ", flush=True)
     head = (
-        "| system | noise, % | least t | exact, % | superfluous, % | error, % | s "
+        "| system | noise, % | least t | exact, % | superfluous, % | error, % | bound, % | s "
         "| STLSQ: exact, % | error, % | SR3: exact, % | error, % | ensemble: exact, % | error, % |"
     )
     rows = [head, "|" + "---|" * (head.count("|") - 1)]
+    bounds = {name: bound(SYSTEMS[name]()) for name in names}
     for name, level in product(names, LEVELS):
         ours = kept.get(f"{name}, {level:g}, ours, {options.records}", [""] * 5)
+        ours = [*ours[:-1], f"{100 * level * bounds[name]:.2g}", ours[-1]]
         others = kept.get(f"{name}, {level:g}, rivals, {options.rival_records}", [""] * 6)
         rows.append("| " + " | ".join([name, f"{100 * level:g}", *ours, *others]) + " |")
     if options.page:
