@@ -61,8 +61,8 @@ def drawn(
     with warnings.catch_warnings(), style.context(["default", words]):
         # The page's fonts have letters that matplotlib's own has not.
         warnings.filterwarnings("ignore", message=r"Glyph .* missing")
-        warnings.filterwarnings("ignore", message="constrained_layout not applied")
-        figure = figures.Figure(figsize=(width, height * rows + 0.5), layout="constrained")
+        warnings.filterwarnings("ignore", message="Tight layout not applied")
+        figure = figures.Figure(figsize=(width, height * rows + 0.5), dpi=110)
         axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel())
         draw(axes)
         for here in figure.axes:
@@ -71,11 +71,12 @@ def drawn(
                 line.set_rasterized(len(line.get_xdata()) > MANY)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        svg.FigureCanvasSVG(figure)
-        # Here and not by `savefig`, which draws everything once more for it.
-        figure.get_layout_engine().execute(figure)
-        figure.set_layout_engine("none")
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
+        canvas = svg.FigureCanvasSVG(figure)
+        # All is measured once and drawn once; an engine of layouts, and `savefig` beside one, do it twice.
+        figure.tight_layout(pad=0.4)
+        for patch in (figure.patch, *(here.patch for here in figure.axes)):
+            patch.set(facecolor="none", edgecolor="none")
+        canvas.print_svg(buffer, metadata=nothing)
     text = buffer.getvalue()
     text = re.sub(r"<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
     return _COLOUR.sub(lambda found: _COLOURS[found[0].lower()], text)

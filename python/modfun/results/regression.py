@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from ..systems.polynomials import companion, time_unit
 __all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
 
 
-def rms(v: F64) -> float:
-    """Root mean square, whatever the size of the numbers."""
-    peak = float(np.max(np.abs(v)))
-    return peak * float(np.sqrt(np.mean((v / peak) ** 2))) if peak > 0 else 0.0
+def rms(v: F64) -> Any:
+    """Root mean square over the last axis, whatever the size of the numbers."""
+    peak = np.abs(v).max(axis=-1, keepdims=True)
+    part = v / np.where(peak > 0, peak, 1.0)
+    return peak[..., 0] * np.sqrt(np.mean(part * part, axis=-1))
 
 
 def free_response(den: F64, t: F64) -> F64:
@@ -85,7 +87,7 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."
         )
     rows = np.vstack([columns, y]) * weight
-    scale = np.array([rms(row) for row in rows[:k]]) * np.sqrt(y.size)
+    scale = rms(rows[:k]) * np.sqrt(y.size)
     scale[scale == 0] = 1.0
     rows[:k] /= scale[:, None]
     # R of the columns and the series behind them is all that their least squares need.
