@@ -22,6 +22,7 @@ from .doubts import (
     offset,
     on_bound,
     repeated,
+    twin,
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
@@ -61,7 +62,7 @@ def check(fit: Estimates, line: str) -> Findings:
         note = noise_free(fit)
         if note is None:
             found += of_residuals(fit, diagnose(fit))
-        found += [biased(fit), minima(fit), few_samples(fit), in_hertz(fit)]
+        found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=note)

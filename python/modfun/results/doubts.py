@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.names import listed
 from ..errors import ModfunError
 from ..records.spectra import spectrum_of
 from .cures import on_band
@@ -33,6 +34,7 @@ __all__ = [
     "offset",
     "on_bound",
     "repeated",
+    "twin",
     "unstable",
 ]
 
@@ -142,6 +144,29 @@ def on_bound(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"{', '.join(fit.at_bound)} ended on {which}: the data would have {them} elsewhere, and the other "
         f"standard errors hold only if the bound is right. Widen it, or hold {them} there if that is known."
+    )
+
+
+def twin(fit: Estimates) -> Doubt | None:
+    """That other parameters make the same equations."""
+    if fit.layout.rational:
+        return None
+    from ..equations.symbolic.twins import twins
+
+    layout: Any = fit.layout  # that of equations
+    found = twins(layout.compiled, fit.params)
+    if not found:
+        return None
+    sets = []
+    for other in found:
+        moved = np.abs(other - fit.params) > 1e-3 * np.abs(fit.params)
+        names = [f"{n} = {x:.4g}" for n, x, on in zip(fit.param_names, other, moved, strict=True) if on]
+        sets.append(listed(names))
+    name = fit.param_names[int(np.argmax(np.abs(found[0] - fit.params) / np.abs(fit.params)))]
+    return Doubt(
+        f"With {'; or with '.join(sets)} the equations are the same: no record tells these parameters from "
+        f"the estimates. To choose, bound one: params={{{name!r}: mf.Free(start, min=..., max=...)}}.",
+        sure=False,
     )
 
 

@@ -489,3 +489,28 @@ except ImportError as error:
 """
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert done.stdout == "Equation needs sympy: pip install 'modfun[symbolic]'\n"
+
+
+def test_another_set_of_parameters_with_the_same_equation_is_named():
+    """T y'' + (1 + T b) y' + b y is the same for T and 1/b exchanged."""
+
+    def lags(**free):
+        return mf.StateSpace([["-1/T", 1], [0, "-b"]], [0, "k"], [1, 0], params={"k": 2.0, **free})
+
+    model = lags()
+    true = model.model({"T": 0.5, "b": 3.0})
+    rec = mf.simulate(true, input="sin(t**2/5)", duration=10.0, intervals=512, nsr=0.05, seed=1)
+    fit = mf.fit(rec, model)
+    t, b = fit.params
+    (text,) = [own for own in fit.check() if "are the same" in own]
+    assert text.startswith(f"With T = {1 / b:.4g}, b = {1 / t:.4g} the equations are the same")
+    between = (t + 1 / b) / 2
+    bounds = {"min": between} if 1 / b > t else {"min": 0.0, "max": between}
+    other = mf.fit(rec, lags(T=mf.Free(1 / b, **bounds)), band=fit.band)
+    assert other.params == pytest.approx([1 / b, 1 / t], rel=1e-5)
+    assert other.cost == pytest.approx(fit.cost, rel=1e-8)
+    # Bounds leave one; a sign alone is no other set, nor is there one of what is linear or not to be found.
+    assert not any("are the same" in own for own in other.check())
+    for text in ("x1'' + d*x1' + w**2*x1 = 6*u", "x1'' + d*x1' + k*x1 = 6*u"):
+        plain = mf.fit(rec, mf.Equation(text, outputs=["x1"]))
+        assert not any("are the same" in own for own in plain.check())

@@ -11,7 +11,7 @@ from .compiled import Compiled
 from .meaning import parameter
 from .words import listed
 
-__all__ = ["identify"]
+__all__ = ["determined", "identify"]
 
 SEED = 20
 TOLERANCE = sympy.Float("1e-25")
@@ -36,9 +36,9 @@ def identify(
     that can be found; null vectors show what cannot.
     """
     names = [parameter(name) for name in compiled.parameters]
-    determined = _determined(compiled)
+    ratios = determined(compiled)
     points = [_point(names, k) for k in range(2)]
-    slopes = [[sympy.diff(g, name) for name in names] for g in determined]
+    slopes = [[sympy.diff(g, name) for name in names] for g in ratios]
     spaces = [_null_space(slopes, point, len(names)) for point in points]
     null = min(spaces, key=len)  # a point may be unlucky, and then has more
     gone = {k for vector in null for k, value in enumerate(vector) if value != 0}
@@ -52,7 +52,7 @@ def identify(
     return found, (*lost, *lost_before), len(names) - len(null), tuple(sentences)
 
 
-def _determined(compiled: Compiled) -> list[sympy.Expr]:
+def determined(compiled: Compiled) -> list[sympy.Expr]:
     known = {parameter(name) for name in compiled.parameters}
     ratios: list[sympy.Expr] = []
     for _, group in groupby(compiled.terms, key=lambda term: term.equation):

@@ -1,0 +1,86 @@
+"""Other parameters with the same equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy
+
+from ...base.arrays import F64
+from .compiled import Compiled
+from .identify import determined
+from .meaning import parameter
+
+__all__ = ["twins"]
+
+SEED, STARTS = 20, 40
+SAME = 1e-9  # relative difference of coefficients that rounding leaves
+APART = 1e-3  # relative difference of parameters that are others
+MOST = 3
+
+
+def twins(compiled: Compiled, params: F64) -> list[F64]:
+    """Other sets of parameters within their bounds that leave all coefficients what they are, at most three.
+
+    Gauss-Newton iterations from points around `params`. Sets that differ in signs alone are left out. There
+    are none where the coefficients are linear in the parameters; where they do not determine these, none is
+    sought.
+    """
+    from scipy.optimize import least_squares
+
+    values, slopes = _functions(compiled)
+    if values is None or not np.all(np.isfinite(params)):
+        return []
+    given, size = values(params), np.where(params == 0, 1.0, np.abs(params))
+    scale = np.where(given == 0, 1.0, np.abs(given))
+    if np.linalg.matrix_rank(slopes(params) / scale[:, None] * size, tol=SAME) < params.size:
+        return []
+    rng = np.random.default_rng(SEED)
+    low, high = _bounds(compiled)
+    found: list[F64] = []
+    for _ in range(STARTS):
+        start = params * np.exp(rng.normal(size=params.size)) * rng.choice([1.0, 1.0, -1.0], params.size)
+        start = np.clip(start, low, high)
+        try:
+            ended = least_squares(
+                lambda x: (values(x * size) - given) / scale,
+                start / size,
+                lambda x: slopes(x * size) / scale[:, None] * size,
+                method="lm" if given.size >= params.size else "trf",
+                xtol=1e-15,
+                ftol=1e-15,
+                gtol=1e-15,
+            )
+        except (ValueError, FloatingPointError):  # a start at which a coefficient has no value
+            continue
+        other = ended.x * size
+        others = [params, *found]
+        flipped = np.max(np.abs(np.abs(other) - np.abs(params)) / size) < APART
+        same = not flipped and np.max(np.abs(ended.fun)) < SAME and np.all((low <= other) & (other <= high))
+        if same and all(np.max(np.abs(other - own) / size) > APART for own in others):
+            found.append(other)
+        if len(found) == MOST:
+            break
+    return found
+
+
+def _bounds(compiled: Compiled) -> tuple[F64, F64]:
+    free = [compiled.free.get(name) for name in compiled.parameters]
+    low = [-np.inf if own is None else own.min for own in free]
+    high = [np.inf if own is None else own.max for own in free]
+    return np.array(low, dtype=float), np.array(high, dtype=float)
+
+
+def _functions(compiled: Compiled) -> tuple[Any, Any]:
+    """What a record determines as a function of the parameters, and its slopes; none where it is linear."""
+    names = [parameter(name) for name in compiled.parameters]
+    own = determined(compiled)
+    matrix = sympy.Matrix([[sympy.diff(g, name) for name in names] for g in own])
+    if not names or not matrix.free_symbols:
+        return None, None
+    value, slope = (sympy.lambdify([names], expr, "numpy") for expr in (sympy.Matrix(own), matrix))
+    return (
+        lambda x: np.asarray(value(x), dtype=float).ravel(),
+        lambda x: np.asarray(slope(x), dtype=float).reshape(len(own), len(names)),
+    )
