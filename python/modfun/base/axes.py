@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,9 @@ from .arguments import Thing, public, shown
 from .arrays import F64
 from .names import nearest
 from .optional import optional
+
+SMALLEST = 7.0  # points of a label
+GROWN = 1.15  # height of a panel after the layout over that before, at least
 
 
 def drawing(function: Thing) -> Thing:
@@ -100,6 +104,33 @@ def returned(ax: Any, axes: Sequence[Any]) -> Any:
     return array
 
 
+def name_y(here: Any, text: str) -> None:
+    """Name the vertical axis; a name taller than its panel is set smaller and on several lines."""
+    room = GROWN * here.figure.get_figheight() * here.get_position().height
+    size = here.yaxis.label.get_size()
+    if _length(text, size) > room:
+        size = max(SMALLEST, 0.8 * size)
+        text = _wrapped(text, max(int(room / _length("x", size)), 4))
+    here.set_ylabel(text, fontsize=size)
+
+
+def _length(text: str, size: float) -> float:
+    """Inches of a text, about."""
+    return 0.58 * size / 72 * max(len(text), 1)
+
+
+def _wrapped(text: str, most: int) -> str:
+    """A name in lines of so many letters, broken after blanks and underscores; a longer piece is cut."""
+    lines = [""]
+    for piece in re.split(r"(?<=[ _])", text):
+        if lines[-1] and len(lines[-1]) + len(piece.rstrip()) > most:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(
+        line.rstrip() if len(line.rstrip()) <= most else f"{line[: most - 1]}…" for line in lines
+    )
+
+
 def label_axes(axes: Sequence[Any], names: Sequence[str], units: dict[str, str], xlabel: str) -> None:
     """Name the axes: a channel each, or a legend where they share one."""
     if len(set(axes)) < len(axes):
@@ -107,7 +138,7 @@ def label_axes(axes: Sequence[Any], names: Sequence[str], units: dict[str, str],
     else:
         for name, here in zip(names, axes, strict=True):
             unit = units.get(name, "")
-            here.set_ylabel(f"{name} ({unit})" if unit and unit not in name else name)
+            name_y(here, f"{name} ({unit})" if unit and unit not in name else name)
     for here in axes:
         here.grid(True, alpha=0.3)
     axes[-1].set_xlabel(xlabel)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -191,9 +190,7 @@ def fit(
     ] = "unknown",
     reference: Annotated[list[str] | None, typer.Option(help="Command of a control loop; a column.")] = None,
     json_to: Json = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw response and Bode plot to a file (.png, .pdf, .svg).")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the fit on one sheet (.png, .pdf, .svg).")] = None,
     report: ReportTo = None,
 ) -> None:
     """Fit a transfer function, equations or a state space to one file, or to several as one problem."""
@@ -227,7 +224,7 @@ def fit(
             print(f"\nSimulated against measured\n{result.score()}")
     write_json(json_to, result.to_dict())
     if plot is not None and usable:
-        _save(plot, partial(_response_and_bode, result))
+        _save(plot, lambda pyplot: result.plot(0))
     if report is not None:
         say(f"wrote {result.report(report, command=command_line(context))}")
     if not result.success:
@@ -412,19 +409,6 @@ def _save(to: Path, draw: Callable[[Any], Any]) -> None:
     draw(pyplot).savefig(to, dpi=120)
     pyplot.close("all")
     say(f"drew {to}")
-
-
-def _response_and_bode(result: Fit, pyplot: Any) -> Any:
-    from .. import plot
-
-    count, across = len(result.outputs), 2 if result.inputs else 1
-    figure = pyplot.figure(figsize=(6.0 * across, 1.0 + 4.5 * count), layout="constrained")
-    grid = figure.add_gridspec(2 * count, across)
-    plot.response(result, 0, ax=[figure.add_subplot(grid[row, 0]) for row in range(2 * count)])
-    if result.inputs:
-        halves = (slice(0, count), slice(count, None))
-        plot.bode(result, ax=[figure.add_subplot(grid[half, 1]) for half in halves])
-    return figure
 
 
 def _figure(axes: Any) -> Any:

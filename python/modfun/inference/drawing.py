@@ -26,7 +26,8 @@ def comparison(rec: Record, simulated: Mapping[str, Record], table: Table, ax: A
             here.plot(rec.t, response[name], linewidth=1.0, label=words)
     label_axes(axes, rec.outputs, rec.units, "time (s)")
     for here in dict.fromkeys(axes):
-        here.legend(frameon=False, fontsize=8)
+        above = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        here.legend(frameon=False, ncols=4, fontsize="small", **above)
     return returned(ax, axes)
 
 

@@ -5,6 +5,7 @@ They are drawn where what they show is made; here they stand under one name.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..base.axes import drawing
@@ -15,6 +16,7 @@ from ..records.record import Record
 from ..reduction.reduction import Reduction
 from ..results.drawing import bode, correlation, poles, response
 from ..results.drawing_lines import harmonics, residual_tests, residuals
+from ..results.drawing_sheet import fit
 from ..results.drawing_systems import impulse, nyquist, step
 from ..signals.signals import Signals
 from ..signals.spectrum import Spectrum
@@ -28,6 +30,7 @@ __all__ = [
     "comparison",
     "correlation",
     "cross_validation",
+    "fit",
     "harmonics",
     "histogram",
     "impulse",
@@ -51,7 +54,7 @@ __all__ = [
 
 
 @drawing
-def record(rec: Record, ax: Any = None) -> Any:
+def record(rec: Record, ax: Any = None, *, beside: Sequence[Record] = ()) -> Any:
     """Draw a record over time: outputs above, inputs below, held inputs as steps.
 
     Masked samples are left out; dotted lines bridge them.
@@ -60,12 +63,16 @@ def record(rec: Record, ax: Any = None) -> Any:
     ----------
     rec : Record
     ax : Axes or sequence of Axes, optional
-        One Axes a channel, or a single one for all channels (with a legend); new ones by default.
+        One Axes a channel, or a single one for all channels (with a legend); new ones by default. With
+        others beside it row by row, one per channel and record.
+    beside : sequence of Record, optional
+        Records of the same channels, drawn beside it on the same scales.
 
     Returns
     -------
     Axes or ndarray of Axes
-        One Axes where there is one channel or one was given, otherwise one per channel.
+        One Axes where there is one channel or one was given, otherwise one per channel; with others
+        beside it (channel, record).
 
     See Also
     --------
@@ -84,7 +91,7 @@ def record(rec: Record, ax: Any = None) -> Any:
     >>> [one.get_ylabel() for one in ax]
     ['y', 'u']
     """
-    return rec.plot(ax)
+    return rec.plot(ax, beside=beside)
 
 
 @drawing

@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from ..base.axes import bridge_gaps, label_axes, returned, take_axes
+import numpy as np
+
+from ..base.axes import bridge_gaps, label_axes, returned, take_axes, take_grid
+from ..errors import SpecError
 from ..signals.drawing import channel
 from .samples import Samples
 
-__all__ = ["record"]
+__all__ = ["record", "records"]
+
+
+def records(several: Sequence[Samples], ax: Any = None) -> Any:
+    """Draw records side by side, those of the same channels on the same scales."""
+    first = several[0]
+    names = (*first.outputs, *first.inputs)
+    for k, rec in enumerate(several):
+        if (rec.outputs, rec.inputs) != (first.outputs, first.inputs):
+            raise SpecError(
+                f"plot.record: record {k} has the channels {', '.join((*rec.outputs, *rec.inputs))}, the "
+                f"first {', '.join(names)}; select the same ones"
+            )
+    made = take_grid(ax, len(names), len(several), height=1.6, sharex=False)
+    axes = np.array(made, dtype=object).reshape(len(names), len(several))
+    for k, rec in enumerate(several):
+        record(rec, ax=list(axes[:, k]))
+        title = f"{k}: {rec.source.name}" if rec.source is not None else f"record {k}"
+        axes[0, k].set_title(title, fontsize="medium")
+        for here, beside in zip(axes[:, k], axes[:, 0], strict=True):
+            if here is not beside:
+                here.sharey(beside)
+                here.set_ylabel("")
+    return axes
 
 
 def record(rec: Samples, ax: Any = None) -> Any:

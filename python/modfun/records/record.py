@@ -294,9 +294,9 @@ class Record(Samples):
         """
         return spectra.spectrum_of(self)
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw every channel over time; see `modfun.plot.record`."""
-        return drawing.record(self, ax)
+    def plot(self, ax: Any = None, *, beside: Sequence[Record] = ()) -> Any:
+        """Draw every channel over time, with other records beside it; see `modfun.plot.record`."""
+        return drawing.records([self, *beside], ax) if beside else drawing.record(self, ax)
 
     def to_csv(self, path: str | Path) -> None:
         """Write times and channels as a file of comma separated values, to the last bit.

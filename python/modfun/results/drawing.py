@@ -13,6 +13,7 @@ from ..base.axes import (
     bridge_gaps,
     chosen_outputs,
     drawing,
+    name_y,
     returned,
     take_axes,
     take_pairs,
@@ -97,10 +98,10 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
                 measured.t, response.lower[i], response.upper[i], color="C3", label="95 % band", **faint
             )
             lower.fill_between(measured.t, -half, half, color="C0", **faint)
-        upper.set_ylabel(f"{name}{unit}")
+        name_y(upper, f"{name}{unit}")
         if lower is not upper:
             lower.axhline(0.0, color="0.3", linewidth=0.6)
-            lower.set_ylabel(f"error{unit}" if len(chosen) == 1 else f"error of {name}{unit}")
+            name_y(lower, f"error{unit}" if len(chosen) == 1 else f"error of {name}{unit}")
         upper.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
         for here in (upper, lower):
             here.grid(True, alpha=0.3)

@@ -11,6 +11,7 @@ from ..base.axes import (
     chosen_rows,
     drawing,
     frequency_axis,
+    name_y,
     returned,
     take_axes,
     take_pairs,
@@ -20,7 +21,7 @@ from ..records.record import Record
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .line_tests import correlation_of_lines, cumulated_power
 
-__all__ = ["harmonics", "residual_tests", "residuals"]
+__all__ = ["harmonics", "lines_over_frequency", "residual_tests", "residuals"]
 
 
 @drawing
@@ -106,8 +107,8 @@ def _levels(fit: Fit, output: int, rec: Record) -> list[tuple[float, str, str]]:
 
 
 @drawing
-def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
-    """Draw the whitened residual lines over m, and their autocorrelation, with 95 % lines.
+def residuals(fit: Fit, ax: Any = None, *, output: str | None = None, hz: bool = False) -> Any:
+    """Draw the whitened residual lines over frequency, and their autocorrelation, with 95 % lines.
 
     Dashed are those of white noise, solid those of the smooth noise spectrum (`fit.noise_spectrum()`).
 
@@ -118,6 +119,8 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
         Two a row, in turn; new ones by default. Rows are the outputs; of equations these.
     output : str, optional
         Name of the one row to draw, as "q" or "equation 1"; default: all.
+    hz : bool, default False
+        Frequencies in hertz instead of rad/s.
 
     Returns
     -------
@@ -143,16 +146,12 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None) -> Any:
     """
 
     def draw(upper: Any, lower: Any, pieces: Sequence[Any], of: str, row: int) -> None:
-        _lines_over_m(upper, fit.lines, pieces)
-        if fit.spectrum is not None:
-            omega, power, _ = fit.spectrum
-            for side in (-1.96, 1.96):
-                upper.plot(omega / fit.omega0[0], side * np.sqrt(power[row]), color="0.4", linewidth=1.0)
-        upper.set_ylabel(f"whitened residual{of}")
+        lines_over_frequency(upper, fit, row, hz=hz)
+        name_y(upper, f"whitened residual{of}")
         test, r = correlation_of_lines(pieces)
         _autocorrelation(lower, r, test.count)
         lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
-        lower.set_ylabel(f"autocorrelation{of}")
+        name_y(lower, f"autocorrelation{of}")
 
     return _each_row(fit, ax, chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals"), 2.3, draw)
 
@@ -197,9 +196,9 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
 
     def draw(left: Any, right: Any, pieces: Sequence[Any], of: str, _: int) -> None:
         _cumulated(left, *cumulated_power(pieces))
-        left.set_ylabel(f"cumulated power{of}")
+        name_y(left, f"cumulated power{of}")
         _quantiles(right, pieces)
-        right.set_ylabel(f"residuals{of}")
+        name_y(right, f"residuals{of}")
 
     return _each_row(fit, ax, chosen, 2.6, draw)
 
@@ -225,21 +224,27 @@ def _each_row(
     return returned(ax, [here for pair in axes for here in pair])
 
 
-def _lines_over_m(here: Any, lines: Sequence[tuple[int, int]], pieces: Sequence[Any]) -> None:
-    for k, ((first, last), e) in enumerate(zip(lines, pieces, strict=True)):
-        m = np.arange(first, last + 1)
+def lines_over_frequency(here: Any, fit: Fit, row: int, *, hz: bool = False) -> None:
+    """Draw the residual lines of one row over frequency, with 95 % lines of white noise and of its own."""
+    scale, label = frequency_axis(hz)
+    pieces = [piece[row] for piece in fit.pieces]
+    for k, ((first, last), spacing, e) in enumerate(zip(fit.lines, fit.omega0, pieces, strict=True)):
+        omega, beside = scale * spacing * np.arange(first, last + 1), 0.08 * scale * spacing
         some = len(e) <= 60
         look = {"markersize": 4 if some else 2.5, "linestyle": "none"}
-        here.plot(m - 0.08, e.real, marker="o", color="C0", label=None if k else "Re", **look)
-        here.plot(m + 0.08, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
+        here.plot(omega - beside, e.real, marker="o", color="C0", label=None if k else "Re", **look)
+        here.plot(omega + beside, e.imag, marker="s", color="C1", label=None if k else "Im", **look)
     here.axhline(0.0, color="0.3", linewidth=0.6)
     for level in (-1.96, 1.96):
         here.axhline(level, color="0.4", linestyle="--", linewidth=0.8)
+    if fit.spectrum is not None:
+        omega, power, _ = fit.spectrum
+        for side in (-1.96, 1.96):
+            here.plot(scale * omega, side * np.sqrt(power[row]), color="0.4", linewidth=1.0)
     every = np.concatenate(pieces)
     reach = max(3.0, 1.1 * float(np.max(np.abs([every.real, every.imag]), initial=0.0)))
     here.set_ylim(-reach, reach)
-    here.xaxis.get_major_locator().set_params(integer=True)
-    here.set_xlabel("harmonic m")
+    here.set_xlabel(label)
     here.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..records.record import Record
-from . import drawing, drawing_lines
+from . import drawing, drawing_lines, drawing_sheet
 from .estimates import Estimates
 
 __all__ = ["Drawn"]
@@ -13,6 +13,10 @@ __all__ = ["Drawn"]
 
 class Drawn(Estimates):
     """Estimates that draw themselves."""
+
+    def plot(self, rec: Record | int | None = None, *, hz: bool = False, figure: Any = None) -> Any:
+        """Response, Bode plot, residual spectrum and poles on one sheet; see `modfun.plot.fit`."""
+        return drawing_sheet.fit(self, rec, hz=hz, figure=figure)
 
     def plot_response(
         self, rec: Record | int | None = None, *, output: str | None = None, ax: Any = None
@@ -24,9 +28,9 @@ class Drawn(Estimates):
         """Bode plot with a 95 % band; see `modfun.plot.bode`."""
         return drawing.bode(self, band=band, hz=hz, ax=ax)
 
-    def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Any:
+    def plot_residuals(self, *, output: str | None = None, hz: bool = False, ax: Any = None) -> Any:
         """Whitened residual lines and their autocorrelation; see `modfun.plot.residuals`."""
-        return drawing_lines.residuals(self, ax=ax, output=output)
+        return drawing_lines.residuals(self, ax=ax, output=output, hz=hz)
 
     def plot_residual_tests(self, *, output: str | None = None, ax: Any = None) -> Any:
         """Cumulated power and normal quantiles of the residual lines; see `modfun.plot.residual_tests`."""

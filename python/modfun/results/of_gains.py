@@ -95,7 +95,7 @@ class ResponseFit(Fit):
             ("Errors", f"from those of the gains; Student's t with {self.df_resid} degrees of freedom"),
         ]
 
-    def plot_residuals(self, *, output: str | None = None, ax: Any = None) -> Never:
+    def plot_residuals(self, *, output: str | None = None, hz: bool = False, ax: Any = None) -> Never:
         """Not for gains, which lie on no harmonics."""
         raise SpecError(
             "plot_residuals: a fit to a frequency response has no residuals on harmonics; "

@@ -194,7 +194,7 @@ def _residuals(fit: Estimates) -> Iterable[Block]:
     rows = len(fit.row_names)
     yield Figure(
         drawn(partial(drawing_lines.residuals, fit), 2 * rows, height=2.0),
-        "Whitened residuals over the harmonics, and their autocorrelation, each with 95 % lines.",
+        "Whitened residuals over frequency, and their autocorrelation, each with 95 % lines.",
         "Whitened residual lines (variance one where the model and its noise are right) and their "
         "autocorrelation; one point in twenty lies beyond the dashed lines.",
     )

@@ -115,7 +115,7 @@ def test_command_line(tmp_path, monkeypatch, capsys, undrawn):
     assert main(["fit", str(tmp_path / "run.csv"), *words, "--report", "fit.html"]) == 0
     text = (tmp_path / "fit.html").read_text(encoding="utf-8")
     assert (
-        "modfun fit --output y --input u --poles 1 --time t --harmonics 9 --report fit.html run.csv" in text
+        "modfun fit --output y --input u --time t --poles 1 --harmonics 9 --report fit.html run.csv" in text
     )
     assert str(tmp_path) not in text
     assert "modfun: wrote fit.html" in capsys.readouterr().err
