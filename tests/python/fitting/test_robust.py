@@ -143,7 +143,7 @@ def test_several_outputs_records_and_equations() -> None:
                 system=SYSTEM, input="sin(t)", duration=5.0, intervals=64, nsr=0.1,
                 estimators={"r": mf.Estimator(MODEL, robust=True)}, replicates=5,
             ),
-            "robust=True of 'r' is for mf.fit",
+            "'r': robust=True is for mf.fit",
         ),
     ],
 )  # fmt: skip
