@@ -29,16 +29,14 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
     a2          7.92
     """
 
-    names: tuple[str, ...]
-    label: str
+    # Of what is copied or cut, of which it is not known whether the names still hold.
+    names: tuple[str, ...] = ()
+    label: str = ""
 
     def __new__(cls, values: ArrayLike, names: Sequence[str], label: str = "value") -> Named:
         made = np.asarray(values, dtype=np.float64).view(cls)
         made.names, made.label = tuple(names), label
         return made
-
-    def __array_finalize__(self, other: Any) -> None:
-        self.names, self.label = (), ""  # a copy or a part: which names are left is not known
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         return array[()] if np.ndim(array) == 0 else np.asarray(array)

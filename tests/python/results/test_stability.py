@@ -103,7 +103,7 @@ def test_what_has_none_is_told_so():
         mf.fit_many([rec, rec], TWO, stable=True)
     with pytest.raises(mf.SpecError, match="stable='yes' must be True"):
         mf.fit(rec, TWO, stable="yes")
-    with pytest.raises(mf.SpecError, match="'ml': stable=True is for mf.fit"):
+    with pytest.raises(mf.SpecError, match=r"'ml': stable=True is for mf\.fit"):
         mf.MonteCarlo(
             system=LIGHT, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=0.5, replicates=8, seed=1,
             estimators={"ml": mf.Estimator(TWO, stable=True)},
