@@ -296,6 +296,8 @@ class Record(Samples):
 
     def plot(self, ax: Any = None, *, beside: Sequence[Record] = ()) -> Any:
         """Draw every channel over time, with other records beside it; see `modfun.plot.record`."""
+        if isinstance(ax, Samples):
+            raise SpecError("Record.plot: give other records by name, rec.plot(beside=[other])")
         return drawing.records([self, *beside], ax) if beside else drawing.record(self, ax)
 
     def to_csv(self, path: str | Path) -> None:

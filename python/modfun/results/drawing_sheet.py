@@ -7,6 +7,7 @@ from typing import Any
 
 from ..base.axes import drawing, name_y
 from ..base.optional import optional
+from ..errors import SpecError
 from ..records.record import Record
 from . import drawing as plots
 from .drawing_lines import lines_over_frequency
@@ -59,11 +60,13 @@ def fit(fit: Fit, rec: Record | int | None = None, *, hz: bool = False, figure: 
     """
     fit.need_numbers("plot")
     count = len(fit.outputs)
-    shown = rec is not None or fit.records is not None
-    tops = [draw for draw, on in ((_response, shown), (_bode, fit.has_poles and bool(fit.inputs))) if on]
+    known = rec is not None or fit.records is not None
+    tops = [draw for draw, on in ((_response, known), (_bode, fit.has_poles and bool(fit.inputs))) if on]
     bottoms = [draw for draw, on in ((_lines, bool(fit.lines)), (_poles, fit.has_poles)) if on]
     heights = 2.1 * (1 + count), max(2.4, 1.6 * len(fit.row_names))
     rows = [(draws, height) for draws, height in zip((tops, bottoms), heights, strict=True) if draws]
+    if figure is not None and not hasattr(figure, "add_gridspec"):
+        raise SpecError(f"plot.fit: figure={shown(figure)} is not a Figure; give one of matplotlib")
     if figure is None:
         pyplot = optional("matplotlib.pyplot", "plot", "plotting")
         size = 2 * WIDTH, 0.5 + sum(height for _, height in rows)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Self
 
+from ..base.arguments import real
+from ..errors import SpecError
 from .connections import connected
 
 __all__ = ["Arithmetic"]
@@ -40,6 +42,13 @@ class Arithmetic:
     def __rsub__(self, other: Any) -> Self:
         """In parallel, this one with the opposite sign."""
         return self._connected("-", other, self)
+
+    def __truediv__(self, gain: float) -> Self:
+        """Divided by a number (extra ``control``)."""
+        number = real("LTI", "divisor", gain)
+        if number == 0:
+            raise SpecError("LTI: the divisor is 0; give another number")
+        return self._connected("*", 1 / number, self)
 
     def __neg__(self) -> Self:
         """The opposite sign (extra ``control``)."""

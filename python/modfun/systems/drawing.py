@@ -57,7 +57,7 @@ def span(marks: Iterable[float], band: tuple[float, float] | None = None) -> tup
     worth = list(marks) or [0.1, 10.0]
     low, high = (min(worth), max(worth)) if band is None else band
     if not 0 < low < high:
-        raise SpecError(f"plot.bode: band={band!r} must be (lower, upper) in rad/s with 0 < lower < upper")
+        raise SpecError(f"plot: band={band!r} must be (lower, upper) in rad/s with 0 < lower < upper")
     return low, high
 
 

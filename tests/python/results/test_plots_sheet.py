@@ -47,6 +47,11 @@ def test_a_fit_on_one_sheet(fit):
     np.testing.assert_allclose(lines.lines[0].get_xdata(), omega - 0.08 * fit.omega0[0])
 
 
+def test_what_is_no_figure_is_refused(fit):
+    with pytest.raises(mf.SpecError, match="figure=3 is not a Figure"):
+        fit.plot(figure=3)
+
+
 def test_hertz_on_every_axis_of_frequencies(fit):
     figure = fit.plot(hz=True)
     labels = [here.get_xlabel() for here in figure.axes if "frequency" in here.get_xlabel()]
@@ -72,6 +77,8 @@ def test_records_side_by_side(rec):
     np.testing.assert_array_equal(axes[1, 2].lines[0].get_ydata(), rec.window(5, 10).u[0])
     assert axes[0, 0].get_ylim() == axes[0, 2].get_ylim()
     assert [one.get_xlabel() for one in axes[1]] == ["time (s)"] * 3
+    with pytest.raises(mf.SpecError, match=r"by name, rec\.plot\(beside=\[other\]\)"):
+        rec.plot(rec)
     with pytest.raises(mf.SpecError, match="record 1 has the channels y, the first y, u; select"):
         rec.plot(beside=[rec.select(inputs=[])])
 

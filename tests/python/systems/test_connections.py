@@ -21,6 +21,7 @@ CONNECTED = {
     "sum of alike delays": (lambda: H + 2 * H, 3 * h),
     "difference": (lambda: 1 - G, 1 - g),
     "sign": (lambda: -G, -g),
+    "quotient by a number": (lambda: G / 2, g / 2),
     "feedback": (lambda: G.feedback(), g / (1 + g)),
     "positive feedback": (lambda: G.feedback(G, 1), g / (1 - g * g)),
     "of python-control": (lambda: control.tf([1], [1, 1]) * G, g / (S + 1)),
@@ -54,6 +55,8 @@ def test_names_of_channels_stay():
         (lambda: H.feedback(), r"feedback of systems with delays \[0\.2\].*to_control\(pade=3\)"),
         (lambda: G + H, "sum of systems with delays"),
         (lambda: G.feedback(sign=2), "sign=2 must be -1"),
+        (lambda: G / 0, "divisor is 0"),
+        (lambda: G / "2", "divisor='2' must be a number"),
         (lambda: mf.tf([[[1]], [[1]]], [1, 1]) * TWO, "series of these systems does not exist"),
     ],
 )
