@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import shorten
 from typing import Any
 
+from ..base.arguments import shown
 from ..base.axes import drawing, name_y
 from ..base.optional import optional
 from ..errors import SpecError
