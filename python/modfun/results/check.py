@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.tables import Findings
-from .diagnosis import diagnose
+from .diagnosis import diagnose, level_p
 from .doubts import (
+    SURE,
     Doubt,
     biased,
     condition,
@@ -26,10 +27,14 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
+from .feedback import feedback
 from .known_start import gain_of_start
-from .misfit import misfit, of_residuals
+from .misfit import UNLIKELY, misfit, of_residuals, too_large
 
 __all__ = ["check", "warnings_of"]
+
+
+BIASED = 0.3  # standard errors: bias that is said
 
 
 def unsettled(fit: Estimates) -> Doubt | None:
@@ -37,9 +42,25 @@ def unsettled(fit: Estimates) -> Doubt | None:
     return None if fit.success else Doubt(fit.message)
 
 
+def fed_back(fit: Estimates) -> Doubt | None:
+    """That the noise of the outputs comes back in the inputs, and biases the estimates."""
+    if noise_free(fit) is not None or too_large(level_p(fit)):  # residuals are not noise
+        return None
+    found = feedback(fit)
+    if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
+        return None
+    u = found.channel
+    return Doubt(
+        f"{u} follows earlier residuals of {found.output} (p = {found.p_value:.1g}): a loop feeds the noise "
+        f"back, which biases the estimates by about {found.bias:.2g} standard errors. First keep the "
+        f'command of the loop in the record, Record(keep={{"r": ...}}), and fit with reference="r".',
+        sure=found.p_value < SURE and found.least > BIASED,
+    )
+
+
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, misfit, unsettled, unstable, condition,
+    offset, mean, repeated, on_bound, contradicted, misfit, fed_back, unsettled, unstable, condition,
 )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "further", "stationary"]
+__all__ = ["Explained", "event", "event_p", "further", "stationary", "testable"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -63,7 +63,7 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
     All but that of events need transfer functions in white output noise and even, unmasked samples.
     """
     found: list[Explained] = []
-    if _testable(fit):
+    if testable(fit):
         simulated = [_simulated(fit, k) for k in range(len(fit.pieces))]
         for i in range(len(fit.outputs)):
             found += _of_output(fit, i, simulated)
@@ -98,7 +98,8 @@ def _simulated(fit: Estimates, k: int) -> F64 | None:
         return None
 
 
-def _testable(fit: Estimates) -> bool:
+def testable(fit: Estimates) -> bool:
+    """Whether residuals can be tested in time: transfer functions in white noise, even, unmasked samples."""
     return (
         bool(fitted(fit))
         and fit.layout.rational
