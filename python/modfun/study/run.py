@@ -32,6 +32,7 @@ from .work import Work, cheapest, parts
 
 __all__ = ["collected", "far_from", "run", "summed"]
 
+SAID = 300  # letters of an exception that an error repeats
 HOPELESS = 100  # replicates after which an estimator that always raised stops a study
 FIGURES = ("bias", "sd", "rmse", "median", "coverage")
 
@@ -152,6 +153,7 @@ def _refuse_failing(plan: Plan, total: Tally, done: int) -> None:
     for k, c in enumerate(plan.contenders):
         if np.all(ran[:, :, k] == raised[:, :, k]):
             text = next((one["text"] for one in total.raised if one["estimator"] == k), "")
+            text = text if len(text) <= SAID else f"{text[:SAID]}…"
             raise SpecError(
                 f"run: {c.name} failed in each of the first {done} replicates, and the study was stopped; "
                 f"the first said: {text}; mend that first: replicates=1 shows it"
