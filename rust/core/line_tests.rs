@@ -3,7 +3,9 @@
 //! Lines are pairs of real and imaginary part, one slice a record, all of one output. The laws of the
 //! statistics are left to the caller.
 
-/// Lines below which the level over the band is not tested.
+use crate::spectrum::Padded;
+
+/// Lines below which the level over the band, and an event, are not tested.
 const FEWEST: usize = 6;
 /// Highest lag of the autocorrelation where none is asked for.
 const LAGS: usize = 10;
@@ -100,13 +102,49 @@ pub fn sharpest(values: impl IntoIterator<Item = f64>) -> f64 {
     if total == 0.0 { 0.0 } else { largest / (total / count as f64) }
 }
 
+/// The time at which one short event explains most of the lines of a record, and the share of their power.
+///
+/// The time is a place on a grid over the record's length that has four times as many points as there are lines.
+/// An event at a time t turns the lines by exp(−iωt) together. None below six lines, or without finite power.
+#[must_use]
+pub fn event(e: &[Line]) -> Option<(usize, f64)> {
+    let power: f64 = e.iter().map(square).sum();
+    if e.len() < FEWEST || !(power > 0.0 && power < f64::INFINITY) {
+        return None;
+    }
+    let grid = Padded::new(4 * e.len());
+    let [re, im] = [|e: &Line| e.0, |e: &Line| e.1]
+        .map(|part| grid.run(&e.iter().map(part).collect::<Vec<f64>>()));
+    // Σ e exp(iωt) is conj(R) + i conj(I) at t, and R + iI at the mirror image of t.
+    let size = |k: usize| match 2 * k <= grid.size() {
+        true => power_of(re[k].0 + im[k].1, im[k].0 - re[k].1),
+        false => {
+            let k = grid.size() - k;
+            power_of(re[k].0 - im[k].1, re[k].1 + im[k].0)
+        }
+    };
+    let mut best = (0, size(0));
+    for k in 1..grid.size() {
+        let own = size(k);
+        if own > best.1 {
+            best = (k, own);
+        }
+    }
+    Some((best.0, (best.1 / (e.len() as f64 * power)).min(1.0)))
+}
+
 fn square(e: &Line) -> f64 {
-    e.0 * e.0 + e.1 * e.1
+    power_of(e.0, e.1)
+}
+
+fn power_of(re: f64, im: f64) -> f64 {
+    re * re + im * im
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::root_of_unity;
 
     #[test]
     fn equal_lines_are_correlated_and_of_one_level() {
@@ -129,6 +167,20 @@ mod tests {
         assert!(colour(&[vec![(1.0, 0.0); 5]]).is_none());
         assert!(colour(&[vec![(0.0, 0.0); 9]]).is_none());
         assert!(colour(&[]).is_none() && correlation(&[], None).is_none());
+    }
+
+    #[test]
+    fn an_event_is_found_at_its_time() {
+        // e^{−2πi·17k/60} of fifteen lines: the 17th of 60 points explains all.
+        let e: Vec<Line> =
+            (0..15).map(|k| root_of_unity(17 * k, 60)).map(|(c, s)| (3.0 * c, -3.0 * s)).collect();
+        for (lines, place) in [(e.clone(), 17), (e.iter().map(|(a, b)| (*a, -b)).collect(), 43)] {
+            let (at, share) = event(&lines).unwrap();
+            assert_eq!(at, place);
+            assert!((share - 1.0).abs() < 1e-12, "{share}");
+        }
+        assert!(event(&e[..5]).is_none() && event(&[(0.0, 0.0); 9]).is_none());
+        assert!(event(&[(f64::NAN, 0.0); 9]).is_none());
     }
 
     #[test]

@@ -11,6 +11,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(line_correlation, module)?)?;
     module.add_function(wrap_pyfunction!(line_colour, module)?)?;
     module.add_function(wrap_pyfunction!(pooled_power, module)?)?;
+    module.add_function(wrap_pyfunction!(line_event, module)?)?;
     module.add_function(wrap_pyfunction!(sharpest, module)?)
 }
 
@@ -42,6 +43,12 @@ fn pooled_power<'py>(
     residuals: Vec<PyReadonlyArray1<'py, Complex64>>,
 ) -> Bound<'py, PyArray1<f64>> {
     vector(py, line_tests::pooled_power(&lines(&residuals)))
+}
+
+/// Place, on a grid of four times as many points as lines, of the event that explains most, and its share.
+#[pyfunction]
+fn line_event(residuals: PyReadonlyArray1<'_, Complex64>) -> Option<(usize, f64)> {
+    line_tests::event(&residuals.as_array().iter().map(|e| (e.re, e.im)).collect::<Vec<Line>>())
 }
 
 /// Largest fourth difference over the mean one, of the channel where that is largest.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import coefficients
+from .._core import coefficients, line_event
 from ..base.arrays import C128, F64
 from ..errors import DataError
 from ..records.record import Record
@@ -154,16 +154,12 @@ def _likeliest(fit: Estimates) -> tuple[float, int, int, int, float] | None:
     rows = len(fit.row_names)
     for i in range(rows):
         for k, piece in enumerate(fit.pieces):
-            e = piece[i]
-            power = float(np.vdot(e, e).real)
-            if e.size < 6 or not 0 < power < inf:
+            found = line_event(piece[i])
+            if found is None:
                 continue
-            turned = np.fft.ifft(e, 4 * e.size, norm="forward")
-            size = turned.real**2 + turned.imag**2
-            at = int(size.argmax())
-            share = min(float(size[at]) / (e.size * power), 1.0)
+            (at, share), lines = found, piece.shape[1]
             # Fisher's g over as many times as lines; a grid four times finer finds as much as thrice as many.
-            p = min(1.0, 3 * e.size * len(fit.pieces) * rows * (1 - share) ** (e.size - 1))
+            p = min(1.0, 3 * lines * len(fit.pieces) * rows * (1 - share) ** (lines - 1))
             if best is None or p < best[0]:
                 best = p, i, k, at, share
     return best
