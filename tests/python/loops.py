@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import modfun as mf
 import numpy as np
+from scipy.signal import lfilter
 
 PLANT = mf.tf([5.0], [1.0, 0.5, -2.0])
 TRUTH = np.array([0.5, -2.0, 5.0])
@@ -18,10 +19,14 @@ def command() -> np.ndarray:
     return np.repeat(levels, held)[: INTERVALS + 1]
 
 
-def flown(noise: float, seed: int, feedback: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Measured output and input; without feedback of the noise the controller sees the output itself."""
+def flown(noise: float, seed: int, feedback: bool = True, pole: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Measured output and input, noise white or AR(1).
+
+    Without feedback of the noise the controller sees the output itself.
+    """
     step, kick, r = _plant(), _kick(), command()
-    e = noise * np.random.default_rng(seed).standard_normal(INTERVALS + 1)
+    white = np.random.default_rng(seed).standard_normal(INTERVALS + 201)
+    e = noise * lfilter([np.sqrt(1 - pole**2)], [1, -pole], white)[200:]
     x, y, u = np.zeros(2), np.zeros(INTERVALS + 1), np.zeros(INTERVALS + 1)
     rate = last = seen = 0.0
     for k in range(INTERVALS + 1):
@@ -35,8 +40,8 @@ def flown(noise: float, seed: int, feedback: bool = True) -> tuple[np.ndarray, n
     return y, u
 
 
-def record(noise: float, seed: int, feedback: bool = True) -> mf.Record:
-    y, u = flown(noise, seed, feedback)
+def record(noise: float, seed: int, feedback: bool = True, pole: float = 0.0) -> mf.Record:
+    y, u = flown(noise, seed, feedback, pole)
     return mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": command()})
 
 

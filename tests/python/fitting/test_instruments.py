@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from pathlib import Path
 
@@ -63,6 +64,24 @@ def test_no_bias_the_bound_and_coverage_in_a_loop() -> None:
     assert np.all(sd < 1.32 * bound)
     assert np.all(np.abs(np.median(errors, axis=0) / sd - 1) < 0.23)
     assert 0.88 < np.mean(inside) < 0.995
+
+
+@pytest.mark.statistics
+def test_coloured_noise_needs_the_reference_more() -> None:
+    """60 records in AR(1) noise of pole 0.8: means scatter by 0.13 standard deviations. 300 others gave a
+    bias of 1.3 without and 0.2 with the reference, coverage of 74 and 94 %; 4 did not settle.
+    """
+    direct, found = [], []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for seed in range(60):
+            rec = loops.record(LEVEL, seed, pole=0.8)
+            direct.append(mf.fit(rec, MODEL)["a1"] - TRUTH[0])
+            with contextlib.suppress(mf.FitError):  # that it does not settle
+                found.append(mf.fit(rec, MODEL, reference="r")["a1"] - TRUTH[0])
+    assert len(found) >= 55
+    assert np.mean(direct) / np.std(direct) < -0.8
+    assert abs(np.mean(found) / np.std(found)) < 0.6
 
 
 def test_without_noise_it_is_exact() -> None:
