@@ -44,10 +44,10 @@ def unsettled(fit: Estimates) -> Doubt | None:
 
 def fed_back(fit: Estimates) -> Doubt | None:
     """That the noise of the outputs comes back in the inputs, and biases the estimates."""
-    if noise_free(fit) is not None or too_large(level_p(fit)):  # residuals are not noise
-        return None
     found = feedback(fit)
     if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
+        return None
+    if noise_free(fit) is not None or too_large(level_p(fit)):  # residuals are not noise
         return None
     u = found.channel
     return Doubt(

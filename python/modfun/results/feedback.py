@@ -51,7 +51,9 @@ def feedback(fit: Estimates) -> Feedback | None:
     past residuals, whatever its form. With H(ω) its response to residuals of unit variance, lines have
     E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows.
     """
-    if not testable(fit) or fit.options.reference or not fit.inputs:
+    if not testable(fit) or fit.options.reference:
+        return None
+    if all(_foreseen(_window(fit, k, j)) for k in range(len(fit.pieces)) for j in range(len(fit.inputs))):
         return None
     best: tuple[float, int, int] | None = None
     size = fit.params.size
@@ -86,11 +88,9 @@ def _granger(fit: Estimates, k: int, j: int, e: F64) -> tuple[float, F64, F64] |
     """p-value that residuals say nothing of the input; coefficients of its past and of theirs; covariance."""
     from scipy.special import fdtrc
 
-    assert fit.records is not None
-    rec = fit.records[k]
-    u = rec.u[j, rec.intervals - fit.intervals[k] : -1][:LONGEST]
+    u = _window(fit, k, j)
     e = e[: u.size]
-    if u.size < SHORTEST or np.ptp(u) == 0:
+    if u.size < SHORTEST or np.ptp(u) == 0 or _foreseen(u):
         return None
     u = u - u.mean()
     rows = [np.ones(u.size - PAST)]
@@ -118,6 +118,20 @@ def _granger(fit: Estimates, k: int, j: int, e: F64) -> tuple[float, F64, F64] |
     inverse = np.linalg.pinv(r) / size[:, None]
     cov = inverse @ inverse.T * ((new - gained) / freedom)
     return p, (inverse @ part)[1:], cov[1:, 1:]
+
+
+def _window(fit: Estimates, k: int, j: int) -> F64:
+    """Samples of an input that are looked at."""
+    assert fit.records is not None
+    rec = fit.records[k]
+    return rec.u[j, rec.intervals - fit.intervals[k] : -1][:LONGEST]
+
+
+def _foreseen(u: F64) -> bool:
+    """Whether cubics through four past samples foresee an input: a regression would leave no more."""
+    change = np.diff(u[PAST - 4 :], 4)
+    side = u[PAST:] - u.mean()
+    return bool(change @ change <= NEW**2 * float(side @ side))
 
 
 def _lags(fit: Estimates, j: int) -> range:
