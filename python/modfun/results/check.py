@@ -29,7 +29,8 @@ from .doubts import (
 from .estimates import Estimates
 from .feedback import feedback
 from .known_start import gain_of_start
-from .misfit import UNLIKELY, misfit, of_residuals, too_large
+from .misfit import UNLIKELY, misfit, of_colour, of_residuals, too_large
+from .uneven_noise import of_time
 
 __all__ = ["check", "warnings_of"]
 
@@ -82,7 +83,8 @@ def check(fit: Estimates, line: str) -> Findings:
         found = [look(fit) for look in LOOKS if look is not misfit]
         note = noise_free(fit)
         if note is None:
-            found += of_residuals(fit, diagnose(fit))
+            d = diagnose(fit)
+            found += [*of_residuals(fit, d), of_colour(fit, d), of_time(fit)]
         found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit)]
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""

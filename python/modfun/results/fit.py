@@ -33,6 +33,7 @@ from .process_noise import process_noise
 from .stability import stable_neighbour
 from .storage import fit_to_dict
 from .summary import Summary, facts, one_line, parameters
+from .uneven_noise import covariance
 
 __all__ = ["Fit"]
 
@@ -401,6 +402,22 @@ class Fit(Drawn):
     def _observed(self, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
         return observe_paths(self.layout, self.params, self.trend, rec, eigenvalues)
 
+    def cov_params(self, cov_type: str | None = None) -> F64:
+        """Covariance matrix of the parameters.
+
+        Parameters
+        ----------
+        cov_type : {"spectral", "HC3", "nonrobust"}, optional
+            Default: the fit's. "spectral" allows for a noise level that a test finds to change in time.
+        """
+        stationary = super().cov_params(cov_type)
+        uneven = self._uneven if (cov_type or self.cov_type) == "spectral" else None
+        return stationary if uneven is None else uneven.copy()
+
+    @cached_property
+    def _uneven(self) -> F64 | None:
+        return covariance(self)
+
     # Its noise ---------------------------------------------------------------------------------
 
     def noise_spectrum(self, level: float = 0.95) -> Table:
@@ -472,7 +489,9 @@ class Fit(Drawn):
 
     def without_samples(self) -> Self:
         """The same fit without the records it came from."""
-        return replace(self, records=None, instrumented=None, known_level=self.high_band_levels)
+        kept = self.cov_spectral if self._uneven is None else self._uneven
+        level = self.high_band_levels
+        return replace(self, records=None, instrumented=None, known_level=level, cov_spectral=kept)
 
     def __repr__(self) -> str:
         return one_line(self, len(self.check()) if self.success else 0)

@@ -18,7 +18,7 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "further", "stationary", "testable"]
+__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "stationary", "testable"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -70,6 +70,15 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
+
+
+def fitted_lines(fit: Estimates, i: int) -> tuple[F64, list[F64]]:
+    """What was fitted to the whitened lines of an output, parameters first, and deviations of its lines.
+
+    (unknown, row), real and then imaginary parts of each record; deviations of a record are (line,).
+    """
+    blocks = [_Block.of(fit, k, i, None) for k in range(len(fit.pieces))]
+    return _Residual.of(blocks).nuisance, [block.deviation for block in blocks]
 
 
 def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:

@@ -10,10 +10,11 @@ from ..models.transfer_function import TransferFunction
 from .cures import WORTH, on_band
 from .estimates import Estimates
 
-__all__ = ["gain_of_process", "origin"]
+__all__ = ["gain_of_colour", "gain_of_process", "origin"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0
+LEAST_GAIN = 1.2  # of a standard error
 POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
 
 
@@ -65,6 +66,24 @@ def origin(fit: Estimates) -> str | None:
     if abs(process - coloured) <= APART:
         return "either"
     return "process" if process < coloured else "coloured"
+
+
+def gain_of_colour(fit: Estimates) -> float | None:
+    """How many times smaller errors are where lines are weighted by the noise spectrum; None where little.
+
+    Geometric mean over the parameters, over the band of the fit.
+    """
+    if fit.options.noise != "output" or fit.again is None or fit.records is None or not fit.layout.rational:
+        return None
+    options = on_band(fit, fit.band).replace(noise="coloured", output_weights=None)
+    try:
+        other = fit.again(fit.records, fit.structure, options)
+    except ModfunError:
+        return None
+    if not (other.usable and fit.bse.size and np.all(fit.bse > 0) and np.all(other.bse > 0)):
+        return None
+    gain = float(np.exp(np.mean(np.log(fit.bse / other.bse))))
+    return gain if gain >= LEAST_GAIN else None
 
 
 def gain_of_process(fit: Estimates) -> tuple[float, float] | None:

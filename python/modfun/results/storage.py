@@ -42,6 +42,8 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values["window_weights"] = list(fit.window_weights)
     for name in ARRAYS:
         values[name] = getattr(fit, name).tolist()
+    if fit.records is not None:  # which tell whether the noise changes in time, and are not kept
+        values["cov_spectral"] = fit.cov_params("spectral").tolist()
     if fit.spectrum is not None:
         values["spectrum"] = [own.tolist() for own in fit.spectrum]
     if fit.df_hc3 is not None:
