@@ -88,6 +88,14 @@ def held(seed: int) -> mf.Record:
     return noisy(clean, seed)
 
 
+def staircase(system: Any, early: int = 0) -> Any:
+    """Records of a staircase whose output comes so many samples early."""
+    u = np.repeat(np.random.default_rng(5).standard_normal(103), 5)[: 513 + early]
+    y = np.ravel(system.simulate(u=u, dt=0.1, intersample="zoh"))
+    clean = mf.Record(y=y[early:], u=u[: u.size - early], dt=0.1, intersample="zoh")
+    return lambda seed: noisy(clean, seed)
+
+
 def spiked(seed: int) -> mf.Record:
     rec = of(PLANT)(seed)
     rng = np.random.default_rng(seed + 999)
@@ -191,6 +199,14 @@ WRONG = [
         by(TF(poles=2, zeros=2)),
         "zero|pole",
     ),
+    Setup(
+        "feed-through of a held input left out",
+        staircase(mf.tf([1, 3, 13], [1, 3, 8])),
+        by(TF(poles=2, zeros=1)),
+        by(TF(poles=2, zeros=2)),
+        "zero|pole|own sample",
+    ),
+    Setup("a held input that acts in its own sample", staircase(PLANT, 1), RIGHT2, None, "own sample"),
     Setup("a delay of a quarter second left out", of(DELAYED), RIGHT2, by(FREE), DELAY),
     Setup("the same, steps", of(DELAYED, STEPS), RIGHT2, by(FREE), DELAY),
     Setup("one sample of delay left out", of(ONE_LATE), RIGHT2, by(FREE), DELAY),
@@ -372,8 +388,9 @@ every record, and rightly: classical standard errors do not hold then.
 
 ## What it does not see
 
-* An input that is not in the record looks like coloured noise. `check()` says that the residuals are far
-  above the noise of the high band. A filtered record does the same, so the fit does not warn.
+* An input that is not in the record looks like turbulence or load. The fit warns where the residuals have the
+  system's own spectrum, and names both. Another spectrum is that of coloured noise, or of a filtered record,
+  and only `check()` says that the residuals are far above the noise of the high band.
 * A held input that is declared smooth shifts the estimates, but a fit absorbs the half sample of delay: the
   residuals do not tell. `rec.check()` sees it in the samples of the input.
 * A chirp passes each frequency once, so that a system that changes in time cannot be told from one of higher

@@ -15,10 +15,10 @@ from ..records.record import Record
 from .diagnosis import level_p
 from .estimates import Estimates
 
-__all__ = ["Cure", "best_cure", "bic_beside", "on_band"]
+__all__ = ["Cure", "best_cure", "bic_beside", "on_band", "with_drift"]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
-CLOSE = 2.0  # differences of BIC that say nothing: the more likely cure, which is tried first, is named
+CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
 
 
@@ -61,6 +61,19 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     return found
 
 
+def with_drift(fit: Estimates) -> Cure | None:
+    """A drift of the output beside the constant."""
+    if fit.again is None or fit.records is None:
+        return None
+    try:
+        other = fit.again(fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    except ModfunError:
+        return None
+    if not other.usable:
+        return None
+    return Cure('trend="linear"', bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
+
+
 def on_band(fit: Estimates, band: tuple[float, float]) -> Options:
     """The options of a fit over a band of lines."""
     return fit.options.replace(band=(band[0], band[1] * (1 + 1e-9)), harmonics=None)
@@ -94,6 +107,9 @@ def _neighbours(
             given = repr(kinds) if several else repr(word)
             changed = tuple(rec._like(intersample=tuple(kinds)) for rec in records)
             yield f"intersample={given} in the record", changed, fit.structure
+    if fit.intersample[channel] == "zoh":
+        words = f"{name} a sample earlier, since it acts in its own sample (y[:-1] with {name}[1:])"
+        yield words, tuple(_earlier(rec, channel) for rec in records), fit.structure
     delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
     known = delays[output][channel]
     if not isinstance(known, Free):
@@ -106,6 +122,14 @@ def _neighbours(
         more[output][channel] = path + 1
         yield f"one more zero{of}, zeros={_told(more)}", records, _with(fit, zeros=more)
     yield from _poles(fit, output)
+
+
+def _earlier(rec: Record, channel: int) -> Record:
+    """The record with an input a sample earlier, and so a sample shorter."""
+    short = rec.window(rec.t[0], rec.t[-2])
+    u = short.u.copy()
+    u[channel] = rec.u[channel, 1:]
+    return short._like(u=u)
 
 
 def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:

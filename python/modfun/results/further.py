@@ -33,9 +33,9 @@ class Explained:
     Attributes
     ----------
     what : {"response", "gain", "power", "change", "drift", "event", "spike"}
-        What the columns are: a further response to an input, powers of an input, powers of the simulated
-        output and its rate, coefficients that change in time, a slope and a bend of the output, one event at
-        one time, one sample.
+        What the columns are: a further response to an input, powers of an input and the input clipped,
+        powers of the simulated output and its rate, coefficients that change in time, a slope and a bend
+        of the output, one event at one time, one sample.
     channel : str
         The input of a response or a gain, else the output.
     output : int
@@ -255,11 +255,12 @@ class _Block:
         return np.concatenate([found[:2], found * self.over])
 
     def gains(self, k: int) -> C128:
-        """Powers of an input, and what they would add to the equation."""
+        """Powers of an input and the input clipped at its rms, and what they would add to the equation."""
         rec = fitted(self.fit)[self.record]
         u = rec.u[k, rec.intervals - self.fit.intervals[self.record] :]
         u = (u - u.mean()) / (float(np.ptp(u)) or 1.0)
-        found = self._spectra(np.vstack([u**2, u**3])) * self.late[k].conj()
+        rms = float(np.sqrt(np.mean(u**2)))  # a stop: what an actuator does not pass
+        found = self._spectra(np.vstack([u**2, u**3, u.clip(-rms, rms)])) * self.late[k].conj()
         return np.concatenate([found, found * self.over])
 
     def changes(self) -> C128:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .._core import sharpest
 from ..models.noise import Noise
-from .cures import best_cure
+from .cures import best_cure, with_drift
 from .diagnosis import Diagnosis, diagnose, level_p
 from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
@@ -17,7 +17,7 @@ __all__ = ["UNLIKELY", "misfit", "of_colour", "of_residuals", "too_large", "too_
 UNLIKELY = 0.01  # p-value below which a test speaks
 PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far above the noise
 LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by itself
-SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about
+SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about, and of gains
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
@@ -31,7 +31,8 @@ def misfit(fit: Estimates) -> Doubt | None:
 
 def _suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
-    if level_p(fit) < LOOK:
+    level = level_p(fit)
+    if level < LOOK or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level
         return True
     for i in range(len(fit.row_names)):
         pieces = [piece[i] for piece in fit.pieces]
@@ -49,8 +50,10 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
     high = d.chi2_p < SURE
     said: list[tuple[Doubt, float]] = []
     for one in d.further:
-        spoken, sure = one.p_value < UNLIKELY / count, one.p_value < SURE / count
-        if spoken or (high and one.what == "response" and one.p_value < PLAUSIBLE):
+        # A clipped input is one of many shapes of a gain that is not constant.
+        spoken = one.p_value < UNLIKELY / count
+        sure = one.p_value < (SUREST if one.what == "gain" else SURE) / count
+        if spoken or (high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE):
             said += _further(fit, one, sure, spoken)
     if high and not fit.inputs:
         said += _of_free_motion(fit)
@@ -114,8 +117,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool) -> Doubt:
     gain = gain_of_process(fit) if alone else None
     if found == "process":
         text += (
-            " Their spectrum is that of noise which drives the system itself, such as turbulence or load. "
-            'First try noise="process".'
+            " Their spectrum is that of something which drives the system itself, such as turbulence, load "
+            'or an input that is not in the record. First try that input, or noise="process".'
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     text += (
@@ -145,6 +148,11 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
     """
     y = fit.outputs[one.output] if fit.layout.rational else one.channel
     chance = f"p = {one.p_value:.1g}"
+    if one.what == "drift" and not sure:
+        # The slope that the test allows the noise hides a drift, which is steep itself.
+        drift = with_drift(fit)
+        settled = drift is not None and drift.level_p > UNLIKELY > SURE > level_p(fit)
+        return [(Doubt(_words(fit, one, y, chance), settled), one.bic)] if spoken or settled else []
     if one.what != "response":
         return [(Doubt(_words(fit, one, y, chance), sure), one.bic)]
     cure = best_cure(fit, one.output, one.channel)

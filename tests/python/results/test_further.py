@@ -65,3 +65,32 @@ def test_without_noise_there_is_nothing_to_test():
     assert not fit.check()
     assert "no noise to test" in fit.check().note
     assert "no noise to test" in str(fit.summary())
+
+
+def noisy(y, u, dt, hold, seed=0):
+    noise = 0.05 * y.std() * np.random.default_rng(seed).standard_normal(y.size)
+    return mf.Record(y=y + noise, u=u, dt=dt, intersample=hold)
+
+
+def test_a_saturating_actuator_is_told_from_something_short():
+    u, dt = CLEAN["u"], CLEAN.dt
+    y = np.ravel(PLANT.simulate(u=u.clip(-0.6, 0.6), dt=dt, intersample="smooth"))
+    with pytest.warns(mf.ModfunWarning, match="follow powers of u .* saturates"):
+        mf.fit(noisy(y, u, dt, "smooth"), TWO)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_drift_that_looks_like_steep_noise_is_settled_by_a_fit(seed):
+    y = CLEAN["y"] + 0.6 * CLEAN["y"].std() * CLEAN.t / 20
+    with pytest.warns(mf.ModfunWarning, match='slow drift .* First try trend="linear"'):
+        mf.fit(noisy(y, CLEAN["u"], CLEAN.dt, "smooth", seed), TWO)
+
+
+def test_a_held_input_that_acts_in_its_own_sample_is_taken_a_sample_earlier():
+    u = np.repeat(np.random.default_rng(5).standard_normal(103), 5)[:514]
+    y = np.ravel(PLANT.simulate(u=u, dt=0.1, intersample="zoh"))
+    rec = noisy(y[1:], u[:-1], 0.1, "zoh")
+    with pytest.warns(mf.ModfunWarning, match=r"First try u a sample earlier, .* \(y\[:-1\] with u\[1:\]\)"):
+        mf.fit(rec, TWO)
+    cured = mf.fit(mf.Record(y=rec["y"][:-1], u=u[1:-1], dt=0.1, intersample="zoh"), TWO)
+    np.testing.assert_array_less(np.abs(cured.params - [3, 8, 5]), 4 * cured.bse)
