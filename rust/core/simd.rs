@@ -89,6 +89,8 @@ pub trait Lanes:
     fn abs(self) -> Self;
     /// The larger operand; the second where either is NaN.
     fn max(self, b: Self) -> Self;
+    /// The smaller operand; the second where either is NaN.
+    fn min(self, b: Self) -> Self;
     /// `a` where `self < than`, else `b` (also where the comparison meets a NaN).
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self;
     /// `a` where this mask is 1, `b` where it is 0.
@@ -266,6 +268,7 @@ mod tests {
                     x.mul_add(y, L::splat(0.5)),
                     x.abs().sqrt(),
                     x.max(y),
+                    x.min(y),
                     x.select_lt(y, L::splat(1.0), x),
                     L::from_bits(i.add(j)),
                     L::from_bits(i.xor(j)),

@@ -16,19 +16,26 @@
 //! Lines are put together in bins no wider than an eighth of their frequency. A line of the spectrum that stands alone,
 //! a hum, is smoothed over; HC3 allows for it where enough lines carry the information.
 
-use crate::linalg::lanes::invert;
-use crate::math::{exp, ln, ln_1};
+use crate::math::{exp2, ln, ln_1};
 use crate::modulation::Lines;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
+use std::f64::consts::LN_2;
 
 /// Terms of the logarithm of the spectrum.
 const TERMS: usize = 6;
-/// 1/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one.
-const PRECISION: [f64; TERMS] = [0.0, 0.0625, 0.25, 1.0 / 2.25, 1.0, 1.0 / 0.49];
+/// Terms that all products of two of them are sums of.
+const PRODUCTS: usize = 2 * TERMS - 1;
+/// T_0, T_1 and on at one place.
+type Terms = [f64; PRODUCTS];
+/// 2 ln 2/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one, of ln s.
+const PRIOR: [f64; TERMS] = {
+    let unit = 2.0 * LN_2;
+    [0.0, unit / 16.0, unit / 4.0, unit / 2.25, unit, unit / 0.49]
+};
 /// Scoring steps behind the start; more change standard errors by a few thousandths.
 const STEPS: usize = 4;
 /// No coefficient changes by more in one step.
-const LONGEST: f64 = 1.5;
+const LONGEST: f64 = 1.5 / LN_2;
 /// Least level of a bin over that of all that the start believes.
 const LEAST: f64 = 1e-3;
 /// Width of a bin over its frequency.
@@ -40,7 +47,7 @@ pub(crate) struct Bins {
     /// Bin of each line of each record.
     pub of: Vec<Vec<usize>>,
     /// T_j at the middle of each bin.
-    pub terms: Vec<[f64; TERMS]>,
+    pub terms: Vec<Terms>,
     /// Mean frequency of each bin, rad/s.
     pub omega: Vec<f64>,
 }
@@ -95,11 +102,10 @@ impl Bins {
     }
 }
 
-/// T_0 to T_5 at x.
-fn chebyshev(x: f64) -> [f64; TERMS] {
-    let mut t = [1.0; TERMS];
+fn chebyshev(x: f64) -> Terms {
+    let mut t = [1.0; PRODUCTS];
     t[1] = x;
-    for k in 2..TERMS {
+    for k in 2..PRODUCTS {
         t[k] = 2.0 * x * t[k - 1] - t[k - 2];
     }
     t
@@ -117,9 +123,8 @@ pub(crate) struct Spectral {
     influence: Vec<Wide>,
     /// s of each channel and bin.
     spectrum: Vec<Wide>,
-    /// Of each channel the covariance of its coefficients.
-    uncertainty: Vec<Wide>,
-    work: Vec<Wide>,
+    /// Of each channel that of the information on its coefficients.
+    factor: Vec<Factor<Wide>>,
     /// Covariance of θ, and the degrees of freedom of each variance.
     pub cov: Vec<Wide>,
     pub degrees: Vec<Wide>,
@@ -137,8 +142,7 @@ impl Spectral {
             freedom: wide(all),
             influence: wide(all * p * (p + 1) / 2),
             spectrum: wide(all),
-            uncertainty: wide(channels * TERMS * TERMS),
-            work: wide(TERMS * (TERMS + 1) + TERMS * TERMS),
+            factor: vec![Factor::default(); channels],
             cov: wide(p * p),
             degrees: wide(p),
         }
@@ -182,100 +186,88 @@ impl Spectral {
 
     /// The spectra of all channels, in units of `variance`.
     #[inline(always)]
-    fn regress<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
-        let unit = L::splat(1.0) / variance.max(L::splat(f64::MIN_POSITIVE));
-        let channels = self.square.len() / self.bins;
-        for channel in 0..channels {
-            let range = channel * self.bins..(channel + 1) * self.bins;
-            let (square, freedom) = (&self.square[range.clone()], &self.freedom[range.clone()]);
-            let (information, work) = self.work.split_at_mut(TERMS * TERMS);
-            let inverse = &mut self.uncertainty[channel * TERMS * TERMS..][..TERMS * TERMS];
+    fn regress<L: Lanes>(&mut self, bins: &[Terms], variance: L) {
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let unit = one / variance.max(L::splat(f64::MIN_POSITIVE));
+        let squares = self.square.chunks_exact_mut(self.bins);
+        let channels = squares.zip(self.freedom.chunks_exact(self.bins));
+        let spectra = self.spectrum.chunks_exact_mut(self.bins).zip(&mut self.factor);
+        for ((squares, freedoms), (spectrum, to)) in channels.zip(spectra) {
+            let mut total = zero;
+            for square in squares.iter_mut() {
+                let own = L::load(square) * unit;
+                own.store(square);
+                total = total + own;
+            }
+            let low = gathered::<L, TERMS>(bins, 0, freedoms);
+            let high = gathered::<L, { PRODUCTS - TERMS }>(bins, TERMS, freedoms);
+            let factor = factored(&low, &high);
+            // The start: a regression of logarithms, whose mean is about 1/freedom too low.
+            let least = (total / low[0] * L::splat(LEAST)).max(L::splat(1e-30));
+            for ((square, freedom), to) in squares.iter().zip(freedoms).zip(spectrum.iter_mut()) {
+                let freedom = L::load(freedom);
+                let seen = ln((L::load(square) / freedom).max(least));
+                seen.mul_add(freedom, freedom.min(one)).store(to);
+            }
+            let mut c = solved(&factor, gathered(bins, 0, spectrum));
+            for _ in 0..STEPS {
+                let rows = squares.iter().zip(freedoms).zip(spectrum.iter_mut());
+                for (t, ((square, freedom), to)) in bins.iter().zip(rows) {
+                    let expected = exp2(-level(t, &c));
+                    L::load(square).mul_add(expected, -L::load(freedom)).store(to);
+                }
+                let mut slope = gathered(bins, 0, spectrum);
+                for i in 0..TERMS {
+                    slope[i] = c[i].mul_add(L::splat(-PRIOR[i]), slope[i]);
+                }
+                let step = solved(&factor, slope);
+                for i in 0..TERMS {
+                    c[i] = c[i] + step[i].max(L::splat(-LONGEST)).min(L::splat(LONGEST));
+                }
+            }
+            for (t, to) in bins.iter().zip(spectrum) {
+                exp2(level(t, &c)).store(to);
+            }
             for i in 0..TERMS {
                 for j in i..TERMS {
-                    let prior = if i == j { PRECISION[i] } else { 0.0 };
-                    let mut sum = L::splat(prior);
-                    for (t, freedom) in bins.iter().zip(freedom) {
-                        sum = L::load(freedom).mul_add(L::splat(0.5 * t[i] * t[j]), sum);
-                    }
-                    sum.store(&mut information[i * TERMS + j]);
+                    factor[i][j].store(&mut to[i][j]);
                 }
-            }
-            invert::<L>(information, TERMS, inverse, work, &mut Wide::splat(1.0));
-            let mut total = (L::splat(0.0), L::splat(0.0));
-            for (square, freedom) in square.iter().zip(freedom) {
-                total = (total.0 + L::load(square), total.1 + L::load(freedom));
-            }
-            // The start: a regression of logarithms, whose mean is about 1/freedom too low.
-            let least = (total.0 * unit / total.1 * L::splat(LEAST)).max(L::splat(1e-30));
-            let mut slope = [L::splat(0.0); TERMS];
-            for ((t, square), freedom) in bins.iter().zip(square).zip(freedom) {
-                let freedom = L::load(freedom);
-                let seen = ln((L::load(square) * unit / freedom).max(least));
-                let low = -(-freedom).max(L::splat(-1.0));
-                along(&mut slope, t, seen.mul_add(freedom, low));
-            }
-            let mut c = stepped(inverse, &slope, L::splat(f64::MAX));
-            for _ in 0..STEPS {
-                let mut slope = c;
-                for (slope, precision) in slope.iter_mut().zip(PRECISION) {
-                    *slope = *slope * L::splat(-precision);
-                }
-                for ((t, square), freedom) in bins.iter().zip(square).zip(freedom) {
-                    let expected = exp(-level(t, &c));
-                    let over = (L::load(square) * unit).mul_add(expected, -L::load(freedom));
-                    along(&mut slope, t, over);
-                }
-                let step = stepped(inverse, &slope, L::splat(LONGEST));
-                for (c, step) in c.iter_mut().zip(step) {
-                    *c = *c + step;
-                }
-            }
-            for (t, to) in bins.iter().zip(&mut self.spectrum[range]) {
-                exp(level(t, &c)).store(to);
             }
         }
     }
 
     /// Covariance and degrees of freedom from spectra and influences.
     #[inline(always)]
-    fn covariance<L: Lanes>(&mut self, bins: &[[f64; TERMS]], variance: L) {
+    fn covariance<L: Lanes>(&mut self, bins: &[Terms], variance: L) {
         let p = self.parameters;
         let size = p * (p + 1) / 2;
         let mut at = 0;
         for i in 0..p {
-            for j in i..p {
+            // The variance of a sum of spectra, and its own variance.
+            let (mut sum, mut var) = (L::splat(0.0), L::splat(0.0));
+            let mut influence = self.influence[at..].iter().step_by(size);
+            for (spectrum, factor) in self.spectrum.chunks_exact(self.bins).zip(&self.factor) {
+                let mut share = [L::splat(0.0); TERMS];
+                for ((t, s), own) in bins.iter().zip(spectrum).zip(influence.by_ref()) {
+                    along(&mut share, &t[..TERMS], L::load(own) * L::load(s));
+                }
+                sum = sum + share[0];
+                var = var + variance_of(factor, share);
+            }
+            // A parameter on its bound has no influence.
+            let scale = L::splat(1.0) / sum.max(L::splat(f64::MIN_POSITIVE));
+            (L::splat(2.0) / (var * scale * scale)).store(&mut self.degrees[i]);
+            (sum * variance).store(&mut self.cov[i * p + i]);
+            for j in i + 1..p {
                 let mut sum = L::splat(0.0);
-                for (own, s) in self.influence.chunks_exact(size).zip(&self.spectrum) {
-                    sum = L::load(&own[at]).mul_add(L::load(s), sum);
+                let influence = self.influence[at + j - i..].iter().step_by(size);
+                for (own, s) in influence.zip(&self.spectrum) {
+                    sum = L::load(own).mul_add(L::load(s), sum);
                 }
                 (sum * variance).store(&mut self.cov[i * p + j]);
                 (sum * variance).store(&mut self.cov[j * p + i]);
-                if i == j {
-                    // A parameter on its bound has no influence.
-                    let scale = L::splat(1.0) / sum.max(L::splat(f64::MIN_POSITIVE));
-                    let mut var = L::splat(0.0);
-                    let blocks = self.spectrum.chunks_exact(self.bins);
-                    for (channel, spectrum) in blocks.enumerate() {
-                        let mut share = [L::splat(0.0); TERMS];
-                        for (b, (s, t)) in spectrum.iter().zip(bins).enumerate() {
-                            let own = &self.influence[(channel * self.bins + b) * size + at];
-                            let own = L::load(own) * L::load(s) * scale;
-                            for (share, t) in share.iter_mut().zip(t) {
-                                *share = own.mul_add(L::splat(*t), *share);
-                            }
-                        }
-                        let inverse = &self.uncertainty[channel * TERMS * TERMS..];
-                        for (i, left) in share.iter().enumerate() {
-                            for (j, right) in share.iter().enumerate() {
-                                let by = *left * *right;
-                                var = by.mul_add(L::load(&inverse[i * TERMS + j]), var);
-                            }
-                        }
-                    }
-                    (L::splat(2.0) / var).store(&mut self.degrees[i]);
-                }
-                at += 1;
             }
+            at += p - i;
         }
     }
 }
@@ -284,17 +276,21 @@ impl Spectral {
     /// The spectra of one lane.
     pub fn told(&self, bins: &Bins, lane: usize) -> NoiseSpectrum {
         let blocks = self.spectrum.chunks_exact(self.bins.max(1));
-        let inverses = self.uncertainty.chunks_exact(TERMS * TERMS);
-        let error = |t: &[f64; TERMS], inverse: &[Wide]| {
-            let entry = |k: usize| t[k / TERMS] * t[k % TERMS] * inverse[k].0[lane];
-            (0..TERMS * TERMS).map(entry).sum::<f64>().sqrt()
+        let error = |t: &Terms, m: &Factor<Wide>| {
+            let (mut of, mut sum) = (*t, 0.0);
+            for i in 0..TERMS {
+                sum += of[i] * of[i] * m[i][i].0[lane];
+                for j in i + 1..TERMS {
+                    of[j] -= m[i][j].0[lane] * of[i];
+                }
+            }
+            (2.0 * LN_2 * sum).sqrt()
         };
+        let errors = |factor: &Factor<Wide>| bins.terms.iter().map(|t| error(t, factor)).collect();
         NoiseSpectrum {
             omega: bins.omega.clone(),
             power: blocks.map(|own| own.iter().map(|s| s.0[lane]).collect()).collect(),
-            log_error: inverses
-                .map(|inverse| bins.terms.iter().map(|t| error(t, inverse)).collect())
-                .collect(),
+            log_error: self.factor.iter().map(errors).collect(),
         }
     }
 }
@@ -340,38 +336,93 @@ impl Spectral {
     }
 }
 
-/// slope += ½ t over.
+/// Sums over the bins of so many terms times a value.
 #[inline(always)]
-fn along<L: Lanes>(slope: &mut [L; TERMS], t: &[f64; TERMS], over: L) {
-    let over = over * L::splat(0.5);
-    for (slope, t) in slope.iter_mut().zip(t) {
-        *slope = over.mul_add(L::splat(*t), *slope);
+fn gathered<L: Lanes, const N: usize>(bins: &[Terms], first: usize, values: &[Wide]) -> [L; N] {
+    let mut sums = [L::splat(0.0); N];
+    for (t, value) in bins.iter().zip(values) {
+        along(&mut sums, &t[first..first + N], L::load(value));
+    }
+    sums
+}
+
+/// sum += t value.
+#[inline(always)]
+fn along<L: Lanes, const N: usize>(sum: &mut [L; N], t: &[f64], value: L) {
+    for (sum, t) in sum.iter_mut().zip(t) {
+        *sum = value.mul_add(L::splat(*t), *sum);
     }
 }
 
-/// The inverse information times the slope, no entry beyond `most`.
+/// log₂ s where the terms are `t`.
 #[inline(always)]
-fn stepped<L: Lanes>(inverse: &[Wide], slope: &[L; TERMS], most: L) -> [L; TERMS] {
-    let mut steps = [L::splat(0.0); TERMS];
-    for (i, to) in steps.iter_mut().enumerate() {
-        let mut step = L::splat(0.0);
-        for (j, slope) in slope.iter().enumerate() {
-            step = L::load(&inverse[i * TERMS + j]).mul_add(*slope, step);
-        }
-        let step = -(-step).max(-most);
-        *to = step.max(-most);
-    }
-    steps
-}
-
-/// log s where the terms are `t`.
-#[inline(always)]
-fn level<L: Lanes>(t: &[f64; TERMS], c: &[L; TERMS]) -> L {
-    let mut sum = L::splat(0.0);
-    for (t, c) in t.iter().zip(c) {
+fn level<L: Lanes>(t: &Terms, c: &[L; TERMS]) -> L {
+    let mut sum = c[0];
+    for (t, c) in t[1..].iter().zip(&c[1..]) {
         sum = c.mul_add(L::splat(*t), sum);
     }
     sum
+}
+
+/// UᵀDU: U above the diagonal, 1/D on it.
+type Factor<T> = [[T; TERMS]; TERMS];
+
+/// The factor of 2 ln 2 times the information, as steps in powers of two need it, from the sums of degrees of freedom
+/// times T_k: T_i T_j = ½ (T_{i+j} + T_{j−i}).
+#[inline(always)]
+fn factored<L: Lanes>(low: &[L; TERMS], high: &[L; PRODUCTS - TERMS]) -> Factor<L> {
+    let mut m = [[L::splat(0.0); TERMS]; TERMS];
+    for i in 0..TERMS {
+        for j in i..TERMS {
+            let sum = if i + j < TERMS { low[i + j] } else { high[i + j - TERMS] };
+            let prior = if i == j { PRIOR[i] } else { 0.0 };
+            m[i][j] = (sum + low[j - i]).mul_add(L::splat(0.5 * LN_2), L::splat(prior));
+        }
+    }
+    for k in 0..TERMS {
+        let inverse = L::splat(1.0) / m[k][k];
+        for i in k + 1..TERMS {
+            let by = m[k][i] * inverse;
+            for j in i..TERMS {
+                m[i][j] = (-by).mul_add(m[k][j], m[i][j]);
+            }
+            m[k][i] = by;
+        }
+        m[k][k] = inverse;
+    }
+    m
+}
+
+/// The solution of UᵀDU x = this.
+#[inline(always)]
+fn solved<L: Lanes>(m: &Factor<L>, mut x: [L; TERMS]) -> [L; TERMS] {
+    for i in 0..TERMS {
+        for j in i + 1..TERMS {
+            x[j] = (-m[i][j]).mul_add(x[i], x[j]);
+        }
+    }
+    for i in 0..TERMS {
+        x[i] = x[i] * m[i][i];
+    }
+    for j in (0..TERMS).rev() {
+        for i in 0..j {
+            x[i] = (-m[i][j]).mul_add(x[j], x[i]);
+        }
+    }
+    x
+}
+
+/// The variance of a combination of the coefficients of ln s.
+#[inline(always)]
+fn variance_of<L: Lanes>(m: &Factor<Wide>, mut of: [L; TERMS]) -> L {
+    let mut sum = L::splat(0.0);
+    for i in 0..TERMS {
+        sum = (of[i] * of[i]).mul_add(L::load(&m[i][i]), sum);
+        for j in i + 1..TERMS {
+            of[j] = (-L::load(&m[i][j])).mul_add(of[i], of[j]);
+        }
+    }
+    sum * L::splat(2.0 * LN_2)
 }
 
 #[cfg(test)]

@@ -79,6 +79,10 @@ impl Lanes for Neon {
         unsafe { Neon(each(|k| vbslq_f64(vcgtq_f64(self.0[k], b.0[k]), self.0[k], b.0[k]))) }
     }
     #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        unsafe { Neon(each(|k| vbslq_f64(vcltq_f64(self.0[k], b.0[k]), self.0[k], b.0[k]))) }
+    }
+    #[inline(always)]
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self {
         unsafe { Neon(each(|k| vbslq_f64(vcltq_f64(self.0[k], than.0[k]), a.0[k], b.0[k]))) }
     }

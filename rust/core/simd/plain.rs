@@ -70,6 +70,10 @@ impl<const N: usize> Lanes for Plain<N> {
         Plain(std::array::from_fn(|i| if self.0[i] > b.0[i] { self.0[i] } else { b.0[i] }))
     }
     #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        Plain(std::array::from_fn(|i| if self.0[i] < b.0[i] { self.0[i] } else { b.0[i] }))
+    }
+    #[inline(always)]
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self {
         Plain(std::array::from_fn(|i| if self.0[i] < than.0[i] { a.0[i] } else { b.0[i] }))
     }

@@ -121,6 +121,10 @@ impl Lanes for Avx2 {
         unsafe { Avx2(_mm256_max_pd(self.0, b.0), _mm256_max_pd(self.1, b.1)) }
     }
     #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        unsafe { Avx2(_mm256_min_pd(self.0, b.0), _mm256_min_pd(self.1, b.1)) }
+    }
+    #[inline(always)]
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self {
         unsafe {
             Avx2(
@@ -187,6 +191,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn max(self, b: Self) -> Self {
         unsafe { Avx512(_mm512_max_pd(self.0, b.0)) }
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        unsafe { Avx512(_mm512_min_pd(self.0, b.0)) }
     }
     #[inline(always)]
     fn select_lt(self, than: Self, a: Self, b: Self) -> Self {
