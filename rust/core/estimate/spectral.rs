@@ -370,6 +370,7 @@ type Factor<T> = [[T; TERMS]; TERMS];
 /// The factor of 2 ln 2 times the information, as steps in powers of two need it, from the sums of degrees of freedom
 /// times T_k: T_i T_j = ½ (T_{i+j} + T_{j−i}).
 #[inline(always)]
+#[allow(clippy::needless_range_loop)] // by row and column, as on paper; copies of rows cost a quarter more
 fn factored<L: Lanes>(low: &[L; TERMS], high: &[L; PRODUCTS - TERMS]) -> Factor<L> {
     let mut m = [[L::splat(0.0); TERMS]; TERMS];
     for i in 0..TERMS {
