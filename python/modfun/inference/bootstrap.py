@@ -33,8 +33,9 @@ BLOCK = 2**20  # samples held at a time
 class Bootstrap(FitMany):
     """Refits of resampled records, and what their scatter says; see `bootstrap` and `FitMany`.
 
-    Figures are those of the replicates with status "ok"; `failures` counts the others. `*_mcse` is the
-    Monte Carlo standard error of a figure: what another seed would change.
+    Figures are those of the `usable` replicates, status "ok" or "maxiter", as in studies; `failures` counts
+    all that are not "ok". `*_mcse` is the Monte Carlo standard error of a figure: what another
+    seed would change.
 
     Attributes
     ----------
@@ -135,7 +136,7 @@ class Bootstrap(FitMany):
                 "high": ends[:, 1],
                 "high_mcse": errors[:, 1],
             },
-            title=f"{self.kind} bootstrap, {count} of {len(self)} refits succeeded, seed {self.seed}; "
+            title=f"{self.kind} bootstrap, {count} of {len(self)} refits have an estimate, seed {self.seed}; "
             f"{method} intervals of {100 * level:g} %",
         )
 
@@ -158,19 +159,19 @@ class Bootstrap(FitMany):
         if method == "basic":
             found, errors = _quantiles(theta, tails[::-1])
             return 2 * value[:, None] - found, errors
-        own = self.bse[self.success]
+        own = self.bse[self.usable]
         # On a bound a replicate has no standard error (0 in batches): nan, and then all ends.
         found, errors = _quantiles((theta - value) / np.where(own > 0, own, np.nan), tails[::-1])
         own = self.fit.bse[:, None]
         return value[:, None] - own * found, own * errors
 
     def _good(self, least: int) -> F64:
-        good = self.params[self.success]
+        good = self.params[self.usable]
         if len(good) < least:
             counts = ", ".join(f"{n} {word}" for word, n in self.failures.items())
             raise FitError(
-                f"bootstrap: {len(good)} of {len(self)} refits succeeded ({counts}), {least} are needed; "
-                "give more replicates, or a structure or band that the records determine"
+                f"bootstrap: {len(good)} of {len(self)} refits have an estimate ({counts}), {least} are "
+                "needed; give more replicates, or a structure or band that the records determine"
             )
         return good
 

@@ -68,8 +68,17 @@ class FitMany:
 
     @property
     def success(self) -> NDArray[np.bool_]:
-        """Which estimates can be used."""
+        """Which fits settled."""
         return np.asarray(self.status == "ok")
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which records have an estimate, settled or not: the rule of `Fit.usable` and of studies.
+
+        To leave out those that did not settle would make the others look better than they are.
+        """
+        found = np.isin(self.status, ("ok", "maxiter")) & np.isfinite(self.params).all(axis=1)
+        return np.asarray(found)
 
     @property
     def failures(self) -> dict[str, int]:
@@ -86,8 +95,8 @@ class FitMany:
         return self.params[:, self.param_names.index(name)]
 
     def table(self) -> Table:
-        """Mean, standard deviation, median and mean standard error of each parameter over the good fits."""
-        good = self.success
+        """Mean, standard deviation, median, mean standard error of each parameter: the `usable` fits."""
+        good = self.usable
         values, errors = self.params[good], self.bse[good]
         nothing = np.full(len(self.param_names), np.nan)
         some, two = bool(good.any()), int(good.sum()) > 1
@@ -99,7 +108,7 @@ class FitMany:
                 "median": np.median(values, axis=0) if some else nothing,
                 "mean_bse": errors.mean(axis=0) if some else nothing,
             },
-            title=f"{int(good.sum())} of {len(self)} fits succeeded",
+            title=f"{int(good.sum())} of {len(self)} fits have an estimate",
         )
 
     def to_pandas(self) -> Any:

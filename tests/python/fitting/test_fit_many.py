@@ -75,9 +75,10 @@ def test_a_bad_replicate_leaves_the_others_alone(batch):
     assert many.failures == {"nonfinite": 1}
     good = np.arange(50) != 3
     assert np.array_equal(many.success, good)
+    assert np.array_equal(many.usable, good)
     np.testing.assert_array_equal(many.params[good], mf.fit_many(batch, TF20).params[good])
     assert "49 ok, 1 nonfinite" in repr(many)
-    assert many.table().title == "49 of 50 fits succeeded"
+    assert many.table().title == "49 of 50 fits have an estimate"
     assert "<table" in many._repr_html_()
 
 
