@@ -18,6 +18,7 @@ LAGS = 6  # samples after which an input may respond to a residual
 PAST = 12  # of its own samples, from which it is predicted
 SHORTEST = 5 * (LAGS + PAST)  # samples
 LONGEST = 1 << 12  # samples of a record that are looked at
+ASKED = 0.01  # p-value from which on residuals are looked at more closely
 NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
 
 
@@ -55,12 +56,20 @@ def feedback(fit: Estimates) -> Feedback | None:
         return None
     if all(_foreseen(_window(fit, k, j)) for k in range(len(fit.pieces)) for j in range(len(fit.inputs))):
         return None
+    found = _found(fit, [_residuals(fit, k) for k in range(len(fit.pieces))])
+    if found is not None and found.p_value < ASKED and _stable(fit):
+        # Between the samples of a held input lines fold into others: a simulation has them all.
+        found = _found(fit, [_simulated(fit, k) for k in range(len(fit.pieces))])
+    return found
+
+
+def _found(fit: Estimates, residuals: list[F64]) -> Feedback | None:
+    """The likeliest way back from residuals of records, (output, interval) each."""
     best: tuple[float, int, int] | None = None
     size = fit.params.size
     pull, spread, tests = np.zeros(size), np.zeros((size, size)), 0
-    for k in range(len(fit.pieces)):
-        for i in range(len(fit.outputs)):
-            e = _residual(fit, k, i)
+    for k, left in enumerate(residuals):
+        for i, e in enumerate(left):
             for j in range(len(fit.inputs)):
                 found = _granger(fit, k, j, e)
                 if found is None:
@@ -82,6 +91,18 @@ def feedback(fit: Estimates) -> Feedback | None:
     p, i, j = best
     at = int(np.argmax(np.nan_to_num(least, nan=-np.inf)))
     return Feedback(fit.outputs[i], fit.inputs[j], min(1.0, p * tests), float(most[at]), float(least[at]))
+
+
+def _stable(fit: Estimates) -> bool:
+    """Whether a simulation of the records stays near them."""
+    return all(np.all(np.roots(fit.polynomials(i)[0]).real < 0) for i in range(len(fit.outputs)))
+
+
+def _simulated(fit: Estimates, k: int) -> F64:
+    """Residuals of a record's window in time, (output, interval), by simulation."""
+    assert fit.records is not None
+    rec = fit.records[k]
+    return np.asarray((rec.y - fit.simulate(rec)[0])[:, rec.intervals - fit.intervals[k] : -1])
 
 
 def _granger(fit: Estimates, k: int, j: int, e: F64) -> tuple[float, F64, F64] | None:
@@ -162,8 +183,12 @@ def _pull(fit: Estimates, k: int, i: int, j: int, c: F64) -> tuple[F64, F64]:
     return np.asarray(2 * (slopes @ h).real), np.asarray(2 * (slopes @ by_c).real)
 
 
+def _residuals(fit: Estimates, k: int) -> F64:
+    """Residuals of a record's window in time, (output, interval), made of all lines but line 0."""
+    return np.array([_residual(fit, k, i) for i in range(len(fit.outputs))])
+
+
 def _residual(fit: Estimates, k: int, i: int) -> F64:
-    """Residual of an output over a record's window in time, (interval,), made of all lines but line 0."""
     assert fit.records is not None
     rec, n = fit.records[k], fit.intervals[k]
     start, top = rec.intervals - n, (n - 1) // 2

@@ -67,7 +67,7 @@ def uneven(fit: Estimates) -> Uneven | None:
                 (rec.y - fit.simulate(rec)[0])[:, rec.intervals - count : -1]
                 for rec, count in zip(records, fit.intervals, strict=True)
             ]
-    except ModfunError:
+    except (ModfunError, np.linalg.LinAlgError):  # a response that leaves the range of numbers
         return None
     if not all(np.all(np.isfinite(own)) and np.all(own.any(axis=1)) for own in errors):
         return None
@@ -79,14 +79,15 @@ def _of_output(errors: list[F64], output: int) -> Uneven:
     from scipy.special import chdtrc
 
     levels, statistic = [], 0.0
-    for own in errors:
+    size = max(float(np.abs(own).max()) for own in errors)  # squares of any unit stay numbers
+    for own in [own / size for own in errors]:
         past = np.array([own[ORDER - lag : own.size - lag] for lag in range(1, ORDER + 1)]).T
         new = own[ORDER:] - past @ np.linalg.lstsq(past, own[ORDER:], rcond=None)[0]
         squares, time = np.append(np.zeros(ORDER), new**2), np.linspace(-1.0, 1.0, own.size)
         basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(time[ORDER:], POWERS))[0][:, 1:]
         about = squares[ORDER:] - squares[ORDER:].mean()
         statistic += about.size * float(np.sum((basis.T @ about) ** 2) / (about @ about))
-        levels.append(np.sqrt(smooth_level(squares, time, 1.0 * (time >= time[ORDER]))))
+        levels.append(size * np.sqrt(smooth_level(squares, time, 1.0 * (time >= time[ORDER]))))
     p = float(chdtrc(POWERS * len(errors), statistic))
     return Uneven(p, output, tuple(errors), tuple(levels))
 
