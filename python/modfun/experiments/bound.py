@@ -96,7 +96,7 @@ def crlb(
     *,
     nsr: ArrayLike | None = None,
     sigma: ArrayLike | None = None,
-    process_noise: ArrayLike | ProcessNoise = 0.0,
+    process_noise: ArrayLike | ProcessNoise | None = None,
     params: Mapping[str, float] | None = None,
     trend: str | None = None,
     initial_state: str | None = None,
@@ -123,8 +123,9 @@ def crlb(
         or one per output. Give this or `sigma`.
     sigma : float, sequence of float, or array_like (output, output)
         Noise standard deviation, one or one per output; or the covariance matrix of the outputs' noise.
-    process_noise : float, sequence of float or ProcessNoise, default 0
-        Level of noise that drives a linear system, as `simulate` takes it. All levels of noise, those of the
+    process_noise : float, sequence of float or ProcessNoise, optional
+        Level of noise that drives a linear system, as `simulate` takes it; default: 0, or, with the samples'
+        noise of a Fit, the fit's own. All levels of noise, those of the
         samples too, are then unknown (a level of 0 is known), as they are to a fit with ``noise="process"``.
     params : mapping of str to float, optional
         Values of the parameters of a structure, delays included.
@@ -210,10 +211,12 @@ def crlb(
             if start is None and initial_state == "unknown":
                 states = [sys.initial_state(k).state for k in range(len(sys.records))]
         if nsr is None and sigma is None:
-            sigma, process_noise = noise_of(sys)
+            sigma, found = noise_of(sys)
+            process_noise = found if process_noise is None else process_noise
             if experiment is sys.records:
                 levels = sys.level_ratios
         trend = sys.trend if trend is None else trend
+    process_noise = 0.0 if process_noise is None else process_noise
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
     given: list[Any] = list(experiment) if isinstance(experiment, list | tuple) else [experiment]

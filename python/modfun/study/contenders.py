@@ -71,10 +71,14 @@ class Contender:
         """What its estimators know of the initial states."""
         return self.estimators[0].options.initial_state if self.estimators else "unknown"
 
-    @property
-    def trend(self) -> str | None:
-        """Trend fitted beside the model (None for a user's estimator)."""
-        return self.estimators[0].options.settled().trend if self.estimators else None
+    def trend(self, group: Group) -> str | None:
+        """Trend fitted beside the model in a group (None for a user's estimator)."""
+        if not self.estimators:
+            return None
+        own = self.estimators[group.index]
+        equations = own.options.trend == "auto" and not isinstance(own.model, TransferFunction)
+        found: str | None = own.model.trend if equations else own.options.settled().trend
+        return found
 
     def core(self, group: Group) -> dict[str, Any]:
         """Keywords of the compiled core for this group."""

@@ -124,7 +124,7 @@ class Figures:
                 continue  # there is no system, or noise whose covariance nobody knows
             rec = g.record(g.rest.y)
             for k, c in enumerate(plan.contenders):
-                key = (g.index, c.structures[g.index], c.trend, c.initial_state)
+                key = (g.index, c.structures[g.index], c.trend(g), c.initial_state)
                 if key not in known:
                     try:
                         known[key] = _bound(g, c, rec, plan.sigma(g))
@@ -249,7 +249,7 @@ def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
             raise SpecError("crlb: the study's system is without the inputs through which noise enters")
     elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
-    given: dict[str, Any] = {"trend": contender.trend}
+    given: dict[str, Any] = {"trend": contender.trend(group)}
     if isinstance(system, LTI):
         given |= {"initial_state": contender.initial_state, "model": structure}
     else:

@@ -80,6 +80,16 @@ def test_of_a_fit_its_levels() -> None:
     assert np.all(fit.bse / again.sd > 0.7)
 
 
+def test_of_a_fit_with_levels_of_ones_own() -> None:
+    rec = mf.simulate(EQ24, input="sin(t**2/5)", duration=T, intervals=N, nsr=0.1, seed=1)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    told = mf.crlb(fit, rec, sigma=float(np.sqrt(fit.noise_cov[0, 0])), process_noise=5.0)
+    np.testing.assert_allclose(mf.crlb(fit, rec, process_noise=5.0).sd, told.sd, rtol=1e-9)
+    assert np.all(mf.crlb(fit, process_noise=5.0).sd > 10 * mf.crlb(fit).sd)
+    with pytest.raises(mf.SpecError, match="process_noise=-5 must be a level of at least 0"):
+        mf.crlb(fit, process_noise=-5)
+
+
 def test_what_is_refused() -> None:
     decay = mf.Equation("y' + a*y**3 = u").model({"a": 1.0})
     rec = mf.simulate(decay, input="sin(t)", duration=5.0, intervals=50)

@@ -27,6 +27,17 @@ def test_noise_of_ones_own_has_no_bound() -> None:
     assert np.isfinite(mf.MonteCarlo(**BASE).run(progress=False).crlb).all()
 
 
+def test_the_bound_of_equations_has_the_trend_that_they_are_fitted_with() -> None:
+    system = mf.Equation("y' + a*y + b*y**2 = u").model({"a": 1.0, "b": 0.2})
+    given = {**BASE, "system": system, "input": "sin(t**2/4) + 1"}
+    bounds = [
+        mf.MonteCarlo(**given, **words).run(progress=False).crlb.ravel()
+        for words in ({}, {"trend": None}, {"trend": "constant"})
+    ]
+    np.testing.assert_array_equal(bounds[0], bounds[1])
+    assert np.all(bounds[2] > 2 * bounds[0])
+
+
 def test_a_plot_without_a_bound_names_none() -> None:
     pytest.importorskip("matplotlib")
     both = {**BASE, "nsr": [0.1, 0.2]}
