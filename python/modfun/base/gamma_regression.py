@@ -11,6 +11,7 @@ __all__ = ["smooth_level"]
 TERMS = 6  # Chebyshev polynomials
 SPREAD = 2.0  # prior standard deviation of a coefficient times its degree
 ROUNDS = 50
+RANGE = 50.0  # of the logarithm of a level over the mean
 
 
 def smooth_level(squares: F64, x: F64, freedom: F64 | float, terms: int = TERMS) -> F64:
@@ -38,12 +39,12 @@ def smooth_level(squares: F64, x: F64, freedom: F64 | float, terms: int = TERMS)
     c = np.zeros(terms)
 
     def cost(c: F64) -> float:
-        log = np.clip(basis @ c, -50.0, 50.0)
+        log = np.clip(basis @ c, -RANGE, RANGE)
         return float(half @ (log + values * np.exp(-log)) + c @ prior @ c / 2)
 
     here = cost(c)
     for _ in range(ROUNDS):
-        ratio = values * np.exp(-np.clip(basis @ c, -50.0, 50.0))
+        ratio = values * np.exp(-np.clip(basis @ c, -RANGE, RANGE))
         slope = basis.T @ (half * (1 - ratio)) + prior @ c
         # Between the expected curvature and that of the data, which is the larger where squares are.
         curvature = (basis.T * (half * np.maximum(ratio, 1.0))) @ basis + prior
@@ -54,4 +55,4 @@ def smooth_level(squares: F64, x: F64, freedom: F64 | float, terms: int = TERMS)
         if not there < here - 1e-10:
             break
         c, here = c - size * step, there
-    return np.asarray(mean * np.exp(basis @ c))
+    return np.asarray(mean * np.exp(np.clip(basis @ c, -RANGE, RANGE)))

@@ -58,6 +58,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["cost"], fields["noise_scale"] = float(values["cost"]), float(values["noise_scale"])
     fields["known_level"] = _array(values["high_band_levels"])
     fields.update({name: tuple(values[name]) for name in TUPLES})
+    fields["intervals"] = tuple([int(count) for count in values["intervals"]])
     fields["window_weights"] = tuple(values.get("window_weights", ()))
     if "cov_spectral" not in values:  # files of old have none
         df = np.full(len(values["params"]), float(values["df_resid"]))
