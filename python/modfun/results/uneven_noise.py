@@ -71,6 +71,11 @@ def uneven(fit: Estimates) -> Uneven | None:
         return None
     if not all(np.all(np.isfinite(own)) and np.all(own.any(axis=1)) for own in errors):
         return None
+    if any(
+        np.any(np.ptp(own, axis=1) > 2 * np.ptp(rec.y, axis=1))
+        for own, rec in zip(errors, records, strict=True)
+    ):
+        return None  # of a simulation that runs away
     found = [_of_output([own[i] for own in errors], i) for i in range(len(fit.outputs))]
     return min(found, key=lambda one: one.p_value)
 
