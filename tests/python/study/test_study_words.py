@@ -106,3 +106,8 @@ def test_cells_without_noise_are_not_taken_for_a_mistake() -> None:
             progress=False
         )
         mf.MonteCarlo(**{**BASE, "nsr": 0.0, "noise": kit.coloured, "replicates": 3}).run(progress=False)
+
+
+def test_an_input_that_never_moves_is_refused_at_once() -> None:
+    with pytest.raises(mf.DataError, match="MonteCarlo: input 'u' stands at 1 throughout"):
+        mf.MonteCarlo(**{**BASE, "input": "1"})
