@@ -237,7 +237,7 @@ class Written:
             for name in self.all_parameters:
                 if channel not in own and name not in told and _alike(name, channel):
                     raise SpecError(
-                        f"{self._kind}: the record's {channel!r} is in no equation, and {name!r} is a parameter; "
+                        f"{self._kind}: the record's {channel!r} is in no equation, {name!r} is a parameter; "
                         f"did you mean {channel!r} for {name!r}? Else leave the channel out, "
                         "rec.select(inputs=[...], outputs=[...])"
                     )
