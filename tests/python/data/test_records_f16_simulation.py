@@ -37,10 +37,10 @@ def test_errors_hold_where_the_matrices_are_true(numbers):
         assert np.all(shares >= 97)
 
 
-def test_one_input_ties_five_entries(numbers):
+def test_one_input_ties_six_entries(numbers):
     free, held = numbers["collinearity"]["all"], numbers["collinearity"]["two known"]
     assert free.condition > 100
-    assert "Yr, Lb, Lr, Pr and Lda can hardly be told apart" in free.findings[0]
+    assert "Yr, Lb, Lp, Lr, Pr and Lda can hardly be told apart" in free.findings[0]
     assert held.condition < 20
     one, two = numbers["fits"]["all"], numbers["fits"]["two known"]
     sizes = [dict(zip(f.param_names, f.bse, strict=True)) for f in (one, two)]
