@@ -116,6 +116,8 @@ def check(
             answer["findings"] = [text for rec in found for text in rec.check()]
             if json_to != "-":
                 print("".join(f"\n{rec}\n{rec.check()}\n" for rec in found), end="")
+        elif json_to != "-":
+            print("give --output (and --input) to check a record")
         answers.append(answer)
     write_json(json_to, answers)
 

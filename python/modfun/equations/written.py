@@ -224,11 +224,26 @@ class Written:
             )
         outputs = tuple([name for name in rec.outputs if name in self.outputs])
         inputs = tuple([name for name in rec.inputs if name in self.inputs])
+        self._refuse_misspelt((*rec.outputs, *rec.inputs))
         if not outputs or (outputs, inputs) == (rec.outputs, rec.inputs):
             return rec
         return rec.select(outputs=outputs, inputs=inputs)
 
+    def _refuse_misspelt(self, channels: tuple[str, ...]) -> None:
+        """Refuse parameters that are, in another spelling, a channel which the model leaves out."""
+        own = {*self.outputs, *self.inputs}
+        told = dict(self.params)
+        for channel in channels:
+            for name in self.all_parameters:
+                if channel not in own and name not in told and _alike(name, channel):
+                    raise SpecError(
+                        f"{self._kind}: the record's {channel!r} is in no equation, {name!r} is a parameter; "
+                        f"did you mean {channel!r} for {name!r}? Else leave the channel out, "
+                        "rec.select(inputs=[...], outputs=[...])"
+                    )
+
     def _match(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
+        self._refuse_misspelt(inputs)
         for what, own, have, other in (
             ("outputs", self.outputs, outputs, inputs),
             ("inputs", self.inputs, inputs, outputs),
@@ -260,6 +275,26 @@ class Written:
 
     def __hash__(self) -> int:
         return hash(self._state())
+
+
+def _alike(name: str, channel: str) -> bool:
+    """Whether a name may be a misspelt channel: another case, or one edit of a letter in a longer name."""
+    a, b = name.lower(), channel.lower()
+    head = _shared(a, b)
+    a, b = a[head:], b[head:]
+    tail = _shared(a[::-1], b[::-1])
+    a, b = a[: len(a) - tail], b[: len(b) - tail]
+    if a == b:
+        return True
+    edit = max(len(a), len(b)) == 1 or (len(a) == 2 and a == b[::-1])
+    # Not alpha0 beside alpha, which is a parameter of its own, nor zeta beside beta.
+    return edit and head > 0 and min(len(name), len(channel)) > 3 and (a + b).isalpha()
+
+
+def _shared(a: str, b: str) -> int:
+    """Number of letters with which both begin."""
+    differ = (k for k, (one, other) in enumerate(zip(a, b, strict=False)) if one != other)
+    return next(differ, min(len(a), len(b)))
 
 
 def channel_names(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from ..base.arguments import public, real, reals, whole
 from ..base.arrays import F64
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
-from ..errors import DataError, SpecError
+from ..errors import DataError, ModfunWarning, SpecError
 from ..models.process import ProcessNoise
 from ..records.record import Record
 from ..signals import Signals
@@ -25,7 +26,9 @@ from ..systems.propagate import intersample_kinds, respond
 from ..timelag.system import DelaySystem
 from .driven import driven, measured
 
-__all__ = ["Experiment", "experiment", "simulate"]
+__all__ = ["Experiment", "doubtful_nsr", "experiment", "simulate"]
+
+MOST_NOISE = 2.0  # relative to the response; above it a level is probably in other units
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +213,11 @@ def simulate(
     SpecError, DataError
         Arguments that do not fit each other.
 
+    Warns
+    -----
+    ModfunWarning
+        Where nsr is above 2, as numbers in per cent or decibel are.
+
     See Also
     --------
     modfun.signals : Inputs of experiments.
@@ -231,6 +239,8 @@ def simulate(
         raise SpecError(
             f"simulate: nsr={nsr!r} must be a number of at least 0 (noise sd over rms of the output)"
         )
+    if (doubt := doubtful_nsr("simulate", nsr)) is not None:
+        warnings.warn(doubt, ModfunWarning, stacklevel=3)
     for name, value in (("seed", seed), ("replicate", replicate)):
         whole("simulate", name, value, 0, 2**64 - 1)
     fixed = None if isinstance(initial_state, str) else initial_state
@@ -261,6 +271,16 @@ def simulate(
         outputs=getattr(sys, "outputs", None) if outputs is None else outputs,
         inputs=(found.names or getattr(sys, "inputs", None)) if inputs is None else inputs,
         intersample=list(found.kinds),
+    )
+
+
+def doubtful_nsr(what: str, nsr: float) -> str | None:
+    """What to say of a noise level that was probably meant in per cent or decibel."""
+    if nsr <= MOST_NOISE:
+        return None
+    return (
+        f"{what}: nsr={nsr:g} is noise of {nsr:g} times the rms of the response; if {nsr:g} % is meant, give "
+        f"nsr={nsr / 100:g}, if a signal {nsr:g} dB above the noise, nsr={10 ** (-nsr / 20):.3g}"
     )
 
 

@@ -83,6 +83,11 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
             f'fit: reference={given!r} is for transfer functions with inputs, by "ml" or "awls" in white or '
             "coloured noise of the outputs, from unknown initial states; leave the other option out"
         )
+    if {*records[0].inputs} <= {*options.reference}:
+        raise SpecError(
+            f"fit: reference={given!r}: no input is left that it explains; the reference of a loop is its "
+            "command, from outside; if the inputs have no noise of the outputs in them, leave reference= out"
+        )
     for k, rec in enumerate(records):
         for name in options.reference:
             if name not in rec.kept and name not in rec.inputs:

@@ -36,6 +36,8 @@ from .record import Record
 
 __all__ = ["columns", "read"]
 
+LOOSE = 0.02  # of a step: how far times that are rounded may be from it
+
 Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
 
@@ -97,7 +99,8 @@ def read(
     keep : str, sequence of str or mapping, optional
         Further columns to carry along, such as an event marker for `Record.split`.
     dt : float, optional
-        Sampling interval in seconds, instead of a column of times.
+        Sampling interval in seconds, instead of a column of times. Where there is one with other steps, dt is
+        refused, unless the column is kept as a channel.
     units : mapping of str to str, optional
         Units by (new) channel name; default: what the source says, or what stands in brackets in the
         column's name. That of the column of times is what it is converted from: ``{"t": "ms"}``.
@@ -193,6 +196,8 @@ def read(
     wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)
+    if isinstance(dt, int | float) and dt > 0:
+        _refuse_other_step(table, dt, wanted)
     values = table.load(wanted)
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
     for name in wanted:
@@ -381,6 +386,27 @@ def _sampling(table: Columns, values: dict[str, F64], clock: str | None, dt: flo
         if np.abs(times - grid).max() <= EVEN * told.dt:
             return {"dt": told.dt, "t0": float(times[0])}
     return {"t": times}
+
+
+def _refuse_other_step(table: Columns, dt: float, used: Sequence[str]) -> None:
+    """Refuse a step that a column of times contradicts, unless the column is used for something else."""
+    for name in time_candidates(table):
+        if name in used:
+            continue
+        try:
+            times = table.load([name])[name] * seconds_of(name, table.told)
+        except DataError:  # text
+            continue
+        steps = np.diff(times)
+        if not steps.size or not np.all(steps >= 0):  # nan too
+            continue
+        usual, mean = float(np.median(steps)), float(np.mean(steps))
+        if min(abs(usual - dt), abs(mean - dt)) > LOOSE * dt:
+            raise SpecError(
+                f"read: dt={dt:g}, but the times {name!r} of {table.label} have steps of {usual:g} s; give "
+                f"time={name!r} instead of dt (units={{{name!r}: 'ms'}} where they are no seconds), or drop "
+                f"this column, or keep={name!r} if it is no time"
+            )
 
 
 def _refuse_unknown(table: Columns, name: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.callables import source
 from ..base.names import nearest
-from ..errors import ModfunWarning, SpecError
+from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
@@ -207,6 +207,8 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
     if not isinstance(own.model, TransferFunction):
         return _settled_equation(own, group, rec)
     layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
+    if isinstance(group, Group):
+        _refuse_standing(layout, rec)
     if options.band is not None or options.harmonics is not None:
         return own
     with np.errstate(all="ignore"):
@@ -216,6 +218,17 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
         return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
+
+
+def _refuse_standing(layout: Layout, rec: Record) -> None:
+    """Refuse inputs that never move, with which no replicate could be fitted."""
+    for k, name in enumerate(rec.inputs):
+        used = any(row[k] is not None for row in layout.numerators)
+        if used and np.ptp(rec[name]) == 0:
+            raise DataError(
+                f"MonteCarlo: input {name!r} stands at {rec[name][0]:g} throughout, so nothing can be learnt "
+                "from it; give an input that moves"
+            )
 
 
 def _settled_equation(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack, overload
@@ -11,7 +12,8 @@ import numpy as np
 from ..base.arguments import public, whole
 from ..base.names import nearest
 from ..equations.nonlinear import NonlinearModel
-from ..errors import SpecError
+from ..errors import ModfunWarning, SpecError
+from ..experiments.simulation import doubtful_nsr
 from ..fitting.fit import threads_of
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -116,6 +118,11 @@ class MonteCarlo:
     SpecError, DataError
         At once, for anything that could not be run.
 
+    Warns
+    -----
+    ModfunWarning
+        Where a level of nsr is above 2, as numbers in per cent or decibel are.
+
     See Also
     --------
     modfun.Results : What `run` returns.
@@ -194,6 +201,8 @@ class MonteCarlo:
             _refuse(own, "{} belongs to generate=, a function that makes the records")
             axes, found = _simulated(**simulated)
             firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
+            if (doubt := doubtful_nsr("MonteCarlo", max(axes[-1].labels))) is not None:
+                warnings.warn(doubt, ModfunWarning, stacklevel=3)
         made = contenders(estimators, options, model, found, firsts)
         _known_names(truth, made)
         self.plan = Plan(axes=axes, groups=found, contenders=made, metrics=_metrics(metrics), seed=seed)

@@ -293,7 +293,9 @@ def test_check_shows_columns_and_findings(table, capsys):
     assert found["columns"]["column"] == ["t_s", "q", "de"]
     assert any("offset" in text for text in found["findings"])
     assert main(["check", str(table)]) == 0
-    assert "de" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "de" in out
+    assert out.endswith("give --output (and --input) to check a record\n")
 
 
 BAD = {

@@ -558,3 +558,12 @@ def test_a_response_that_changes_ever_faster_ends_in_words():
     model = mf.Equation("y'' + d*y' + a*y + b*y**3 = c*u", params={"d": -8.0})
     with pytest.raises(mf.DataError, match="simulating"):
         model.model({"a": -8.0, "b": 0.43, "c": -16.0}).simulate(u=rec.u[0], dt=rec.dt, x0=[0.1, 0.0])
+
+
+def test_a_scale_of_what_is_hidden_must_be_held_to_simulate():
+    text, own = ["x' = a*x - b*x*z", "z' = d*x*z - c*z"], {"outputs": ["x"]}
+    held = mf.Equation(text, params={"b": 1.0}, **own)
+    x = held.model({"a": 1.0, "c": 0.8, "d": 0.3}).simulate(t=T, x0=[2.0, 0.7])
+    fit = mf.fit(mf.Record(y=x, dt=T[1], outputs="x"), mf.Equation(text, **own))
+    with pytest.raises(mf.SpecError, match=r"b only scales the hidden z: hold it, params=\{'b': 1.0\}"):
+        fit.score()

@@ -514,3 +514,21 @@ def test_another_set_of_parameters_with_the_same_equation_is_named():
     for text in ("x1'' + d*x1' + w**2*x1 = 6*u", "x1'' + d*x1' + k*x1 = 6*u"):
         plain = mf.fit(rec, mf.Equation(text, outputs=["x1"]))
         assert not any("are the same" in own for own in plain.check())
+
+
+@pytest.mark.parametrize(("channel", "name", "refused"), [
+    ("u", "U", True), ("elev", "elve", True), ("elev", "eleva", True), ("alpha", "alpha0", False),
+    ("beta", "zeta", False), ("u", "c", False),
+])  # fmt: skip
+def test_a_misspelt_channel_is_no_parameter(channel, name, refused):
+    made = chirp()
+    rec = mf.Record(y=made.y, u=made.u, dt=made.dt, inputs=channel)
+    equation = f"y'' + a1*y' + a2*y = {name}"
+    if not refused:
+        assert name in mf.fit(rec, mf.Equation(equation)).param_names
+        return
+    with pytest.raises(mf.SpecError, match=f"did you mean '{channel}' for '{name}'"):
+        mf.fit(rec, mf.Equation(equation))
+    with pytest.raises(mf.SpecError, match=f"did you mean '{channel}' for '{name}'"):
+        mf.fit_many([rec, rec], mf.Equation(equation))
+    assert name in mf.fit(rec.select(inputs=[]), mf.Equation(equation)).param_names

@@ -174,3 +174,9 @@ def test_a_reference_that_explains_nothing_is_said() -> None:
     rec = mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": other})
     with pytest.raises(mf.FitError, match="did not settle in 20 rounds"):
         mf.fit(rec, MODEL, reference="r")
+
+
+def test_the_only_input_is_no_reference() -> None:
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    with pytest.raises(mf.SpecError, match="fit: reference='u': no input is left that it explains"):
+        mf.fit(rec, MODEL, reference="u")

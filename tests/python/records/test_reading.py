@@ -119,6 +119,14 @@ def test_dt_instead_of_times_and_kept_columns(file):
     assert np.array_equal(rec["event"], DE)
 
 
+def test_dt_beside_times_that_have_another_step_is_refused(file):
+    path = file(text("t,q,de"))
+    assert read(path, outputs="q", dt=0.02).dt == 0.02
+    with pytest.raises(SpecError, match=r"dt=0.01, but the times 't' of .* steps of 0.02 s; give time='t'"):
+        read(path, outputs="q", dt=0.01)
+    assert read(path, outputs="q", dt=0.01, keep="t").dt == 0.01
+
+
 def test_text_and_gaps_in_columns_that_are_not_used_do_no_harm(file):
     rows = [(t, q, "" if k == 3 else "ok") for k, (t, q) in enumerate(zip(T, Q, strict=True))]
     assert read(file(text(rows=rows)), outputs="q") == expected(u=None, inputs=None)

@@ -106,3 +106,18 @@ def test_cells_without_noise_are_not_taken_for_a_mistake() -> None:
             progress=False
         )
         mf.MonteCarlo(**{**BASE, "nsr": 0.0, "noise": kit.coloured, "replicates": 3}).run(progress=False)
+
+
+def test_an_input_that_never_moves_is_refused_at_once() -> None:
+    with pytest.raises(mf.DataError, match="MonteCarlo: input 'u' stands at 1 throughout"):
+        mf.MonteCarlo(**{**BASE, "input": "1"})
+
+
+def test_noise_in_per_cent_is_doubted() -> None:
+    meant = "nsr=20 is noise of 20 times .* if 20 % is meant, give nsr=0.2, .* 20 dB above the noise, nsr=0.1"
+    with pytest.warns(mf.ModfunWarning, match=f"MonteCarlo: {meant}") as caught:
+        mf.MonteCarlo(**{**BASE, "nsr": [0.1, 20]})
+    assert caught[0].filename == __file__
+    with pytest.warns(mf.ModfunWarning, match=f"simulate: {meant}") as caught:
+        mf.simulate(kit.SYSTEM, input="sin(t)", duration=5.0, intervals=50, nsr=20)
+    assert caught[0].filename == __file__

@@ -137,7 +137,12 @@ def first_order(
         )
     stray = used - {*x, *v, *theta, *known, time}
     if stray:
-        raise SpecError(f"simulating: nothing gives {', '.join(sorted(map(str, stray)))} a value")
+        names = sorted(map(str, stray))
+        why = f"{names[0]} only scales the hidden {', '.join(hidden)}: " if hidden and len(names) == 1 else ""
+        raise SpecError(
+            f"simulating: nothing gives {', '.join(names)} a value; {why}hold {'it' if why else 'them'}, "
+            f"params={dict.fromkeys(names, 1.0)}"
+        )
     arguments = [time, x, v, list(known), theta]
     return FirstOrder(
         states=tuple(map(str, x)),
