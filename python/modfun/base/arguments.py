@@ -180,10 +180,10 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
     placed = [p.name for p in own if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
     if extra := args[len(placed) :]:
         free = [key for key in options if key not in placed and key not in given]
-        call = ", ".join([*placed, *(f"{key}=..." for key in free[: len(extra)])])
+        call = ", ".join([*placed, *(f"{key}=..." for key in free[: len(extra)])]) or f"name={shown(args[0])}"
+        count = f"{len(args)} arguments are" if len(args) > 1 else "1 argument is"
         raise SpecError(
-            f"{name}: {len(args)} arguments are given without a name, at most {len(placed)} may be; write "
-            f"{name}({call})"
+            f"{name}: {count} given without a name, at most {len(placed)} may be; write {name}({call})"
         ) from None
     missing = [p.name for p in own if p.default is p.empty and p.name not in given and p.name in options]
     missing = [key for key in missing if key not in placed[: len(args)]]

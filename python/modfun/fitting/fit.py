@@ -18,6 +18,7 @@ from ..models.options import MOST_THREADS, Choices, Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
+from ..records.conversion import agreeing
 from ..records.record import Record
 from ..records.samples import agreed
 from ..results.fit import Fit
@@ -424,6 +425,7 @@ def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
     for k, rec in enumerate(records):
         if (rec.outputs, rec.inputs, rec.intersample) != wanted:
             _refuse_unlike(first, rec, k, what)
+        agreeing(f"{what}: record {k}", rec, first.units, "record 0")
     return records
 
 

@@ -10,7 +10,7 @@ from ..base.units import scale
 from ..errors import SpecError
 from .samples import Samples
 
-__all__ = ["converted"]
+__all__ = ["agreeing", "converted"]
 
 Own = TypeVar("Own", bound=Samples)
 
@@ -36,3 +36,21 @@ def converted(rec: Own, units: Mapping[str, str]) -> Own:
             keep[name] = values
         labels[name] = str(unit)
     return rec._like(y=y, u=u, _keep=keep, _units=labels)
+
+
+def agreeing(what: str, rec: Own, units: Mapping[str, str], whose: str) -> Own:
+    """The record, whose channels must not have other units than these, where both are known."""
+    for name in (*rec.outputs, *rec.inputs):
+        own, other = rec.units.get(name), units.get(name)
+        if not own or not other or own == other:
+            continue
+        try:
+            step = scale(what, own, other)
+        except SpecError:  # words of the user's
+            continue
+        if (step.factor, step.offset) != (1.0, 0.0):
+            cure = f"{name}={other!r}" if name.isidentifier() else f"{{{name!r}: {other!r}}}"
+            raise SpecError(
+                f"{what}: the record has {name} in {own}, {whose} in {other}; take rec.convert({cure})"
+            )
+    return rec

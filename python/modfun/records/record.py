@@ -211,7 +211,7 @@ class Record(Samples):
             _seen={in_names[k]: form for k, form in forms.items()},
         )
 
-    def convert(self, **units: str) -> Record:
+    def convert(self, units: Mapping[str, str] | None = None, /, **others: str) -> Record:
         """Return a record with channels in other units.
 
         Known are angles, rates, lengths, speeds, accelerations, masses, forces, moments, pressures, powers,
@@ -220,8 +220,10 @@ class Record(Samples):
 
         Parameters
         ----------
-        **units : str
-            New unit by channel name. The present unit is that of `units`.
+        units : mapping of str to str, optional
+            New unit by channel name. The present unit is that of the attribute `units`.
+        **others : str
+            The same for names that Python takes, ``q="rad/s"``.
 
         Returns
         -------
@@ -240,7 +242,7 @@ class Record(Samples):
         >>> bool(radians["q"][-1] == np.deg2rad(8.0)), radians.units
         (True, {'q': 'rad/s'})
         """
-        return converted(self, units)
+        return converted(self, {**(units or {}), **others})
 
     def check(self) -> Findings:
         """Say in words what is wrong or doubtful about the samples.

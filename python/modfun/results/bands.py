@@ -39,6 +39,7 @@ class Prediction:
         Confidence of the interval at one sample.
     kind : {"confidence", "prediction"}
         Whether it is of the response or of new samples.
+    outputs : tuple of str
     """
 
     y: F64
@@ -47,15 +48,31 @@ class Prediction:
     se: F64
     level: float
     kind: str
+    outputs: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        half = (self.upper - self.lower) / 2
+        rows = zip(self.outputs, self.y, half, strict=True)
+        return "\n".join(
+            f"{name}: {y.size} samples from {y.min():.4g} to {y.max():.4g}, {100 * self.level:g} % "
+            f"{self.kind} interval within ±{np.median(own):.3g} (median)"
+            for name, y, own in rows
+        )
 
 
 def predicted(
-    fit: Estimates, rec: Record, kind: str, initial_state: Any = None, level: float = 0.95
-) -> Prediction:
-    """Response of a fit to a record with its interval; see `Fit.predict`."""
+    fit: Estimates, rec: Record, kind: str | None, initial_state: Any = None, level: float | None = None
+) -> Prediction | Record:
+    """Response of a fit to a record, with its interval where there is a kind of it; see `Fit.predict`."""
+    if kind is None:
+        if level is not None:
+            raise SpecError(
+                f"predict: level={level!r} belongs to an interval; give interval='confidence' or 'prediction'"
+            )
+        return rec._like(y=fit.simulate(rec, initial_state)[0], mask=None, sigma=None)
     if kind not in INTERVALS:
         raise SpecError(f"predict: interval={kind!r} is unknown; {nearest(kind, INTERVALS)}")
-    return both(fit, rec, initial_state, level)[kind]
+    return both(fit, rec, initial_state, 0.95 if level is None else level)[kind]
 
 
 def both(
@@ -81,7 +98,12 @@ def both(
             degrees = variance**2 / sum(own**2 / free for own, free in parts)
         se = root(variance)
         made[kind] = Prediction(
-            y, *student_interval(y, se, np.nan_to_num(degrees, nan=np.inf), level), se, level, kind
+            y,
+            *student_interval(y, se, np.nan_to_num(degrees, nan=np.inf), level),
+            se,
+            level,
+            kind,
+            rec.outputs,
         )
     return made
 

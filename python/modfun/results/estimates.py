@@ -22,6 +22,7 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import system_of
+from ..records.conversion import agreeing
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import named, ss
@@ -467,7 +468,7 @@ class Estimates:
         self.need_numbers(what)
         own = self.records
         if isinstance(rec, Record):
-            rec = with_inputs(rec, self.options.noise)
+            rec = agreeing(what, with_inputs(rec, self.options.noise), self.units, "the fit")
             if (rec.outputs, rec.inputs) == (self.outputs, self.inputs):
                 return rec
             if not {*self.outputs} <= {*rec.outputs} or not {*self.inputs} <= {*rec.inputs}:
@@ -477,8 +478,7 @@ class Estimates:
                 )
             return rec.select(outputs=self.outputs, inputs=self.inputs)
         if rec is not None and (isinstance(rec, bool) or not isinstance(rec, int | np.integer)):
-            said = type(rec).__name__
-            raise SpecError(f"{what}: expected a Record or the index of one of the fit's own, got {said}")
+            raise SpecError(f"{what}: expected a Record or the index of one, got {type(rec).__name__}")
         if own is None:
             raise FitError(f"{what}: this fit was loaded without samples; give the record, fit.{what}(rec)")
         if rec is None:

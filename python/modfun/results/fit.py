@@ -263,7 +263,7 @@ class Fit(Drawn):
 
     def predict(
         self, rec: Record | int | None = None, *, initial_state: Any = None, interval: str | None = None,
-        level: float = 0.95,
+        level: float | None = None,
     ) -> Any:  # fmt: skip
         """Simulate a record from its inputs (never one step ahead).
 
@@ -281,18 +281,15 @@ class Fit(Drawn):
         interval : {"confidence", "prediction"}, optional
             Add an interval at each sample: of the noise-free response, by the errors of parameters, initial
             state and trend; or of a new sample, whose noise is as strong as the residuals here.
-        level : float, default 0.95
+        level : float, optional
+            Part of the intervals that hold the truth, default 0.95.
 
         Returns
         -------
         Record, or Prediction
             The same inputs and times, the simulated output. With `interval` the arrays `y`, `lower`, `upper`.
         """
-        record = self.record_of(rec, "predict")
-        if interval is not None:
-            return predicted(self, record, interval, initial_state, level)
-        simulated, _ = self.simulate(record, initial_state)
-        return record._like(y=simulated, mask=None, sigma=None)
+        return predicted(self, self.record_of(rec, "predict"), interval, initial_state, level)
 
     def stable(self) -> Fit:
         """The nearest stable model: the fit of the same structure and band with all poles stable.

@@ -72,3 +72,34 @@ def test_channels_of_all_roles_are_converted(rec):
 def test_what_cannot_be_converted_is_refused(rec, units, words):
     with pytest.raises(mf.SpecError, match=words):
         rec.convert(**units)
+
+
+def test_units_may_be_a_dict(rec):
+    assert rec.convert({"q": "rad/s"}, de="rad") == rec.convert(q="rad/s", de="rad")
+
+
+def test_records_of_other_units_than_the_fit_are_refused():
+    made = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1)
+    degrees = mf.Record(y=made.y, u=made.u, dt=made.dt, inputs="de", units={"de": "deg"})
+    radians = degrees.convert(de="rad")
+    structure = mf.TransferFunction(poles=2, zeros=0)
+    fit = mf.fit(degrees, structure)
+    for use in (fit.predict, fit.score):
+        with pytest.raises(
+            mf.SpecError, match=r"has de in rad, the fit in deg; take rec.convert\(de='deg'\)"
+        ):
+            use(radians)
+    with pytest.raises(mf.SpecError, match=r"record 1: the record has de in rad, record 0 in deg"):
+        mf.fit([degrees, radians], structure)
+    same = degrees.assign(units={"de": "°"})
+    assert fit.score(same)["r2"][0] == fit.score()["r2"][0]
+    assert fit.score(degrees.assign(units={"de": "counts"}))["r2"][0] == fit.score()["r2"][0]
+
+
+def test_expressions_and_units_without_a_name_are_shown_with_one():
+    made = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1)
+    fit = mf.fit(made, mf.TransferFunction(poles=2, zeros=0))
+    with pytest.raises(
+        mf.SpecError, match=r"1 argument is given without a name.*derived\(name='sqrt\(a2\)'\)"
+    ):
+        fit.derived("sqrt(a2)")

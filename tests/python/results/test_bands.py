@@ -117,3 +117,15 @@ def test_what_is_refused() -> None:
         fit.predict(interval="both")
     with pytest.raises(mf.SpecError, match=r"predict: level=0.05 is the part of the intervals"):
         fit.predict(interval="confidence", level=0.05)
+    with pytest.raises(mf.SpecError, match=r"predict: level=0.9 belongs to an interval; give interval="):
+        fit.predict(level=0.9)
+
+
+def test_it_prints_as_one_line_per_output() -> None:
+    fit = mf.fit(noisy(CLEAN, white, np.random.default_rng(3), 0.1), TWO)
+    found = fit.predict(interval="confidence", level=0.9)
+    half = np.median(found.upper - found.lower) / 2
+    assert repr(found) == (
+        f"{fit.outputs[0]}: {found.y.size} samples from {found.y.min():.4g} to {found.y.max():.4g}, "
+        f"90 % confidence interval within ±{half:.3g} (median)"
+    )
