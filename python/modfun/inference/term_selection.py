@@ -120,6 +120,7 @@ class TermSelection:
             "",
             "Probability that a term belongs (* chosen):",
             *likely,
+            *([f" {rest} more below {LIKELY:g}"] if (rest := len(self.inclusion) - len(likely)) else ()),
             "",
             *self.alike,
             *self.notes,
@@ -336,6 +337,13 @@ def _notes(records: Sequence[Record], library: Library, searched: Searched) -> t
             f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the "
             f"high band: the noise is not white, or a term is missing from the library{signed}."
         )
+    bare = [
+        left
+        for k, left in enumerate(library.targets)
+        if not any(on and e == k for on, e in zip(searched.chosen, library.equation, strict=True))
+    ]
+    if bare:
+        notes.append(f"No candidate explains {' or '.join(bare)} beyond the noise: nothing is chosen for it.")
     if library.left_out:
         notes.append(f"Left out, being no derivative of a signal: {', '.join(library.left_out)}.")
     if not searched.estimate.settled:

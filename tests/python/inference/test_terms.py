@@ -443,3 +443,21 @@ def test_a_silent_record_has_an_answer():
     rec = record(DUFFING, [0.5, 0.0], 20.0, 0.0)
     found = mf.select_terms(rec, "y, y**2, y**3, y', u", target="y''")
     assert {"y", "y**3", "y'", "u"} <= set(found.terms["y''"])
+
+
+def test_a_library_without_the_terms_says_so():
+    """Nothing is chosen, and the notes name the equation."""
+    found = mf.select_terms(duffing(), "u**2, u**3", target="y''")
+    assert found.equation.texts == ("y'' = 0",)
+    assert "No candidate explains y'' beyond the noise" in found.summary()
+    assert "a term is missing from the library" in found.summary()
+
+
+def test_a_summary_counts_what_it_does_not_list():
+    """Two and two of twelve candidates belong; two more have over one per cent."""
+    rec = mf.simulate(
+        PREY.model({}), duration=20.0, intervals=800, nsr=0.05, initial_state=[3.0, 1.0], seed=1
+    )
+    lines = mf.select_terms(rec, "polynomials of x, z up to 2").summary().split("\n")
+    shown = [line for line in lines if line[:2] in (" 0", " 1") and ("x'" in line or "z'" in line)]
+    assert f" {12 - len(shown)} more below 0.01" in lines
