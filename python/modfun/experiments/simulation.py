@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from .._core import normals
 from ..base.arguments import public, real, reals, whole
 from ..base.arrays import F64
+from ..base.between import AUTO
 from ..base.samples import MOST_SAMPLES
 from ..equations.nonlinear import NonlinearModel
 from ..errors import DataError, ModfunWarning, SpecError
@@ -114,7 +115,7 @@ def experiment(
     count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
     dt = float(duration) / count
     given = sources(input, sys.shape[1])
-    kinds = intersample_kinds("smooth" if intersample is None else intersample, given)
+    kinds = intersample_kinds(AUTO if intersample is None else intersample, given)
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
     if not isinstance(sys, LTI):
@@ -195,9 +196,9 @@ def simulate(
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
         the free response, of equations in the order of `NonlinearModel.states`.
-    intersample : {"smooth", "zoh", "foh"} or a sequence of them, optional
-        What the input does between its samples; text and functions taken as smooth are exact. Default:
-        "smooth", or what `mf.signals` do.
+    intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, optional
+        What the input does between its samples; text and functions taken as smooth are exact. Default: what
+        `mf.signals` do, "smooth" for text and functions, and "auto" for samples, as in `Record`.
     seed, replicate : int
         Address of the noise and of the random initial state: the same numbers for the same address,
         whatever the level of the noise.

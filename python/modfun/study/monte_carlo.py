@@ -106,8 +106,8 @@ class MonteCarlo:
     seed : int, default 0
         Together with the address of a replicate it fixes every random number; an rng given to a function
         of yours is a NumPy Generator with that address.
-    intersample : {"smooth", "zoh", "foh"} or a sequence of them, optional
-        What the input does between its samples; default: "smooth", or what `mf.signals` do.
+    intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, optional
+        What the input does between its samples; default: as in `simulate`.
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
         cov_type. With neither band nor harmonics the band is chosen for each system and input on the

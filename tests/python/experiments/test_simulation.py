@@ -169,3 +169,16 @@ def test_mistakes_in_calls(call, said):
 def test_mistakes_in_samples(call, said):
     with pytest.raises(mf.DataError, match=said):
         call()
+
+
+def test_samples_say_how_they_went():
+    """A staircase of samples is held, as a Record of it is; one that is declared smooth stays so."""
+    stairs = np.repeat([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0], 33)[:257]
+    plant = mf.tf([5], [1, 3, 8])
+    words = {"duration": 10.0, "intervals": 256}
+    rec = mf.simulate(plant, input=stairs, **words)
+    assert rec.intersample == mf.Record(y=rec.y, u=rec.u, dt=rec.dt).intersample == ("zoh",)
+    assert np.array_equal(rec.y, mf.simulate(plant, input=stairs, intersample="zoh", **words).y)
+    assert mf.simulate(plant, input=stairs, intersample="smooth", **words).intersample == ("smooth",)
+    study = mf.MonteCarlo(system=plant, input=stairs, nsr=0.02, estimators=["ml"], replicates=64, **words)
+    assert np.all(np.abs(study.run().bias) < 4 * study.run().bias_mcse)
