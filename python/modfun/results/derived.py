@@ -12,16 +12,22 @@ from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
 from ..language.evaluate import function_of
+from ..systems.polynomials import roots
 from .estimates import Estimates
 from .gradients import differences, root_gradients
 
-__all__ = ["cancelling", "damp", "derived"]
+__all__ = ["cancelling", "damp", "derived", "stable"]
 
 UNITS = dict.fromkeys(("pole", "omega", "omega_bse"), "rad/s") | dict.fromkeys(
     ("time_constant", "time_constant_bse"), "s"
 )
 
 Roots = tuple[C128, C128]  # and their derivatives (root, parameter)
+
+
+def stable(fit: Estimates) -> bool:
+    """Whether all poles of a transfer function are stable."""
+    return all(np.all(roots(den).real < 0) for den in map(np.array, fit.layout.denominators(fit.params)))
 
 
 def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[str, float]], float]]) -> Table:

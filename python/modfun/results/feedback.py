@@ -8,8 +8,9 @@ import numpy as np
 
 from .._core import coefficients
 from ..base.arrays import C128, F64
+from .derived import stable
 from .estimates import Estimates
-from .further import testable
+from .further import simulated, testable
 from .gradients import response_gradients
 
 __all__ = ["Feedback", "feedback"]
@@ -58,9 +59,9 @@ def feedback(fit: Estimates) -> Feedback | None:
     if all(_foreseen(_window(fit, k, j)) for k in range(len(fit.pieces)) for j in range(len(fit.inputs))):
         return None
     found = _found(fit, [_residuals(fit, k) for k in range(len(fit.pieces))])
-    if found is not None and found.p_value < ASKED and _stable(fit):
+    if found is not None and found.p_value < ASKED and stable(fit):
         # Between the samples of a held input lines fold into others: a simulation has them all.
-        found = _found(fit, [_simulated(fit, k) for k in range(len(fit.pieces))])
+        found = _found(fit, [_in_time(fit, k) for k in range(len(fit.pieces))])
     return found
 
 
@@ -94,16 +95,11 @@ def _found(fit: Estimates, residuals: list[F64]) -> Feedback | None:
     return Feedback(fit.outputs[i], fit.inputs[j], min(1.0, p * tests), float(most[at]), float(least[at]))
 
 
-def _stable(fit: Estimates) -> bool:
-    """Whether a simulation of the records stays near them."""
-    return all(np.all(np.roots(fit.polynomials(i)[0]).real < 0) for i in range(len(fit.outputs)))
-
-
-def _simulated(fit: Estimates, k: int) -> F64:
-    """Residuals of a record's window in time, (output, interval), by simulation."""
+def _in_time(fit: Estimates, k: int) -> F64:
+    """Residuals of a record's window in time, (output, interval), by simulation; none where that fails."""
     assert fit.records is not None
-    rec = fit.records[k]
-    return np.asarray((rec.y - fit.simulate(rec)[0])[:, rec.intervals - fit.intervals[k] : -1])
+    whole = simulated(fit, k)
+    return np.zeros((0, 0)) if whole is None else (fit.records[k].y[:, -whole.shape[1] :] - whole)[:, :-1]
 
 
 def _granger(fit: Estimates, k: int, j: int, e: F64) -> tuple[float, F64, F64] | None:

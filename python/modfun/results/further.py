@@ -18,7 +18,7 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "stationary", "testable"]
+__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "simulated", "stationary", "testable"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -64,9 +64,9 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
     """
     found: list[Explained] = []
     if testable(fit):
-        simulated = [_simulated(fit, k) for k in range(len(fit.pieces))]
+        whole = [simulated(fit, k) for k in range(len(fit.pieces))]
         for i in range(len(fit.outputs)):
-            found += _of_output(fit, i, simulated)
+            found += _of_output(fit, i, whole)
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
@@ -97,7 +97,7 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[
     return found + _spikes(fit, i, simulated)
 
 
-def _simulated(fit: Estimates, k: int) -> F64 | None:
+def simulated(fit: Estimates, k: int) -> F64 | None:
     """Simulated outputs over what was fitted of a record; None where they leave the range of floats."""
     rec = fitted(fit)[k]
     try:

@@ -13,6 +13,7 @@ from ..errors import FitError, ModfunError, SpecError
 from ..models.transfer_function import TransferFunction
 from ..systems.polynomials import roots as roots_of
 from .cures import on_band
+from .derived import stable
 from .estimates import Estimates
 
 __all__ = ["MARGIN", "deviance", "stable_neighbour"]
@@ -40,7 +41,7 @@ def stable_neighbour(fit: Any) -> Any:
     _refuse(fit)
     duration = 2 * pi / min(fit.omega0)
     margin = MARGIN / duration
-    if all(np.all(roots_of(den).real < 0) for den in map(np.array, fit.layout.denominators(fit.params))):
+    if stable(fit):
         return fit
     from scipy.optimize import minimize
 

@@ -104,11 +104,7 @@ def covariance(fit: Estimates) -> F64 | None:
     With e(t) = σ(t) c(t), c of the spectrum s, the covariance is that of k σ filtered by s: with a constant σ
     the spectral one.
     """
-    plain = len(fit.outputs) == 1 and fit.options.noise == "output" and fit.options.initial_state == "unknown"
-    plain = plain and fit.layout.rational and fit.options.method in ("awls", "ml") and not fit.window_weights
-    if not plain or isfinite(fit.stability_cost) or fit.at_bound or fit.instrumented:
-        return None
-    found = uneven(fit)
+    found = uneven(fit) if _allowed_for(fit) else None
     if found is None or found.p_value > UNEVEN:
         return None
     jacobian, deviations = fitted_lines(fit, 0)
@@ -134,6 +130,13 @@ def covariance(fit: Estimates) -> F64 | None:
     return cov
 
 
+def _allowed_for(fit: Estimates) -> bool:
+    """Whether errors of such a fit can allow for noise that changes."""
+    plain = len(fit.outputs) == 1 and fit.options.noise == "output" and fit.options.initial_state == "unknown"
+    plain = plain and fit.layout.rational and fit.options.method in ("awls", "ml") and not fit.window_weights
+    return plain and not (isfinite(fit.stability_cost) or fit.at_bound or fit.instrumented)
+
+
 def of_time(fit: Estimates) -> Doubt | None:
     """That the noise changes over the record, and what the standard errors make of it."""
     found = uneven(fit)
@@ -142,7 +145,7 @@ def of_time(fit: Estimates) -> Doubt | None:
     level = np.concatenate(found.level)
     allowed = (
         "The standard errors allow for it"
-        if fit.cov_type == "spectral" and covariance(fit) is not None
+        if fit.cov_type == "spectral" and _allowed_for(fit)
         else "The standard errors do not allow for it"
     )
     return Doubt(
