@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import islice
 from math import inf, isfinite, log, nan, sqrt
 from typing import Any, Unpack
@@ -15,6 +14,7 @@ from .._core import Fitter
 from ..base import html
 from ..base.arguments import public, whole
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_quietly, records_of

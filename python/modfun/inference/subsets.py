@@ -9,12 +9,12 @@ cost is the square of its last entry over its diagonal entry.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import cached_property
 
 __all__ = ["Subsets"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import floor, isfinite, log10, sqrt
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from ..base import html
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..base.tables import Table
 from ..equations.equation import Equation
 from ..errors import ModfunError

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from .free import Free
 
 __all__ = ["Layout", "Path", "routes"]

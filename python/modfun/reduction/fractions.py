@@ -7,11 +7,11 @@ over the roots of A themselves, one for a real pole, two for a complex pair.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 
 __all__ = ["Fractions", "Numerators", "Region", "mirrored", "monic"]
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..errors import DataError
 from ..systems.gains import SchurForm
 

@@ -6,12 +6,12 @@ The poles and B are the unknowns of a Levenberg–Marquardt iteration; C is solv
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..base.least_squares import levenberg_marquardt
 from .fractions import Region
 from .gramians import Realisation

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import accumulate
 from math import inf
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from .constrained import beyond, constrained, least_squares, norms

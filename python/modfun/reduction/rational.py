@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..base.least_squares import levenberg_marquardt
 from ..models.layout import Layout
 from .fractions import Region, mirrored

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arguments import reals
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..errors import DataError, SpecError
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI

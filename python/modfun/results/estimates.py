@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf, nan
 from typing import Any, Self
 
@@ -13,6 +12,7 @@ import numpy as np
 from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
+from ..base.cached import cached_property
 from ..base.named import Named
 from ..base.names import nearest
 from ..base.student import confidence, root, student_interval

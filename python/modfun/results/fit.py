@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self, cast
 
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.arrays import C128, F64
+from ..base.cached import cached_property
 from ..base.names import nearest
 from ..base.samples import frequencies
 from ..base.tables import Findings, Table

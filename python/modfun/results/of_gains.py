@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import nan
 from typing import Any, Never
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..base.tables import Findings
 from ..errors import FitError, SpecError
 from ..records.record import Record

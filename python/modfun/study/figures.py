@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import product
 from typing import Any, Self
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64, I64
+from ..base.cached import cached_property
 from ..base.tables import Table
 from ..equations.written import Written
 from ..errors import DataError, SpecError

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .axes import Axis

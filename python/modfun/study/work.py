@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
+from functools import lru_cache, reduce
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from .._core import STREAM_VERSION, Study
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..base.callables import source
 from .called import LEVEL, called
 from .contenders import Contender

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import sympy
 
 from ...base.arrays import F64
+from ...base.cached import cached_property
 from ...errors import DataError, SpecError
 from ...language.parser import CONSTANTS, expression
 from .compiled import Compiled, Term

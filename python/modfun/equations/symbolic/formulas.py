@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import sympy
 
 from ...base.arrays import F64
+from ...base.cached import cached_property
 from ...errors import SpecError
 from ...models.free import Free
 from .compiled import Compiled, Delayed, Term, jet, time
