@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.tables import Findings
-from .diagnosis import diagnose, level_p
+from .diagnosis import diagnose
 from .doubts import (
     SURE,
     Doubt,
@@ -29,7 +29,7 @@ from .doubts import (
 from .estimates import Estimates
 from .feedback import feedback
 from .known_start import gain_of_start
-from .misfit import UNLIKELY, misfit, of_colour, of_residuals, too_large
+from .misfit import UNLIKELY, misfit, of_colour, of_residuals
 from .uneven_noise import of_time
 
 __all__ = ["check", "warnings_of"]
@@ -47,8 +47,6 @@ def fed_back(fit: Estimates) -> Doubt | None:
     """That the noise of the outputs comes back in the inputs, and biases the estimates."""
     found = feedback(fit)
     if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
-        return None
-    if noise_free(fit) is not None or too_large(level_p(fit)):  # residuals are not noise
         return None
     u = found.channel
     return Doubt(

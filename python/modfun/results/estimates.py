@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import Any, Self
 
 import numpy as np
@@ -36,6 +36,7 @@ __all__ = ["Estimates"]
 ANSWERED = (
     "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "cost", "df_resid", "status", "nit", "gram",
     "condition_bound", "band_rule")  # fmt: skip
+LEVELS = ("process_levels", "cov_process_levels", "process_shares")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,17 +102,13 @@ class Estimates:
         noise, bounded = found.get("noise"), found.get("at_bound", ())
         known = isinstance(options.noise, Noise) or options.noise == "errors-in-variables"
         fields = {name: found[name] for name in ANSWERED} | {
-            "params": found["theta"],
+            "params": Named(found["theta"], layout.param_names),
             "noise_cov": np.array([[found["sigma"] ** 2]]) if noise is None else noise,
             "noise_scale": found["scale"] if known else nan,
             "record_levels": found.get("record_levels"),
             # With noise inside the system the spectrum is that of its levels.
-            "spectrum": None if "process_levels" in found else found.get("noise_spectrum"),
-            "process_levels": (
-                (found["process_levels"], found["cov_process_levels"], found["process_shares"])
-                if "process_levels" in found
-                else None
-            ),
+            "spectrum": None if LEVELS[0] in found else found.get("noise_spectrum"),
+            "process_levels": tuple([found[name] for name in LEVELS]) if LEVELS[0] in found else None,
             "free_cost": nan if found.get("free_cost") is None else found["free_cost"],
             "lines": tuple(found["lines"]),
             "omega0": tuple(found["omega0"]),
@@ -123,7 +120,10 @@ class Estimates:
             "steps": tuple([rec.dt for rec in records or ()]),
             "records": records,
         }
-        return cls(structure=structure, layout=layout, options=options, **(fields | own))
+        # Defaults are the class's; to set forty fields one by one would take longer than all else here.
+        made = object.__new__(cls)
+        made.__dict__.update(fields, structure=structure, layout=layout, options=options, **own)
+        return made
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -251,9 +251,8 @@ class Estimates:
         variance = []
         order = max(self.layout.orders)
         for rec, intervals, (_, hi) in zip(self.records, self.intervals, self.lines, strict=True):
-            if rec.dt is None or hi > intervals // 4 or intervals < 8 * (order + 4):
-                return None
-            if rec.mask is not None or rec.sigma is not None:
+            few = hi > intervals // 4 or intervals < 8 * (order + 4)
+            if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
                 return None
             window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
             variance.append(noise_level(window, order) ** 2)
@@ -299,7 +298,7 @@ class Estimates:
     @property
     def usable(self) -> bool:
         """Whether there are numbers, settled or not."""
-        return self.status in ("ok", "maxiter") and bool(np.isfinite(self.params).all())
+        return self.status in ("ok", "maxiter") and all(map(isfinite, self.params.tolist()))
 
     @property
     def cond(self) -> float:
@@ -323,10 +322,11 @@ class Estimates:
         if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
             return self.df_resid * self.noise_scale
         levels = self.high_band_levels
-        if self.options.noise != "output" or not (levels > 0).all():
+        seen = [level * level for level in levels.tolist()]
+        if self.options.noise != "output" or not all([level > 0 for level in seen]):
             return float("nan")
-        ratios = self.noise_cov.diagonal() / levels**2
-        return float(self.df_resid * (np.add.reduce(ratios) / ratios.size))
+        ratios = [own / level for own, level in zip(self.noise_cov.diagonal().tolist(), seen, strict=True)]
+        return float(self.df_resid * (sum(ratios) / len(ratios)))
 
     @property
     def aic(self) -> float:

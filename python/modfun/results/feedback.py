@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from .._core import coefficients
 from ..base.arrays import C128, F64
 from .derived import stable
+from .diagnosis import level_p
+from .doubts import noise_free
 from .estimates import Estimates
 from .further import simulated, testable
 from .gradients import response_gradients
+from .misfit import too_large
 
 __all__ = ["Feedback", "feedback"]
 
@@ -52,47 +57,50 @@ def feedback(fit: Estimates) -> Feedback | None:
 
     C. W. J. Granger, Econometrica 37, 1969. An input that knows nothing of the noise has coefficients 0 at
     past residuals, whatever its form. With H(ω) its response to residuals of unit variance, lines have
-    E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows.
+    E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows. None where no
+    input follows them with a p-value below 0.01, and where they are not noise.
     """
-    if not testable(fit) or fit.options.reference or max(fit.intervals) > MOST:
+    pairs = _led(fit)
+    if not pairs or too_large(level_p(fit)) or noise_free(fit) is not None:
         return None
-    if all(_foreseen(_window(fit, k, j)) for k in range(len(fit.pieces)) for j in range(len(fit.inputs))):
-        return None
-    found = _found(fit, [_residuals(fit, k) for k in range(len(fit.pieces))])
-    if found is not None and found.p_value < ASKED and stable(fit):
+    found = _found(fit, pairs, _residuals)
+    if found is not None and stable(fit):
         # Between the samples of a held input lines fold into others: a simulation has them all.
-        found = _found(fit, [_in_time(fit, k) for k in range(len(fit.pieces))])
+        found = _found(fit, pairs, _in_time)
     return found
 
 
-def _found(fit: Estimates, residuals: list[F64]) -> Feedback | None:
-    """The likeliest way back from residuals of records, (output, interval) each."""
-    best: tuple[float, int, int] | None = None
-    size = fit.params.size
-    pull, spread, tests = np.zeros(size), np.zeros((size, size)), 0
-    for k, left in enumerate(residuals):
-        for i, e in enumerate(left):
-            for j in range(len(fit.inputs)):
-                found = _granger(fit, k, j, e)
-                if found is None:
-                    continue
-                tests += 1
-                p, coefficients, cov = found
-                if best is None or p < best[0]:
-                    best = p, i, j
-                own, slopes = _pull(fit, k, i, j, coefficients)
-                pull += own
-                spread += slopes @ cov @ slopes.T
-    if best is None:
+def _led(fit: Estimates) -> list[tuple[int, int]]:
+    """Records and inputs (record, input) that are not known from their past: what moves them may be noise."""
+    if not testable(fit) or fit.options.reference or max(fit.intervals) > MOST:
+        return []
+    pairs = product(range(len(fit.pieces)), range(len(fit.inputs)))
+    return [pair for pair in pairs if not _foreseen(_window(fit, *pair))]
+
+
+def _found(
+    fit: Estimates, pairs: Sequence[tuple[int, int]], residuals: Callable[[Estimates, int], F64]
+) -> Feedback | None:
+    """The likeliest way back, by residuals (output, interval) of a record; None where none is likely."""
+    left = {k: residuals(fit, k) for k in dict(pairs)}
+    tests = [(k, i, j, _granger(fit, k, j, e)) for k, j in pairs for i, e in enumerate(left[k])]
+    known = [(k, i, j, found) for k, i, j, found in tests if found is not None]
+    p, i, j = min(((found.p_value, i, j) for _, i, j, found in known), default=(1.0, 0, 0))
+    if not known or p * len(known) >= ASKED:
         return None
+    size = fit.params.size
+    pull, spread = np.zeros(size), np.zeros((size, size))
+    for k, output, channel, found in known:
+        own, slopes = _pull(fit, k, output, channel, found.coefficients)
+        pull += own
+        spread += slopes @ found.cov @ slopes.T
     moved = fit.cov_nonrobust
     with np.errstate(invalid="ignore", divide="ignore"):
         sizes = np.sqrt(np.diag(moved))
         most = np.abs(moved @ pull) / sizes
         least = most - np.sqrt(np.diag(moved @ spread @ moved)) / sizes
-    p, i, j = best
     at = int(np.argmax(np.nan_to_num(least, nan=-np.inf)))
-    return Feedback(fit.outputs[i], fit.inputs[j], min(1.0, p * tests), float(most[at]), float(least[at]))
+    return Feedback(fit.outputs[i], fit.inputs[j], p * len(known), float(most[at]), float(least[at]))
 
 
 def _in_time(fit: Estimates, k: int) -> F64:
@@ -102,40 +110,64 @@ def _in_time(fit: Estimates, k: int) -> F64:
     return np.zeros((0, 0)) if whole is None else (fit.records[k].y[:, -whole.shape[1] :] - whole)[:, :-1]
 
 
-def _granger(fit: Estimates, k: int, j: int, e: F64) -> tuple[float, F64, F64] | None:
-    """p-value that residuals say nothing of the input; coefficients of its past and of theirs; covariance."""
+@dataclass(frozen=True)
+class _Granger:
+    """A regression of an input on its own past and on residuals: the triangular factor of its rows.
+
+    `factor` is that of the correlations of the columns, a constant, the input's past, the residuals, and of
+    the input itself, last; `sizes` are their norms.
+    """
+
+    factor: F64
+    sizes: F64
+    p_value: float
+    variance: float  # of what is left
+
+    @property
+    def _inverse(self) -> F64:
+        return np.asarray(np.linalg.inv(self.factor[:-1, :-1].T) / self.sizes[:-1, None])
+
+    @property
+    def coefficients(self) -> F64:
+        """Of the past and of the residuals."""
+        return np.asarray(self._inverse @ self.factor[-1, :-1] * self.sizes[-1])[1:]
+
+    @property
+    def cov(self) -> F64:
+        """Covariance of these."""
+        return np.asarray(self._inverse @ self._inverse.T * self.variance)[1:, 1:]
+
+
+def _granger(fit: Estimates, k: int, j: int, e: F64) -> _Granger | None:
+    """Whether residuals say anything of the input that its past does not; None where nobody can tell."""
     from scipy.special import fdtrc
 
-    u = _window(fit, k, j)
-    e = e[: u.size]
-    if u.size < SHORTEST or np.ptp(u) == 0 or _foreseen(u):
+    past = _past(_window(fit, k, j))
+    size = past.shape[1]
+    late = [e[PAST - lag :][:size] for lag in _lags(fit, j)]
+    factor, sizes = _factor(np.array([*past[:-1], *late, past[-1]]))
+    if factor is None:
         return None
-    u = u - u.mean()
-    rows = [np.ones(u.size - PAST)]
-    rows += [u[PAST - lag : u.size - lag] for lag in range(1, PAST + 1)]
-    known = len(rows)
-    rows += [e[PAST - lag : u.size - lag] for lag in _lags(fit, j)]
-    columns, side = np.array(rows).T, u[PAST:]
-    size = np.linalg.norm(columns, axis=0)
-    if not np.all(np.isfinite(size) & (size > 0)):
-        return None
-    q, r = np.linalg.qr(columns / size)
-    part = q.T @ side
-    new = float(side @ side - part[:known] @ part[:known])
-    freedom = side.size - columns.shape[1]
-    gained = float(part[known:] @ part[known:])
-    if not new > NEW**2 * float(side @ side) or new <= gained:
-        return None
-    p = float(
-        fdtrc(
-            columns.shape[1] - known,
-            freedom,
-            gained / (columns.shape[1] - known) / ((new - gained) / freedom),
-        )
-    )
-    inverse = np.linalg.pinv(r) / size[:, None]
-    cov = inverse @ inverse.T * ((new - gained) / freedom)
-    return p, (inverse @ part)[1:], cov[1:, 1:]
+    part, left = factor[-1, len(past) - 1 : -1], float(factor[-1, -1] ** 2)
+    freedom = size - len(factor) + 1
+    p = float(fdtrc(part.size, freedom, float(part @ part) / part.size / (left / freedom)))
+    return _Granger(factor, sizes, p, left * float(sizes[-1]) ** 2 / freedom)
+
+
+def _past(u: F64) -> F64:
+    """A constant, the samples of an input before each one, and these, (column, time)."""
+    u, size = u - u.mean(), u.size - PAST
+    return np.array([np.ones(size), *(u[PAST - lag :][:size] for lag in range(1, PAST + 1)), u[PAST:]])
+
+
+def _factor(columns: F64) -> tuple[F64 | None, F64]:
+    """Triangular factor of the correlations of columns (column, time), None if they are dependent; norms."""
+    products = columns @ columns.T
+    sizes = np.sqrt(products.diagonal())
+    try:
+        return np.linalg.cholesky(products / (sizes * sizes[:, None])), sizes
+    except np.linalg.LinAlgError:
+        return None, sizes
 
 
 def _window(fit: Estimates, k: int, j: int) -> F64:
@@ -146,10 +178,17 @@ def _window(fit: Estimates, k: int, j: int) -> F64:
 
 
 def _foreseen(u: F64) -> bool:
-    """Whether cubics through four past samples foresee an input: a regression would leave no more."""
+    """Whether an input is known from its past, by cubics through four samples or by a regression on more.
+
+    What the past leaves of an input is left of each column of that regression: where the input is not known,
+    none of them comes near rounding.
+    """
     change = np.diff(u[PAST - 4 :], 4)
     side = u[PAST:] - u.mean()
-    return bool(change @ change <= NEW**2 * float(side @ side))
+    if u.size < SHORTEST or change @ change <= NEW**2 * float(side @ side):
+        return True
+    factor, _ = _factor(_past(u))
+    return factor is None or bool(factor[-1, -1] <= NEW)
 
 
 def _lags(fit: Estimates, j: int) -> range:

@@ -114,7 +114,7 @@ def testable(fit: Estimates) -> bool:
         and fit.layout.rational
         and fit.options.noise == "output"
         and fit.options.method in ("awls", "ml")
-        and bool(np.all(np.diag(fit.noise_cov) > 0))
+        and all([level > 0 for level in fit.noise_cov.diagonal().tolist()])
         and stationary(fit)
         and all(rec.dt is not None for rec in fitted(fit))
     )

@@ -26,7 +26,8 @@ def misfit(fit: Estimates) -> Doubt | None:
     """The first doubt that residuals give, if it is beyond doubt; looked for where cheap tests speak."""
     if fit.df_resid < 2 or not _suspicious(fit) or noise_free(fit) is not None:
         return None
-    return next((doubt for doubt in of_residuals(fit, diagnose(fit)) if doubt and doubt.sure), None)
+    found = of_residuals(fit, diagnose(fit), sure_only=True)
+    return next((doubt for doubt in found if doubt and doubt.sure), None)
 
 
 def _suspicious(fit: Estimates) -> bool:
@@ -43,17 +44,23 @@ def _suspicious(fit: Estimates) -> bool:
     return event_p(fit) < LOOK
 
 
-def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
-    """Doubts that tests of the residual lines give, the one that explains most of them first."""
+def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> list[Doubt | None]:
+    """Doubts that tests of the residual lines give, the one that explains most of them first.
+
+    `sure_only`: others may be left out, whose cures would be tried for nothing.
+    """
     count = max(len(d.further), 1)
     # Residuals far above the noise of an empty high band need less to convince of a further response.
     high = d.chi2_p < SURE
     said: list[tuple[Doubt, float]] = []
+    explained = False
     for one in d.further:
         # A clipped input is one of many shapes of a gain that is not constant.
         spoken = one.p_value < UNLIKELY / count
         sure = one.p_value < (SUREST if one.what == "gain" else SURE) / count
-        if spoken or (high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE):
+        explained |= spoken
+        likely = high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE
+        if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
     if high and not fit.inputs:
         said += _of_free_motion(fit)
@@ -70,7 +77,7 @@ def of_residuals(fit: Estimates, d: Diagnosis) -> list[Doubt | None]:
             )
         )
     if too_large(d.chi2_p):
-        found.append(_too_large(fit, d, alone=not said))
+        found.append(_too_large(fit, d, alone=not (said or explained), sure_only=sure_only))
     elif too_small(d.chi2_p, d.level_ratio):
         found.append(
             Doubt(
@@ -104,23 +111,27 @@ def of_colour(fit: Estimates, d: Diagnosis) -> Doubt | None:
     )
 
 
-def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool) -> Doubt:
+def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) -> Doubt | None:
     """Residuals far above the high band's noise, and where their spectrum says that it comes from.
 
     `alone`: nothing else explains them.
     """
+    if sure_only and not (alone and d.chi2_p < SURE):
+        return None
     text = (
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
     found = origin(fit) if alone else None
-    gain = gain_of_process(fit) if alone else None
     if found == "process":
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
             'or an input that is not in the record. First try that input, or noise="process".'
         )
         return Doubt(text, sure=d.chi2_p < SURE)
+    if sure_only:
+        return None
+    gain = gain_of_process(fit) if alone else None
     text += (
         " Either the model misses something, or the record was low-pass filtered and the high band is empty "
         "of noise, as flight records often are."
