@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .arrays import F64
 
-__all__ = ["AUTO", "DOUBTFUL", "FORMS", "decided", "form_of", "liveliest"]
+__all__ = ["AUTO", "BY_FIT", "DOUBTFUL", "FORMS", "LOOP", "decided", "form_of", "liveliest"]
 
 Mask = NDArray[np.bool_]
 
@@ -26,6 +26,8 @@ FORMS = {
     "smooth": "smooth",
 }
 DOUBTFUL = ("stairs", "rough")
+# What decided where samples leave it open: fits of both, or that a reference tells of a loop.
+BY_FIT, LOOP = "fit", "loop"
 
 SAME = 1e-9  # of the range: a change that is none
 LINE = 5e-6  # of the range: a bend that is none, since files keep six digits

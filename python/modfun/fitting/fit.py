@@ -31,6 +31,7 @@ from .of_equations import fit_equation
 from .of_gains import fit_response
 from .prepared import prepare, refuse_standing
 from .robust import robust_fit
+from .undeclared import settled
 
 __all__ = [
     "Estimator",
@@ -338,7 +339,7 @@ def fit_many(
         first = data[0]
         alike = (first.y.shape[1], first.dt)
         if checked.reference:
-            return fit_each(data, structure, checked, fit_quietly, progress)
+            return fit_each(data, structure, checked, _fit_settled, progress)
         uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
         if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
             return fit_each(data, structure, checked, fit_quietly, progress)
@@ -354,9 +355,10 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
         if isinstance(data, FrequencyResponse):
             result: Fit = fit_response(data, structure, options)
         elif options.robust:
-            result = robust_fit(records_of(data), structure, options, fit_quietly)
+            records = settled(records_of(data), structure, options, fit_quietly)
+            result = robust_fit(records, structure, options, fit_quietly)
         else:
-            result = fit_quietly(records_of(data), structure, options)
+            result = _fit_settled(records_of(data), structure, options)
     except DataError as error:
         if options.band is None or FEW_LINES not in str(error):
             raise
@@ -369,6 +371,11 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     for text in result.remarks():
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
+
+
+def _fit_settled(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """One fit without its warnings, of inputs read as it prefers where their samples leave it open."""
+    return fit_quietly(settled(records, structure, options, fit_quietly), structure, options)
 
 
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
-from ..base.between import form_of
+from ..base.between import LOOP, form_of
 from ..base.tables import Findings
 from .mask import runs
 from .samples import Samples
@@ -148,6 +148,12 @@ def _doubtful(record: Samples, name: str, form: str) -> Iterator[str]:
         yield (
             f"Input {name!r} is assumed held: it goes up and down by one step at a time. If it was measured "
             "and coarsely rounded, give intersample='smooth'; else declare intersample='zoh'."
+        )
+    if form == LOOP:
+        yield (
+            f"Input {name!r} is assumed held for one sample each, since a loop with a reference is mostly "
+            "closed by a computer. If it was measured, give intersample='smooth'; else declare "
+            "intersample='zoh'."
         )
     if form == "rough":
         yield (

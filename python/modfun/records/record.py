@@ -66,9 +66,10 @@ class Record(Samples):
         How the inputs go between samples: smoothly (band-limited), held, or in straight lines; one word
         for all inputs, one per input, or words by input name (inputs left out are "auto"). "auto" takes
         the word from the samples: stretches of equal values between jumps are held, lines between corners are
-        straight, and all else is smooth, coarsely rounded measurements included. A command that changes at
-        every sample and follows something smooth, such as a sweep, looks smooth even if it was held: declare
-        it "zoh". Printing the record shows the words, `check` says which are doubtful.
+        straight, and all else is smooth, coarsely rounded measurements included. Where the samples look the
+        same held and smooth, `fit` reads them as it fits better. A command that changes at every sample and
+        follows something smooth, such as a sweep, looks smooth even if it was held: declare it "zoh".
+        Printing the record shows the words, `check` says which are doubtful.
     keep : mapping of str to array_like, optional
         Further channels to carry along, such as an event marker for `split`.
     mask : array_like of bool, shape (time,) or (output, time), optional

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base import html
 from ..base.arrays import F64
-from ..base.between import AUTO, DOUBTFUL, decided, liveliest
+from ..base.between import AUTO, BY_FIT, DOUBTFUL, LOOP, decided, liveliest
 from ..base.names import nearest
 from ..base.samples import (
     FEWEST,
@@ -354,6 +354,12 @@ class Samples:
         kept = {name: form for name, form in self._seen.items() if name in inputs and name not in fresh}
         return found, kept | {inputs[k]: form for k, form in forms.items()}
 
+    def _read_as(self, words: Sequence[str]) -> Self:
+        """Return the record with these words for the inputs that were not declared."""
+        both = zip(self.inputs, self.intersample, words, strict=True)
+        kinds = tuple([word if name in self._seen else own for name, own, word in both])
+        return self if kinds == self.intersample else self._like(intersample=kinds)
+
     def _computed(self, name: str, given: ArrayLike | Callable[[Self], ArrayLike]) -> ArrayLike:
         if not callable(given):
             return given
@@ -398,7 +404,8 @@ class Samples:
 
     def _between_words(self) -> list[str]:
         """How each input goes between samples, and whether its samples alone say so."""
-        origin = {name: "doubtful" if form in DOUBTFUL else "seen" for name, form in self._seen.items()}
+        told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, LOOP), "doubtful")}
+        origin = {name: told.get(form, "seen") for name, form in self._seen.items()}
         return [
             f"{word} ({origin[name]})" if name in origin else word
             for name, word in zip(self.inputs, self.intersample, strict=True)

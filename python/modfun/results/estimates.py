@@ -458,7 +458,7 @@ class Estimates:
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""
         # Records of the fit begin as it was told, where it was.
         told = self.options.initial_state
-        own = any(rec is one for one in self.records or ())
+        own = any(rec == one for one in self.records or ())
         if initial_state is None and own and told in ("zero", "rest"):
             initial_state = told
         return prediction.simulate_paths(self.layout, self.params, self.trend, rec, initial_state)
@@ -469,14 +469,14 @@ class Estimates:
         own = self.records
         if isinstance(rec, Record):
             rec = agreeing(what, with_inputs(rec, self.options.noise), self.units, "the fit")
-            if (rec.outputs, rec.inputs) == (self.outputs, self.inputs):
-                return rec
             if not {*self.outputs} <= {*rec.outputs} or not {*self.inputs} <= {*rec.inputs}:
                 raise DataError(
                     f"{what}: the record has outputs {list(rec.outputs)} and inputs {list(rec.inputs)}, "
                     f"the fit needs {list(self.outputs)} and {list(self.inputs)}; select them"
                 )
-            return rec.select(outputs=self.outputs, inputs=self.inputs)
+            if (rec.outputs, rec.inputs) != (self.outputs, self.inputs):
+                rec = rec.select(outputs=self.outputs, inputs=self.inputs)
+            return rec._read_as(self.intersample)
         if rec is not None and (isinstance(rec, bool) or not isinstance(rec, int | np.integer)):
             raise SpecError(f"{what}: expected a Record or the index of one, got {type(rec).__name__}")
         if own is None:
