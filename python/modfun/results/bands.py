@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base.arrays import F64
 from ..base.gamma_regression import smooth_level
-from ..base.named import Named
 from ..base.names import nearest
 from ..base.student import confidence, root, student_interval
 from ..errors import SpecError
 from ..records.mask import sample_weights
 from ..records.record import Record
 from .estimates import Estimates
-from .gradients import differences
-from .initial_state import linear_columns, slopes
-from .prediction import InitialState, path_columns
+from .prediction import InitialState
+from .slopes import response_slopes
 
 __all__ = ["Prediction", "both", "predicted"]
 
@@ -132,21 +130,7 @@ class _Variances(NamedTuple):
 
 def _variances(fit: Estimates, rec: Record, y: F64, initial: InitialState, given: Any) -> _Variances:
     own = sample_weights(rec.mask, rec.sigma, y.shape)
-    structure, free = fit.structure, given is None
-    linear = fit.layout.rational or (structure.linear and rec.dt is not None)
-    if linear:
-
-        def moving(params: F64) -> F64:
-            return replace(fit, params=Named(params, fit.param_names)).simulate(rec, given)[0]
-
-        moved = differences(moving, fit.params, fit.bse)
-    else:
-        moved, columns = np.split(slopes(fit, rec, initial), [fit.params.size])
-        columns = columns if free else columns[initial.state.size :]
-    if fit.layout.rational:
-        columns = path_columns(fit.layout, fit.params, fit.trend, rec, free)
-    elif linear:
-        columns = linear_columns(fit, rec, free)
+    moved, columns, following = response_slopes(fit, rec, initial, given)
     errors = own * (rec.y - y)
     level = np.sqrt(np.sum(errors**2, axis=1) / np.count_nonzero(own, axis=1))
     level = np.maximum(level, 1e-12 * np.abs(rec.y).max())[:, None]
@@ -157,7 +141,7 @@ def _variances(fit: Estimates, rec: Record, y: F64, initial: InitialState, given
     u, singular, right = np.linalg.svd(rows / size, full_matrices=False)
     keep = singular > 1e-12 * singular.max(initial=0.0)
     u, columns = u[:, keep], np.tensordot(right[keep] / singular[keep, None] / size, columns, 1)
-    if not linear:  # the initial state follows the parameters
+    if not following:
         moved = moved - np.tensordot((moved * weight).reshape(len(moved), y.size) @ u, columns, 1)
     cov = np.nan_to_num(fit.cov_params())
     of_params = np.einsum("iot,ij,jot->ot", moved, cov, moved)

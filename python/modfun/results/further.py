@@ -18,11 +18,12 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "simulated", "stationary", "testable"]
+__all__ = ["Explained", "event", "event_p", "further", "simulated", "stationary", "testable"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
 LARGE = 1e100  # a simulated output beyond it is that of an unstable model and explains nothing
+BESIDE = 16  # samples on either side of one that show how strong the noise is there
 SAME = 1e-3  # columns closer to the fitted ones, or to one another, are the same
 
 
@@ -70,15 +71,6 @@ def further(fit: Estimates) -> tuple[Explained, ...]:
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
-
-
-def fitted_lines(fit: Estimates, i: int) -> tuple[F64, list[F64]]:
-    """What was fitted to the whitened lines of an output, parameters first, and deviations of its lines.
-
-    (unknown, row), real and then imaginary parts of each record; deviations of a record are (line,).
-    """
-    blocks = [_Block.of(fit, k, i, None) for k in range(len(fit.pieces))]
-    return _Residual.of(blocks).nuisance, [block.deviation for block in blocks]
 
 
 def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:
@@ -185,8 +177,9 @@ def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Exp
         first = rec.intervals - fit.intervals[k]
         e = rec.y[i, first:] - whole[i]
         far = np.abs(e - np.median(e))
-        usual = 1.4826 * float(np.median(far))
         at = int(np.argmax(far))
+        near = far[max(at - BESIDE, 0) : at + BESIDE + 1]  # noise may change in time
+        usual = 1.4826 * max(float(np.median(far)), float(np.median(near)))
         beside = float(np.max(np.delete(far[max(at - 1, 0) : at + 2], min(at, 1)), initial=0.0))
         if not 0 < usual < LARGE or 2 * beside > far[at]:  # what lasts is no spike
             continue

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arrays import F64
 from ..base.least_squares import levenberg_marquardt
+from ..base.student import root
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
@@ -241,7 +242,7 @@ def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:
 
         compiled = with_trend(compiled, initial.trend.size // len(compiled.source))
     z = np.concatenate([fit.params, initial.state, initial.trend])
-    errors = np.concatenate([fit.bse, initial.bse, np.zeros(initial.trend.size)])
+    errors = np.concatenate([root(np.diag(fit.cov_nonrobust)), initial.bse, np.zeros(initial.trend.size)])
     p, n = fit.params.size, initial.state.size
     found = []
     for k in range(z.size):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.gamma_regression import smooth_level
 from ..errors import ModfunError
+from ..models.noise import Noise
 from .doubts import Doubt
 from .estimates import Estimates
-from .further import fitted_lines, stationary
+from .further import stationary
+from .slopes import response_slopes
 
 __all__ = ["Uneven", "covariance", "of_time", "uneven"]
 
@@ -20,21 +23,22 @@ UNEVEN = 0.01  # p-value below which noise is taken to change
 POWERS = 4  # polynomials of the test
 SHORTEST = 64  # samples
 ORDER = 8  # of the autoregression
-LEAST = 0.1  # of a line that must be left of it
+SAME = 1e-9  # singular values below are rounding
 
 
 class Uneven(NamedTuple):
-    """How the noise of an output changes over its records.
+    """How the noise of a fit's outputs changes over its records.
 
     Attributes
     ----------
     p_value : float
-        Of the test that it does not.
+        Of the test that none does.
     output : int
+        The one whose noise changes most plainly.
     errors : tuple of ndarray
-        Residuals of each record, (time,), without its last sample.
+        Residuals of each record, (output, time), without its last sample.
     level : tuple of ndarray
-        Smooth standard deviation of what is new in each, (time,).
+        Smooth standard deviation of what is new in each, (output, time).
     """
 
     p_value: float
@@ -44,7 +48,7 @@ class Uneven(NamedTuple):
 
 
 def uneven(fit: Estimates) -> Uneven | None:
-    """The output whose noise changes most plainly; None where residuals in time cannot tell.
+    """Whether the noise of an output changes; None where residuals in time cannot tell.
 
     Squares of what an autoregression does not foresee of the residuals are regressed on polynomials of the
     time; their number times R² is chi-squared, whatever the tails of the noise (R. Koenker, J. Econometrics
@@ -58,6 +62,7 @@ def uneven(fit: Estimates) -> Uneven | None:
         or not fit.usable
         or not stationary(fit)
         or fit.process_levels is not None
+        or fit.options.noise == "log-normal"
         or isfinite(fit.tail)
     ):
         return None
@@ -76,11 +81,14 @@ def uneven(fit: Estimates) -> Uneven | None:
         for own, rec in zip(errors, records, strict=True)
     ):
         return None  # of a simulation that runs away
-    found = [_of_output([own[i] for own in errors], i) for i in range(len(fit.outputs))]
-    return min(found, key=lambda one: one.p_value)
+    found = [_of_output([own[i] for own in errors]) for i in range(len(fit.outputs))]
+    most = int(np.argmin([p for p, _ in found]))
+    levels = [np.array(own) for own in zip(*(levels for _, levels in found), strict=True)]
+    return Uneven(min(1.0, len(found) * found[most][0]), most, tuple(errors), tuple(levels))
 
 
-def _of_output(errors: list[F64], output: int) -> Uneven:
+def _of_output(errors: list[F64]) -> tuple[float, list[F64]]:
+    """The p-value of one output, and its level in each record."""
     from scipy.special import chdtrc
 
     levels, statistic = [], 0.0
@@ -93,48 +101,90 @@ def _of_output(errors: list[F64], output: int) -> Uneven:
         about = squares[ORDER:] - squares[ORDER:].mean()
         statistic += about.size * float(np.sum((basis.T @ about) ** 2) / (about @ about))
         levels.append(size * np.sqrt(smooth_level(squares, time, 1.0 * (time >= time[ORDER]))))
-    p = float(chdtrc(POWERS * len(errors), statistic))
-    return Uneven(p, output, tuple(errors), tuple(levels))
+    return float(chdtrc(POWERS * len(errors), statistic)), levels
 
 
 def covariance(fit: Estimates) -> F64 | None:
     """Covariance of the parameters where the noise of an output changes; None where it does not.
 
-    The influence of the lines on an estimate is one of the samples, a filter k(t) with the error Σ k(t) e(t).
-    With e(t) = σ(t) c(t), c of the spectrum s, the covariance is that of k σ filtered by s: with a constant σ
-    the spectral one.
+    To first order an estimate is off by the sum over the samples of k(t) σ(t) c(t), c stationary noise of
+    smooth spectra: k are the slopes of the simulated outputs, on the lines of the fit and less what initial
+    state and trend explain, under least squares with the covariance of the outputs' noise. The errors of an
+    even level of the same power are the spectral ones, which set the scale.
     """
     found = uneven(fit) if _allowed_for(fit) else None
     if found is None or found.p_value > UNEVEN:
         return None
-    jacobian, deviations = fitted_lines(fit, 0)
-    inverse = np.linalg.pinv(jacobian @ jacobian.T, hermitian=True)
-    influence = inverse @ jacobian
-    cov, at = np.zeros((fit.params.size, fit.params.size)), 0
-    for (low, high), deviation, errors, level in zip(
-        fit.lines, deviations, found.errors, found.level, strict=True
-    ):
-        count, lines = errors.size, high + 1 - low
-        real, imag = (slice(at + k * lines, at + (k + 1) * lines) for k in range(2))
-        at += 2 * lines
-        influences = influence[: len(cov), real] - 1j * influence[: len(cov), imag]
-        filters = _in_time(influences / deviation, low, count) * level
-        fitted = _in_time((jacobian[:, real] - 1j * jacobian[:, imag]) * deviation, low, count)
-        m = np.arange(count // 2 + 1)
-        freedom = np.where((m == 0) | (2 * m == count), 1.0, 2.0)
-        left = _left(np.linalg.svd(fitted.T, full_matrices=False)[0], level)
-        power = np.abs(np.fft.rfft(errors / level)) ** 2 / count / np.maximum(left, LEAST)
-        spectrum = smooth_level(power, np.log1p(m), freedom * np.where(left > LEAST, left, 0.0))
-        waves = np.fft.rfft(filters) * np.sqrt(freedom * spectrum / count)
-        cov += (waves.conj() @ waves.T).real
+    try:
+        cov = _of_samples(fit, found)
+    except (ModfunError, np.linalg.LinAlgError):  # no response beside the estimate, or outputs that are one
+        return None
+    return cov if np.all(np.isfinite(cov)) else None
+
+
+def _of_samples(fit: Estimates, found: Uneven) -> F64:
+    spectral = np.diag(fit.cov_spectral)
+    moving = np.flatnonzero(spectral > 0)  # others are on a bound
+    changing, even = (np.zeros((moving.size, moving.size)) for _ in range(2))
+    for filters, errors, level in zip(_filters(fit, moving), found.errors, found.level, strict=True):
+        noise = errors / level
+        m = np.arange(errors.shape[1] // 2 + 1)
+        freedom = np.where((m == 0) | (2 * m == errors.shape[1]), 1.0, 2.0) / errors.shape[1]
+        power = np.abs(np.fft.rfft(noise)) ** 2
+        spectra = np.array([smooth_level(own, np.log1p(m), freedom) for own in power])
+        alike = np.linalg.cholesky(np.corrcoef(noise)) if len(noise) > 1 else np.ones((1, 1))
+        usual = np.sqrt(np.mean(level**2, axis=1, keepdims=True))
+        for total, sigma in ((changing, level), (even, usual)):
+            waves = np.fft.rfft(filters * sigma) * np.sqrt(freedom * spectra)
+            rows = np.einsum("poj,oi->pij", waves, alike).reshape(moving.size, -1)
+            total += (rows @ rows.conj().T).real
+    scale = np.sqrt(spectral[moving] / np.diag(even))
+    cov = np.zeros_like(fit.cov_spectral)
+    cov[np.ix_(moving, moving)] = scale[:, None] * changing * scale
     return cov
+
+
+def _filters(fit: Estimates, moving: NDArray[np.intp]) -> list[F64]:
+    """What the estimates of some parameters make of the noise of each record, (p, output, time)."""
+    pieces, information = [], np.zeros((moving.size, moving.size))
+    for k, (rec, (low, high)) in enumerate(zip(fit.records or (), fit.lines, strict=True)):
+        moved, columns, _ = response_slopes(fit, rec, fit.simulate(rec)[1])
+        rows = np.concatenate([moved[moving], columns])[:, :, rec.intervals - fit.intervals[k] : -1]
+        ratio = fit.level_ratios[k]
+        inverse = np.linalg.inv(np.linalg.cholesky(fit.noise_cov * np.outer(ratio, ratio)))
+        lines = np.einsum("io,uom->uim", inverse, np.fft.rfft(rows)[:, :, low : high + 1])
+        if low == 0:
+            lines[:, :, 0] /= np.sqrt(2)  # the line has one part, of twice the variance
+        flat = np.concatenate([lines.real, lines.imag], axis=1).reshape(len(rows), -1)
+        size = np.linalg.norm(flat, axis=1)
+        flat = flat / np.where(size > 0, size, 1.0)[:, None]
+        own = flat[: moving.size] * size[: moving.size, None]
+        fitted = np.linalg.svd(flat[moving.size :].T, full_matrices=False)
+        basis = fitted[0][:, fitted[1] > SAME]
+        own = own - (own @ basis) @ basis.T
+        information += own @ own.T
+        pieces.append((own, low, inverse, rows.shape[2]))
+    root = np.sqrt(np.diag(information))
+    scaled = np.linalg.pinv(information / np.outer(root, root), hermitian=True) / np.outer(root, root)
+    found = []
+    for own, low, inverse, count in pieces:
+        real, imag = np.split((scaled @ own).reshape(moving.size, 2 * len(inverse), -1), 2, axis=1)
+        lines = np.einsum("io,pim->pom", inverse, real - 1j * imag)
+        if low == 0:
+            lines[:, :, 0] /= np.sqrt(2)
+        full = np.zeros((moving.size, len(inverse), count), complex)
+        full[:, :, low : low + lines.shape[2]] = lines
+        found.append(np.fft.fft(full).real)
+    return found
 
 
 def _allowed_for(fit: Estimates) -> bool:
     """Whether errors of such a fit can allow for noise that changes."""
-    plain = len(fit.outputs) == 1 and fit.options.noise == "output" and fit.options.initial_state == "unknown"
-    plain = plain and fit.layout.rational and fit.options.method in ("awls", "ml") and not fit.window_weights
-    return plain and not (isfinite(fit.stability_cost) or fit.at_bound or fit.instrumented)
+    options = fit.options
+    plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
+    plain = plain and options.initial_state == "unknown" and options.output_weights is None
+    plain = plain and options.method in ("awls", "ml") and not fit.window_weights
+    return plain and not (isfinite(fit.stability_cost) or fit.instrumented)
 
 
 def of_time(fit: Estimates) -> Doubt | None:
@@ -142,7 +192,7 @@ def of_time(fit: Estimates) -> Doubt | None:
     found = uneven(fit)
     if found is None or found.p_value > UNEVEN:
         return None
-    level = np.concatenate(found.level)
+    level = np.concatenate([own[found.output] for own in found.level])
     allowed = (
         "The standard errors allow for it"
         if fit.cov_type == "spectral" and _allowed_for(fit)
@@ -154,21 +204,3 @@ def of_time(fit: Estimates) -> Doubt | None:
         "Record(sigma=...) weights the samples by it, too.",
         sure=False,
     )
-
-
-def _in_time(lines: Any, low: int, count: int) -> F64:
-    """Sums of lines from `low` on, (k, line), as functions of time."""
-    full = np.zeros((len(lines), count), complex)
-    full[:, low : low + lines.shape[1]] = lines
-    return np.asarray(np.fft.fft(full).real / count)
-
-
-def _left(fitted: F64, level: F64) -> F64:
-    """What is left of the power of each line when noise of a level in time loses what was fitted.
-
-    Over that of white noise; `fitted` are orthonormal, (time, k).
-    """
-    times = fitted * level[:, None]
-    over, under = (np.fft.rfft(own, axis=0) / np.sqrt(level.size) for own in (fitted / level[:, None], times))
-    removed = 2 * np.sum(over * under.conj(), axis=1).real
-    return np.asarray(1 - removed + np.sum((over @ (times.T @ times)) * over.conj(), axis=1).real)
