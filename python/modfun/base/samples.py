@@ -265,14 +265,17 @@ def times_of(
     return (times, None) if mean is None else (times[0] + mean * np.arange(count), mean)
 
 
-def even_step(times: F64) -> float | None:
+def even_step(times: F64, rows: F64 | None = None) -> float | None:
     """Return the mean step of increasing times where they are even, else None.
+
+    With `rows`, of a grid of which the times are these rows, counted from the first.
 
     Even means to 1e-6 of a step, or to the decimals the times were written with: 0.017, 0.033, 0.050 are
     sixtieths. Rounding coarser than a tenth of a step says nothing, so there it does not count.
     """
-    step = float(times[-1] - times[0]) / (len(times) - 1)
-    stray = float(np.abs(times - times[0] - step * np.arange(len(times))).max())
+    at = np.arange(len(times)) if rows is None else rows
+    step = float(times[-1] - times[0]) / float(at[-1])
+    stray = float(np.abs(times - times[0] - step * at).max())
     largest = float(np.abs(times).max())
     slack = EVEN * step + 4 * float(np.finfo(np.float64).eps) * largest
     if stray > slack:  # the largest times show it: of 9 significant digits, small times have more decimals

@@ -45,6 +45,15 @@ def check_record(record: Samples) -> Findings:
 
 
 def _clock(record: Samples) -> Iterator[str]:
+    if record._lost is not None:
+        starts, lengths = runs(record._lost)
+        first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
+        filled = " and their inputs filled in" if record.inputs else ""
+        yield (
+            f"{_count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
+            f"most, from t = {record.t[first]:g} s; their outputs are masked{filled}. Split the record there "
+            "if the inputs moved in the gap, rec.window(...)."
+        )
     if record.dt is not None:
         return
     steps = np.diff(record.t)
@@ -70,6 +79,8 @@ def _clock(record: Samples) -> Iterator[str]:
 def _masked(record: Samples) -> Iterator[str]:
     for name in record.outputs:
         good = record._good(name)
+        if record._lost is not None:
+            good = good | record._lost  # said already
         if good.all():
             continue
         starts, lengths = runs(~good)

@@ -227,7 +227,7 @@ def read(
     )
     if isinstance(source, str | os.PathLike):
         record = record._like(source=_origin(Path(source)))
-    if clock is not None and record.dt is not None and record.dt == told.dt:
+    if clock is not None and record.dt is not None and record.dt == told.dt and record._lost is None:
         return record._like(t=values[clock] * seconds_of(clock, told))  # as written, to the last bit
     return record
 

@@ -30,6 +30,7 @@ from ..signals.spectrum import Spectrum
 from . import drawing, labelled, spectra
 from .check import check_record
 from .conversion import converted
+from .lost_rows import completed
 from .mask import filled, mask_of, refuse_scarce, sigma_of
 from .samples import Samples
 
@@ -55,7 +56,9 @@ class Record(Samples):
         Sampling rate in hertz.
     t : array_like, shape (time,), optional
         Times in seconds, increasing. Uneven steps are allowed; times on an even grid but for 1e-6 of a
-        step, or for their rounded decimals, count as even.
+        step, or for their rounded decimals, count as even. So do times on a grid of which up to a fifth is
+        missing, and no more than a tenth in a row: rows that a logger lost come back with their outputs
+        masked and their inputs filled in as they go between samples, and `check` reports them.
     axis : {-1, 0, 1}, default -1
         Axis of time in 2-D `y` and `u`: last, or 0 for arrays (time, channel).
     outputs, inputs : str or sequence of str, optional
@@ -196,21 +199,22 @@ class Record(Samples):
                     f"Record: units names {name!r}, which is not a channel; {nearest(name, known)}"
                 )
         words, forms = decided(intersample_of(intersample, in_names), us, None if step else times)
-        self._set(
-            y=ys,
-            u=us,
-            t=times,
-            dt=step,
-            outputs=out_names,
-            inputs=in_names,
-            intersample=words,
-            mask=good,
-            sigma=sigma_of(sigma, good, times, ys.shape, axis),
-            source=None,
-            _units={str(name): str(unit) for name, unit in (units or {}).items()},
-            _keep={name: values[0] for name, values in kept.items()},
-            _seen={in_names[k]: form for k, form in forms.items()},
-        )
+        fields = {
+            "y": ys,
+            "u": us,
+            "t": times,
+            "dt": step,
+            "outputs": out_names,
+            "inputs": in_names,
+            "intersample": words,
+            "mask": good,
+            "sigma": sigma_of(sigma, good, times, ys.shape, axis),
+            "source": None,
+            "_units": {str(name): str(unit) for name, unit in (units or {}).items()},
+            "_keep": {name: values[0] for name, values in kept.items()},
+            "_seen": {in_names[k]: form for k, form in forms.items()},
+        }
+        self._set(**completed(fields))
 
     def convert(self, units: Mapping[str, str] | None = None, /, **others: str) -> Record:
         """Return a record with channels in other units.

@@ -37,8 +37,8 @@ class Samples:
     """The fields of a `Record`, unchecked and never changed."""
 
     __slots__ = (
-        "_keep", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma", "source", "t",
-        "u", "y",
+        "_keep", "_lost", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma",
+        "source", "t", "u", "y",
     )  # fmt: skip
 
     y: F64
@@ -53,10 +53,11 @@ class Samples:
     source: Origin | None
     _units: dict[str, str]
     _keep: dict[str, F64]
+    _lost: Mask | None  # rows that the times lacked
     _seen: dict[str, str]  # what samples look like that decided on intersample, by input
 
     def _set(self, **fields: Any) -> None:
-        for name in ("y", "u", "t", "mask", "sigma"):
+        for name in ("y", "u", "t", "mask", "sigma", "_lost"):
             if fields[name] is not None:
                 fields[name] = frozen(fields[name])
         fields["_keep"] = {name: frozen(values) for name, values in fields["_keep"].items()}
@@ -185,8 +186,9 @@ class Samples:
         keep = {name: values[part] for name, values in self._keep.items()}
         mask = None if self.mask is None or self.mask[:, part].all() else self.mask[:, part]
         sigma = None if self.sigma is None else self.sigma[:, part]
+        lost = None if self._lost is None or not self._lost[part].any() else self._lost[part]
         return self._like(
-            y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma
+            y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma, _lost=lost
         )
 
     def split(self, *, every: float | None = None, on: str | None = None) -> list[Self]:
@@ -419,6 +421,8 @@ class Samples:
             pace = f"dt = {self.dt:.6g} s"
         start = f" from t = {self.t0:g} s" if self.t0 else ""
         own = "" if self.sigma is None else ", own sigma"
+        if self._lost is not None:
+            own += f", {int(self._lost.sum())} of them missing"
         line = f"Record of {self.duration:.6g} s{start}: {len(self.t)} samples, {pace}{own}"
         roles = []
         for name in self.outputs:
@@ -444,7 +448,7 @@ class Samples:
 
 def _restore(kind: type[Own], fields: dict[str, Any]) -> Own:
     made = object.__new__(kind)
-    made._set(**{"_seen": {}, **fields})  # pickles of old have all words declared
+    made._set(**{"_seen": {}, "_lost": None, **fields})  # pickles of old have all words declared
     return made
 
 

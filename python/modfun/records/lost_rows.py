@@ -1,0 +1,81 @@
+"""Rows that a logger lost: a record whose times lie on a grid but for a few is made even, with a mask."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import F64
+from ..base.between import FORMS, form_of
+from ..base.samples import even_step
+from .mask import Mask, runs
+
+__all__ = ["completed"]
+
+MOST = 0.2  # of the rows may be lost
+LONGEST = 0.1  # of the rows may be lost in a row, as in a fit of masked samples
+ALIKE = 0.25  # of the usual step: what other steps between neighbouring rows differ from it, at most
+
+
+def completed(fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a record with its lost rows: outputs masked there, inputs as they go between samples."""
+    found = _rows(fields["t"]) if fields["dt"] is None else None
+    if found is None:
+        return {**fields, "_lost": None}
+    rows, step = found
+    count = int(rows[-1]) + 1
+    lost = np.ones(count, dtype=np.bool_)
+    lost[rows] = False
+    y, u, mask, sigma, keep = (fields[name] for name in ("y", "u", "mask", "sigma", "_keep"))
+    good: Mask = np.zeros((len(y), count), dtype=np.bool_)
+    good[:, rows] = True if mask is None else mask
+    return {
+        **fields,
+        "t": fields["t"][0] + step * np.arange(count),
+        "dt": step,
+        "y": _all(y, rows, lost, ["foh"] * len(y)),
+        "u": _all(u, rows, lost, fields["intersample"]),
+        "mask": good,
+        "sigma": None if sigma is None else _all(sigma, rows, lost, ["foh"] * len(sigma)),
+        "_keep": {
+            name: _all(values[None], rows, lost, [FORMS[form_of(values, fields["t"])]])[0]
+            for name, values in keep.items()
+        },
+        "_lost": lost,
+    }
+
+
+def _rows(times: F64) -> tuple[NDArray[np.intp], float] | None:
+    """Rows of a grid on which the times lie, and its step; None where too many are missing, or none."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    single = float(np.mean(steps[np.abs(steps - usual) <= ALIKE * usual]))
+    apart = np.rint(steps / single)
+    longest, count = float(apart.max()) - 1, float(apart.sum()) + 1
+    if apart.min() < 1 or not 1 <= longest <= LONGEST * count or count - times.size > MOST * count:
+        return None
+    rows = np.concatenate([[0.0], np.cumsum(apart)])
+    step = even_step(times, rows)
+    return None if step is None else (rows.astype(np.intp), step)
+
+
+def _all(values: F64, rows: NDArray[np.intp], lost: Mask, words: Any) -> F64:
+    """Values (channel, time) at every row."""
+    found = np.empty((len(values), lost.size))
+    every = np.arange(lost.size)
+    for own, known, word in zip(found, values, words, strict=True):
+        if word == "zoh":
+            starts, lengths = runs(lost)
+            own[rows] = known
+            for first, length in zip(starts, lengths, strict=True):
+                own[first : first + length] = own[first - 1]
+        elif word == "foh" or known.size < 4:
+            own[:] = np.interp(every, rows, known)
+        else:
+            from scipy.interpolate import CubicSpline
+
+            own[:] = CubicSpline(rows, known)(every)
+            own[rows] = known
+    return found
