@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .models.free import Free
     from .models.noise import Noise
     from .models.process import ProcessNoise, dryden
+    from .models.series import through
     from .models.transfer_function import TransferFunction
     from .records.batches import Batch
     from .records.reading import columns, read
@@ -70,6 +71,7 @@ _NAMES = {
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
     ".models.process": ("ProcessNoise", "dryden"),
+    ".models.series": ("through",),
     ".models.transfer_function": ("TransferFunction",),
     ".records.batches": ("Batch",),
     ".records.reading": ("columns", "read"),
@@ -102,7 +104,7 @@ __all__ = [  # noqa: RUF022, in the order of dir()
     "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d", "coefficients",
     "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c", "dryden", "fit",
     "fit_many", "frf", "load", "plot", "rank_test", "read", "reduce", "regressors", "rivals", "select_order",
-    "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "timelag", "zpk",
+    "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "through", "timelag", "zpk",
 ]  # fmt: skip
 
 
