@@ -14,7 +14,7 @@ C128 = NDArray[np.complex128]
 I64 = NDArray[np.int64]
 
 
-def geometric_mean(values: F64, weights: Sequence[float]) -> F64:
+def geometric_mean(values: F64 | Sequence[F64], weights: Sequence[float]) -> F64:
     """Of each column, over rows of these weights."""
     if len(values) == 1:
         return np.array(values[0])

@@ -321,7 +321,7 @@ def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
     paths = [num for num, degree in zip(nums, degrees, strict=True) if degree is not None]
     if poles:
         return [np.concatenate([np.convolve(den, [1.0, far])[1:], *(far * num for num in paths)])]
-    return [np.concatenate([den[1:], *(np.r_[0.0, num] for num in paths)])] if paths else []
+    return [np.concatenate([den[1:], *(part for num in paths for part in ([0.0], num))])] if paths else []
 
 
 # Which one ------------------------------------------------------------------------------------------

@@ -100,11 +100,14 @@ class Options:
         except TypeError:  # a list or array is not a key
             return _checked(what, **given)
 
+    @property
+    def fitted_trend(self) -> str | None:
+        """The trend, "auto" settled: "constant", as trimmed records of linear models need."""
+        return "constant" if self.trend == "auto" else self.trend
+
     def settled(self) -> Options:
-        """The same with trend="auto" settled: "constant", as trimmed records of linear models need."""
-        if self.trend != "auto":
-            return self
-        return self.replace(trend="constant")
+        """The same with trend="auto" settled."""
+        return self.replace(trend=self.fitted_trend)
 
     def replace(self, **changes: Any) -> Options:
         """The same with some options changed (unchecked)."""
@@ -116,8 +119,8 @@ class Options:
 
     def core(self) -> dict[str, Any]:
         """Keywords of the compiled core (all but the choice of the reported covariance)."""
-        settled = self.settled()
-        return {f.name: getattr(settled, f.name) for f in fields(self) if f.name not in _REPORTED}
+        words = {name: value for name, value in self.__dict__.items() if name not in _REPORTED}
+        return words | {"trend": self.fitted_trend}
 
     def refuse_alone(self, what: str) -> None:
         """Refuse options that make more of a fit than one problem of least squares.

@@ -239,24 +239,13 @@ class Estimates:
         """Noise level of each output, (output,), from harmonics the fit does not use; nan without such."""
         if self.known_level is not None:
             return self.known_level
-        seen = self._seen_variance()
-        if seen is None:
-            return np.full(len(self.outputs), np.nan)
-        return np.sqrt(geometric_mean(seen, self.rows))
-
-    def _seen_variance(self) -> F64 | None:
-        """Noise variances in the unused high band, (record, output); None without such a band."""
-        if self.records is None:
-            return None
-        variance = []
-        order = max(self.layout.orders)
-        for rec, intervals, (_, hi) in zip(self.records, self.intervals, self.lines, strict=True):
+        levels, order = [], max(self.layout.orders)
+        for rec, intervals, (_, hi) in zip(self.records or (), self.intervals, self.lines, strict=False):
             few = hi > intervals // 4 or intervals < 8 * (order + 4)
             if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
-                return None
-            window = np.ascontiguousarray(rec.y[:, rec.intervals - intervals :])
-            variance.append(noise_level(window, order) ** 2)
-        return np.array(variance)
+                return np.full(len(self.outputs), np.nan)
+            levels.append(noise_level(np.ascontiguousarray(rec.y[:, rec.intervals - intervals :]), order))
+        return geometric_mean(levels, self.rows) if levels else np.full(len(self.outputs), np.nan)
 
     @property
     def high_band_sigma(self) -> Any:
@@ -355,7 +344,7 @@ class Estimates:
     @property
     def trend(self) -> str | None:
         """Trend fitted beside the model: None, "constant" or "linear"."""
-        return self.options.settled().trend
+        return self.options.fitted_trend
 
     @property
     def band(self) -> tuple[float, float]:

@@ -95,9 +95,10 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
     left, s, rotation = np.linalg.svd(r[:, :k], full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
-    coefficients = inverse @ (left[:, keep].T @ r[:, k])
+    part = left[:, keep].T @ r[:, k]
+    coefficients = inverse @ part
     fitted = (coefficients / scale) @ columns
-    rest = float(np.sum((weight * (y - fitted)) ** 2))
-    rest /= max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
+    left_over = r[:, k] - left[:, keep] @ part
+    rest = float(left_over @ left_over) / max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
     covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
     return Regression(coefficients / scale, covariance, fitted)

@@ -77,7 +77,7 @@ class Contender:
             return None
         own = self.estimators[group.index]
         equations = own.options.trend == "auto" and not isinstance(own.model, TransferFunction)
-        found: str | None = own.model.trend if equations else own.options.settled().trend
+        found: str | None = own.model.trend if equations else own.options.fitted_trend
         return found
 
     def core(self, group: Group) -> dict[str, Any]:

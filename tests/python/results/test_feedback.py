@@ -9,8 +9,9 @@ import modfun as mf
 import numpy as np
 import pytest
 from loops import LEVEL, MODEL
-from modfun.results.feedback import feedback
+from modfun.results.feedback import LAGS, PAST, _granger, _residuals, feedback
 from scipy.signal import lfilter
+from scipy.stats import f
 
 
 def said(rec: mf.Record, model: mf.TransferFunction = MODEL, **words: object) -> str:
@@ -68,3 +69,39 @@ def test_open_loops_do_not_warn(kind: str, pole: float) -> None:
         noise = lfilter([np.sqrt(1 - pole**2)], [1, -pole], white)[200:]
         fit = mf.fit(clean.assign(y=clean["y"] + 0.1 * size * noise), MODEL)
         assert not any("earlier residuals" in text for text in fit.check())
+
+
+@pytest.mark.oracle
+def test_the_regression_is_that_of_least_squares() -> None:
+    """F test, coefficients and their covariance by two regressions with columns written out."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fit = mf.fit(loops.record(LEVEL, 3), MODEL)
+    e = _residuals(fit, 0)[0]
+    found = _granger(fit, 0, 0, e)
+    assert found is not None
+    u = fit.records[0].u[0, -fit.intervals[0] - 1 : -1]
+    u = u - u.mean()
+    first = 0 if fit.intersample == ("zoh",) else 1
+    rows = [[1.0, *u[t - PAST : t][::-1], *e[t - LAGS : t + 1 - first][::-1]] for t in range(PAST, u.size)]
+    columns, side = np.array(rows), u[PAST:]
+    both = np.linalg.lstsq(columns, side, rcond=None)[0]
+    alone = np.linalg.lstsq(columns[:, : PAST + 1], side, rcond=None)[0]
+    left = np.sum((side - columns @ both) ** 2)
+    gained = np.sum((side - columns[:, : PAST + 1] @ alone) ** 2) - left
+    free, more = side.size - columns.shape[1], columns.shape[1] - PAST - 1
+    assert found.p_value == pytest.approx(f.sf(gained / more / (left / free), more, free), rel=1e-6)
+    np.testing.assert_allclose(found.coefficients, both[1:], rtol=0, atol=1e-8 * np.abs(both).max())
+    cov = left / free * np.linalg.inv(columns.T @ columns)[1:, 1:]
+    np.testing.assert_allclose(found.cov, cov, rtol=0, atol=1e-7 * np.abs(cov).max())
+
+
+def test_inputs_that_follow_from_their_past_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse samples of a sweep, which cubics do not foresee: a regression on its past does."""
+    monkeypatch.setattr("modfun.results.feedback._residuals", lambda *_: pytest.fail("looked at"))
+    sweep = mf.simulate(
+        mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=20.0, intervals=256, nsr=0.1, seed=0
+    )
+    mf.fit(sweep, MODEL)
+    with pytest.raises(pytest.fail.Exception, match="looked at"):
+        mf.fit(loops.record(LEVEL, 0), MODEL)

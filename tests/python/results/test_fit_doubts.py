@@ -5,7 +5,9 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from modfun.results import misfit
+from modfun.results.diagnosis import diagnose
+from scipy.signal import butter, filtfilt, lfilter
 
 
 def test_one_kind_of_errors_serves_white_and_coloured_noise():
@@ -69,3 +71,40 @@ def test_intervals_refuse_what_has_no_meaning_and_keep_their_columns():
         fit.interval(fit.params, -fit.bse)
     for level in (0.95, 0.5, 1 - 1e-12):
         assert len(fit.table(level=level).columns) == 6
+
+
+STEPS = "1*(t>1) - 2*(t>5) + 1.5*(t>9) - 1*(t>14)"
+
+
+@pytest.mark.parametrize(
+    ("truth", "text", "poles"),
+    [
+        (mf.tf([5], [1, 3, 8]), "sin(t**2/5)", 1),
+        (mf.tf([5], [1, 3, 8], delay=0.25), STEPS, 2),
+        (mf.tf([2, 5], [1, 3, 8, 4]), "sin(t**2/5)", 2),
+        (mf.tf([1, 3, 13], [1, 3, 8]), "sin(t**2/5)", 3),
+    ],
+)
+def test_a_fit_warns_of_the_first_sure_doubt_of_all(truth, text, poles):
+    rec = mf.simulate(truth, input=text, duration=20.0, intervals=512, nsr=0.05, seed=3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)
+        fit = mf.fit(rec, mf.TransferFunction(poles=poles, zeros=poles - 1))
+    every = misfit.of_residuals(fit, diagnose(fit))
+    assert misfit.misfit(fit) == next((doubt for doubt in every if doubt and doubt.sure), None)
+
+
+def test_a_fit_tries_no_cure_that_only_check_would_say(monkeypatch):
+    """Of filtered samples the high band is empty, no sure doubt: noise in each equation is not tried."""
+    system = mf.ss([[0, 1], [-8, -3]], [[0], [5]], np.eye(2), np.zeros((2, 1)))
+    rec = mf.simulate(system, input="sin(t**2/5)", duration=20.0, intervals=512, nsr=0.1, seed=3)
+    rec = rec.assign(**{name: filtfilt(*butter(3, 0.3), rec[name]) for name in rec.outputs})
+    model = mf.StateSpace([[0, 1], ["a", "b"]], [0, "c"], states=list(rec.outputs), inputs=["u"])
+    asked = []
+    monkeypatch.setattr(misfit, "gain_of_process", lambda fit: asked.append(fit))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mf.ModfunWarning)
+        fit = mf.fit(rec, model, harmonics=20)
+    assert not asked
+    assert "the high band is empty" in str(fit.check())
+    assert asked == [fit]
