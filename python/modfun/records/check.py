@@ -14,7 +14,7 @@ from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["check_record"]
+__all__ = ["check_record", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
@@ -22,19 +22,15 @@ MATTERS = 0.05  # of the rms of an output: what half a sample of delay may chang
 
 def check_record(record: Samples) -> Findings:
     """Return the findings of `Record.check`."""
-    sentences = [*_clock(record), *_length(record), *_masked(record)]
+    sentences = [*_missing(record), *_clock(record), *_length(record), *_masked(record)]
     for name in (*record.outputs, *record.inputs):
         values = record[name]
         if values.min() == values.max():
             sentences.append(_constant(record, name))
             continue
-        form = ""
-        if name in record.inputs:
-            form = form_of(values, None if record.dt else record.t)
-            sentences += _between_samples(record, name, form)
-            if record.intersample[record.inputs.index(name)] != "smooth":
-                form = "held"
-        if form in ("", "smooth", "rough"):  # others sit at extremes, repeat themselves or jump by design
+        form = _form(record, name)
+        sentences += _between_samples(record, name, form)
+        if _measured(record, name, form):
             sentences += [*_codes(record, name), *_clipped(record, name), *_stale(record, name)]
             sentences += _outliers(record, name)
         if name in record.outputs:
@@ -44,7 +40,33 @@ def check_record(record: Samples) -> Findings:
     return Findings(f"Record, {size}", sentences)
 
 
-def _clock(record: Samples) -> Iterator[str]:
+def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
+    """What bears on any fit of the record and its residuals may not show: kind, channel, sentence."""
+    yield from (("rows", "", text) for text in _missing(record))
+    for name in (*record.outputs, *record.inputs):
+        if np.ptp(record[name]) == 0:
+            continue
+        form = _form(record, name)
+        if name in record._seen:  # residuals show whether what is declared is wrong
+            yield from (("between", name, text) for text in _doubtful(record, name, record._seen[name]))
+        if _measured(record, name, form):
+            yield from (("code", name, text) for text in _codes(record, name))
+            yield from (("clipped", name, text) for text in _clipped(record, name))
+
+
+def _form(record: Samples, name: str) -> str:
+    """What an input looks like; nothing of an output."""
+    return form_of(record[name], None if record.dt else record.t) if name in record.inputs else ""
+
+
+def _measured(record: Samples, name: str, form: str) -> bool:
+    """Whether a channel may be measured; others jump, repeat themselves or sit at extremes by design."""
+    if name in record.outputs:
+        return True
+    return form in ("smooth", "rough") and record.intersample[record.inputs.index(name)] == "smooth"
+
+
+def _missing(record: Samples) -> Iterator[str]:
     if record._lost is not None:
         starts, lengths = runs(record._lost)
         first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
@@ -54,6 +76,9 @@ def _clock(record: Samples) -> Iterator[str]:
             f"most, from t = {record.t[first]:g} s; their outputs are masked{filled}. Split the record there "
             "if the inputs moved in the gap, rec.window(...)."
         )
+
+
+def _clock(record: Samples) -> Iterator[str]:
     if record.dt is not None:
         return
     steps = np.diff(record.t)
@@ -128,7 +153,9 @@ def _changes(values: F64) -> NDArray[np.bool_]:
 
 
 def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
-    """Say what contradicts a declaration, or what the samples alone cannot decide."""
+    """Say what contradicts the declaration of an input, or what its samples alone cannot decide."""
+    if name not in record.inputs:
+        return
     word = record.intersample[record.inputs.index(name)]
     if name in record._seen:
         yield from _doubtful(record, name, record._seen[name])
@@ -232,9 +259,11 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
+            cure = f" If so, leave them out, rec.weigh(mask=rec[{name!r}] != {extreme!r})."
             yield (
                 f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
+                + (cure if name in record.outputs else "")
             )
 
 

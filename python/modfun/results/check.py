@@ -12,6 +12,7 @@ from .doubts import (
     SURE,
     Doubt,
     biased,
+    clipped,
     condition,
     contradicted,
     few_samples,
@@ -19,6 +20,7 @@ from .doubts import (
     mean,
     minima,
     noise_free,
+    of_records,
     of_stability,
     offset,
     on_bound,
@@ -57,9 +59,15 @@ def fed_back(fit: Estimates) -> Doubt | None:
     )
 
 
+def unexplained(fit: Estimates) -> Doubt | None:
+    """What residuals say beyond doubt; that an output is clipped comes first, as the likelier cause."""
+    doubt = misfit(fit)
+    return clipped(fit) or doubt if doubt else None
+
+
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, misfit, fed_back, unsettled, unstable, condition,
+    offset, mean, repeated, on_bound, contradicted, unexplained, fed_back, unsettled, unstable, condition,
 )  # fmt: skip
 
 
@@ -78,12 +86,15 @@ def check(fit: Estimates, line: str) -> Findings:
     if not fit.usable:
         return Findings(title, [fit.message])
     with np.errstate(all="ignore"):
-        found = [look(fit) for look in LOOKS if look is not misfit]
+        found = [look(fit) for look in LOOKS if look is not unexplained]
         note = noise_free(fit)
         if note is None:
             d = diagnose(fit)
-            found += [*of_residuals(fit, d), of_colour(fit, d), of_time(fit)]
+            residual = of_residuals(fit, d)
+            found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
+            found += [*residual, of_colour(fit, d), of_time(fit)]
         found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit)]
+        found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=note)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.names import listed
 from ..errors import ModfunError
+from ..records.check import remarks_for_fits
 from ..records.spectra import spectrum_of
 from .cures import on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
@@ -23,6 +25,7 @@ __all__ = [
     "SURE",
     "Doubt",
     "biased",
+    "clipped",
     "condition",
     "contradicted",
     "few_samples",
@@ -31,6 +34,7 @@ __all__ = [
     "minima",
     "noise_free",
     "numbers",
+    "of_records",
     "offset",
     "on_bound",
     "repeated",
@@ -359,6 +363,29 @@ def noise_free(fit: Estimates) -> str | None:
         f"There is no noise to test the residuals against: they are {numbers(levels / spread)} of the output "
         "(rms), as errors of the quadrature may be."
     )
+
+
+def clipped(fit: Estimates) -> Doubt | None:
+    """That an output sits at an extreme, which residuals show as a system that is not linear."""
+    for rec in fit.records or ():
+        for kind, channel, text in remarks_for_fits(rec):
+            if kind == "clipped" and channel in rec.outputs:
+                return Doubt(text)
+    return None
+
+
+def of_records(fit: Estimates, said: Sequence[str]) -> list[Doubt]:
+    """Remarks of the records' own check that bear on the fit, unless the fit has said more of it."""
+    found: dict[tuple[str, str], str] = {}  # of many records the first
+    for k, rec in enumerate(fit.records or ()):
+        for kind, channel, text in remarks_for_fits(rec):
+            found.setdefault((kind, channel), text if k == 0 else f"Record {k}: {text}")
+    held = any("intersample=" in text for text in said)
+    return [
+        Doubt(text, sure=False)
+        for (kind, _), text in found.items()
+        if not (held and kind == "between") and text not in said
+    ]
 
 
 def numbers(values: Any) -> str:

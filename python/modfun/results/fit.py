@@ -170,8 +170,8 @@ class Fit(Drawn):
         noise each of these tests objects to about one right model in a hundred (neighbouring lines: up to
         two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
-        10^6; two minima; a parameter on its bound. A note says where there is no noise to test residuals
-        against.
+        10^6; two minima; a parameter on its bound; what `Record.check` says of missing rows, codes, clipping
+        and inputs of doubtful form. A note says where there is no noise to test residuals against.
         """
         return self._findings
 
