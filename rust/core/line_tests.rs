@@ -102,6 +102,25 @@ pub fn sharpest(values: impl IntoIterator<Item = f64>) -> f64 {
     if total == 0.0 { 0.0 } else { largest / (total / count as f64) }
 }
 
+/// What cubics through four samples leave of the next one: its rms over that of the samples about their mean.
+///
+/// 0 where there are fewer than five samples or all lie on one cubic; nan where one is not finite.
+#[must_use]
+pub fn unforeseen(values: &[f64]) -> f64 {
+    if values.len() < 5 {
+        return 0.0;
+    }
+    let count = values.len() as f64;
+    let left = |w: &[f64]| (w[0] + w[4]) - 4.0 * (w[1] + w[3]) + 6.0 * w[2];
+    let new: f64 = values.windows(5).map(left).map(|d| d * d).sum();
+    if new == 0.0 {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / count;
+    let all: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    ((new / (count - 4.0)) / (all / count)).sqrt()
+}
+
 /// The time at which one short event explains most of the lines of a record, and the share of their power.
 ///
 /// The time is a place on a grid over the record's length that has four times as many points as there are lines.
@@ -181,6 +200,20 @@ mod tests {
         }
         assert!(event(&e[..5]).is_none() && event(&[(0.0, 0.0); 9]).is_none());
         assert!(event(&[(f64::NAN, 0.0); 9]).is_none());
+    }
+
+    #[test]
+    fn cubics_are_foreseen_and_one_sample_is_not() {
+        let cubic: Vec<f64> = (0..30).map(f64::from).map(|k| k * (k - 9.0) * (k - 20.0)).collect();
+        assert!(unforeseen(&cubic) < 1e-12);
+        let mut values = vec![3.0; 24];
+        values[9] = 2.0;
+        // 1, 4, 6, 4, 1 squared make 70 of twenty differences; the variance is that of one in 24.
+        let wanted = (70.0 / 20.0 / (23.0 / 576.0_f64)).sqrt();
+        assert!((unforeseen(&values) - wanted).abs() < 1e-12 * wanted);
+        assert_eq!(unforeseen(&[1.0, 5.0, 2.0, 9.0]), 0.0);
+        assert_eq!(unforeseen(&[2.0; 9]), 0.0);
+        assert!(unforeseen(&[1.0, f64::NAN, 2.0, 9.0, 1.0]).is_nan());
     }
 
     #[test]

@@ -12,7 +12,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(line_colour, module)?)?;
     module.add_function(wrap_pyfunction!(pooled_power, module)?)?;
     module.add_function(wrap_pyfunction!(line_event, module)?)?;
-    module.add_function(wrap_pyfunction!(sharpest, module)?)
+    module.add_function(wrap_pyfunction!(sharpest, module)?)?;
+    module.add_function(wrap_pyfunction!(unforeseen, module)?)
 }
 
 fn lines(residuals: &[PyReadonlyArray1<'_, Complex64>]) -> Vec<Vec<Line>> {
@@ -56,4 +57,10 @@ fn line_event(residuals: PyReadonlyArray1<'_, Complex64>) -> Option<(usize, f64)
 fn sharpest(samples: PyReadonlyArray2<'_, f64>) -> f64 {
     let rows = samples.as_array();
     rows.outer_iter().map(|row| line_tests::sharpest(row.iter().copied())).fold(0.0, f64::max)
+}
+
+/// What cubics through four samples leave of the next one, rms over that of the samples about their mean.
+#[pyfunction]
+fn unforeseen(samples: PyReadonlyArray1<'_, f64>) -> f64 {
+    line_tests::unforeseen(&samples.as_array().to_vec())
 }

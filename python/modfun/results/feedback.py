@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from .._core import coefficients
+from .._core import coefficients, unforeseen
 from ..base.arrays import C128, F64
 from .derived import stable
 from .diagnosis import level_p
@@ -183,9 +183,7 @@ def _foreseen(u: F64) -> bool:
     What the past leaves of an input is left of each column of that regression: where the input is not known,
     none of them comes near rounding.
     """
-    change = np.diff(u[PAST - 4 :], 4)
-    side = u[PAST:] - u.mean()
-    if u.size < SHORTEST or change @ change <= NEW**2 * float(side @ side):
+    if u.size < SHORTEST or unforeseen(u) <= NEW:
         return True
     factor, _ = _factor(_past(u))
     return factor is None or bool(factor[-1, -1] <= NEW)

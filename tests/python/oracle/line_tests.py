@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["autocorrelation", "distance", "ljung_box", "power_in_order", "sharpest"]
+__all__ = ["autocorrelation", "distance", "ljung_box", "power_in_order", "sharpest", "unforeseen"]
 
 
 def autocorrelation(records, lags):
@@ -41,3 +41,13 @@ def sharpest(values):
     """Largest of |x0 - 4 x1 + 6 x2 - 4 x3 + x4| over their mean."""
     size = abs(np.convolve(values, [1, -4, 6, -4, 1], "valid"))
     return size.max() / size.mean()
+
+
+def unforeseen(values):
+    """Rms of x4 less the cubic through x0 to x3 over that about the mean."""
+    at = np.arange(4)
+    left = [
+        x[4] - np.polyval(np.polyfit(at, x[:4], 3), 4)
+        for x in np.lib.stride_tricks.sliding_window_view(values, 5)
+    ]
+    return np.sqrt(np.mean(np.square(left))) / values.std()

@@ -43,6 +43,13 @@ def test_lines_may_be_a_view_with_gaps():
     assert line_tests.colour_of_lines([e[::2]]) == line_tests.colour_of_lines([e[::2].copy()])
 
 
+def test_what_cubics_do_not_foresee():
+    x = np.random.default_rng(3).standard_normal(300) + 7.0
+    assert _core.unforeseen(x) == pytest.approx(oracle.unforeseen(x), rel=1e-10)
+    assert _core.unforeseen(x[::3]) == pytest.approx(oracle.unforeseen(x[::3]), rel=1e-10)
+    assert _core.unforeseen(x[:4]) == _core.unforeseen(np.full(50, 0.1)) == 0.0
+
+
 def test_one_sample_stands_out_of_its_channel():
     x = np.random.default_rng(3).standard_normal((2, 300))
     x[1, 120] += 50.0
