@@ -119,6 +119,7 @@ fn single(c: &mut Criterion) {
             band,
             own_levels: true,
             initial: Initial::Unknown,
+            states: vec![],
             options: common::OPTIONS,
         };
         let make = || {

@@ -111,6 +111,7 @@ fn plain(method: Method, rule: Rule, band: Band, options: Options) -> FitOptions
         band,
         own_levels: true,
         initial: Initial::Unknown,
+        states: vec![],
         options,
     }
 }
@@ -227,6 +228,7 @@ fn joint_options(structure: JointStructure, band: Band) -> JointOptions {
         extended: true,
         band,
         own_levels: true,
+        priors: vec![],
         options: SETTLED,
     }
 }
@@ -373,6 +375,7 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
         levels: Some(vec![0.2]),
         levels_matter: true,
         learn: false,
+        priors: vec![],
         options: SETTLED,
     };
     let fitter = TermsFitter::new(options, &[(count, Time::Even(dt))], &[], isa).unwrap();

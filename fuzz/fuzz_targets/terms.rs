@@ -29,6 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
         levels: b.flag().then(|| b.many(noisy, |b| b.near(0.01))),
         levels_matter: b.flag(),
         learn: b.flag(),
+        priors: vec![],
         options: b.iteration(),
         equations,
     };

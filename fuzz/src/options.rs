@@ -91,6 +91,7 @@ impl Bytes<'_> {
             band: self.band(n as f64 * dt),
             own_levels: !self.rarely(),
             initial: self.of(&[Initial::Unknown, Initial::Unknown, Initial::Zero, Initial::Rest]),
+            states: vec![],
             options: self.iteration(),
         })
     }
@@ -171,6 +172,7 @@ impl Bytes<'_> {
             extended: !self.rarely(),
             band: self.band(n as f64 * dt),
             own_levels: !self.rarely(),
+            priors: vec![],
             options: self.iteration(),
         })
     }

@@ -3,7 +3,7 @@
 use modfun::Error;
 use modfun::estimate::{
     Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Levels, Many,
-    NoiseSpectrum, Options, RecordView, Time, Wanted,
+    NoiseSpectrum, Options, Prior, RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -115,6 +115,7 @@ pub struct Given {
     delays: Vec<f64>,
     noise: String,
     initial_state: String,
+    states: Vec<Vec<f64>>,
     /// Transient coefficients, where they are more than the poles.
     transient: Option<usize>,
     words: Words,
@@ -129,6 +130,7 @@ impl<'py> FromPyObject<'_, 'py> for Given {
             delays: given.get_item("delays")?.extract()?,
             noise: given.get_item("noise")?.extract()?,
             initial_state: given.get_item("initial_state")?.extract()?,
+            states: given.get_item("states")?.extract()?,
             transient: match given.get_item("transient") {
                 Ok(transient) => transient.extract()?,
                 Err(_) => None,
@@ -141,7 +143,7 @@ impl<'py> FromPyObject<'_, 'py> for Given {
 impl Given {
     /// In the core's words.
     pub fn options(&self, wanted: Wanted) -> Result<FitOptions, Error> {
-        let states = [
+        let words = [
             ("unknown", Initial::Unknown),
             ("zero", Initial::Zero),
             ("rest", Initial::Rest),
@@ -162,7 +164,8 @@ impl Given {
             extended: self.words.extended,
             band: self.words.band()?,
             own_levels: true,
-            initial: word("initial_state", &self.initial_state, &states)?,
+            initial: word("initial_state", &self.initial_state, &words)?,
+            states: self.states.clone(),
             options: self.words.iteration(wanted),
         })
     }
@@ -344,6 +347,14 @@ pub fn noise(given: &str) -> Result<Noise, Error> {
     let noises =
         [("output", Noise::Output), ("equation", Noise::Equation), ("process", Noise::Process)];
     word("noise", given, &noises)
+}
+
+/// An estimated parameter, its mean and its standard deviation beforehand.
+pub type GivenPrior = (usize, f64, f64);
+
+/// The same in the core's words.
+pub fn priors(given: Vec<GivenPrior>) -> Vec<Prior> {
+    given.into_iter().map(|(parameter, mean, sd)| Prior { parameter, mean, sd }).collect()
 }
 
 /// Levels of noise that drives the system and of the samples, where they were estimated.

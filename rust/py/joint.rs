@@ -14,7 +14,9 @@ use pyo3::types::{PyDict, PyList};
 use crate::arrays::{complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{Records, When, Words, answered, asked, many_dictionary, sampling};
+use crate::fit::{
+    GivenPrior, Records, When, Words, answered, asked, many_dictionary, priors, sampling,
+};
 
 /// Input, delay or its start, and the bounds of a delay that is estimated.
 type GivenPath = (usize, f64, Option<(f64, f64)>);
@@ -24,6 +26,7 @@ pub struct GivenJoint {
     structure: JointStructure,
     noise: NoiseModel,
     own_levels: bool,
+    priors: Vec<GivenPrior>,
     words: Words,
 }
 
@@ -56,6 +59,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenJoint {
                 spectra: given.get_item("spectra")?.extract()?,
             },
             own_levels: given.get_item("own_levels")?.extract()?,
+            priors: given.get_item("priors")?.extract()?,
             words: given.extract()?,
         })
     }
@@ -74,6 +78,7 @@ impl GivenJoint {
             extended: self.words.extended,
             band: self.words.band()?,
             own_levels: self.own_levels,
+            priors: priors(self.priors),
             options: self.words.iteration(wanted),
         })
     }

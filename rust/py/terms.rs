@@ -16,7 +16,9 @@ use pyo3::types::{PyDict, PyList};
 use crate::arrays::{channels, complex, listed, matrix, vector};
 use crate::enter::enter;
 use crate::errors::to_python;
-use crate::fit::{When, Words, answered, asked, many_dictionary, noise, sampling, set_levels};
+use crate::fit::{
+    GivenPrior, When, Words, answered, asked, many_dictionary, noise, priors, sampling, set_levels,
+};
 
 /// Operations and positions of results.
 type GivenTape = (Vec<Written>, Vec<usize>);
@@ -62,6 +64,8 @@ struct GivenTerms {
     levels_matter: bool,
     #[pyo3(item)]
     learn: bool,
+    #[pyo3(item)]
+    priors: Vec<GivenPrior>,
 }
 
 impl GivenTerms {
@@ -100,6 +104,7 @@ impl GivenTerms {
             levels: self.levels,
             levels_matter: self.levels_matter,
             learn: self.learn,
+            priors: priors(self.priors),
             options: words.iteration(Wanted::Covariance),
         })
     }

@@ -112,6 +112,7 @@ fn plan(draw: Draw) -> Plan {
             band: Band::Harmonics(6),
             own_levels: true,
             initial: Initial::Unknown,
+            states: vec![],
             options: OPTIONS,
         };
         Contender {

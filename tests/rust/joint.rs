@@ -53,6 +53,7 @@ fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
         extended: true,
         band,
         own_levels: true,
+        priors: vec![],
         options: OPTIONS,
     }
 }
@@ -87,6 +88,7 @@ fn one_output_is_what_the_fast_estimator_says() {
             band: Band::Default,
             own_levels: true,
             initial: Initial::Unknown,
+            states: vec![],
             options: OPTIONS,
         };
         let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];

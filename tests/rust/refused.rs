@@ -42,6 +42,7 @@ fn options(delay: f64, band: Band) -> FitOptions {
         band,
         own_levels: true,
         initial: Initial::Unknown,
+        states: vec![],
         options: OPTIONS,
     }
 }
@@ -108,6 +109,7 @@ fn joint(order: usize, input: usize) -> JointOptions {
         extended: true,
         band: Band::Harmonics(8),
         own_levels: true,
+        priors: vec![],
         options: OPTIONS,
     }
 }

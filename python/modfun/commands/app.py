@@ -26,6 +26,7 @@ from .words import (
     one_or_all,
     poles_of,
     say,
+    state_of,
     write_json,
 )  # fmt: skip
 
@@ -174,7 +175,7 @@ def fit(
     param: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=VALUE|NAME=[START:]MIN:MAX",
+            metavar="NAME=VALUE|NAME=[START:]MIN:MAX|NAME=MEAN+-SD",
             help="Hold a parameter (a2=0) or bound it (a1=0:, from 0 on); repeat.",
         ),
     ] = None,
@@ -188,7 +189,10 @@ def fit(
     cov_type: Annotated[str, typer.Option(help="spectral, HC3 or nonrobust.")] = "spectral",
     rule: Annotated[str, typer.Option(help="gregory, parabolic, trapezoid or staircase.")] = "gregory",
     initial_state: Annotated[
-        str, typer.Option(help="unknown, zero, rest (steady before the first sample) or periodic.")
+        str,
+        typer.Option(
+            help="unknown, zero, rest (steady before the first sample), periodic, or y,y',... in numbers."
+        ),
     ] = "unknown",
     reference: Annotated[list[str] | None, typer.Option(help="Command of a control loop; a column.")] = None,
     json_to: Json = None,
@@ -216,7 +220,7 @@ def fit(
         noise=noise,
         cov_type=cov_type,
         rule=rule,
-        initial_state=initial_state,
+        initial_state=state_of(initial_state),
         reference=reference,
     )
     usable = result.status in ("ok", "maxiter")

@@ -66,14 +66,17 @@ def delay_of(word: str) -> float | Free:
 def param_of(word: str) -> tuple[str, float | Free]:
     name, equals, value = word.partition("=")
     if not (name and equals):
-        raise SpecError(f"--param {word}: give NAME=VALUE, such as a2=0, or NAME=MIN:MAX")
+        raise SpecError(f"--param {word}: give NAME=VALUE, such as a2=0, NAME=MIN:MAX or NAME=MEAN+-SD")
     return name, _number_or_bounds("--param", value)
 
 
 def _number_or_bounds(option: str, word: str) -> float | Free:
-    """A number, or [start:]min:max to be estimated; a bound left out is none."""
+    """A number, or [start:]min:max to be estimated, a bound left out is none; or mean+-sd beforehand."""
     parts = word.split(":")
+    mean, known, sd = word.partition("+-")
     try:
+        if known:
+            return Free(float(mean), sd=float(sd))
         if len(parts) == 1:
             return float(word)
         low, high = (float(part or end) for part, end in zip(parts[-2:], ("-inf", "inf"), strict=True))
@@ -86,6 +89,14 @@ def _number_or_bounds(option: str, word: str) -> float | Free:
     raise SpecError(
         f"{option} {word}: give a number, or [start:]min:max to have it estimated, such as 0.1:0:0.5"
     )
+
+
+def state_of(given: str) -> Any:
+    """A word, or numbers with commas between."""
+    try:
+        return [float(part) for part in given.split(",")]
+    except ValueError:
+        return given
 
 
 def one_or_all(given: list[Any] | None) -> Any:

@@ -58,7 +58,7 @@ class Equation(Written):
         Coefficients c(t) = c0·f0(t) + c1·f1(t) + …: for each name the functions f, as text in t, callables of
         an array of instants, or samples (N+1,). Parameters are c0, c1, ….
     params : mapping of str to float or Free, optional
-        Parameters that are held at a number, or given a start and bounds.
+        Parameters that are held at a number, or given a start, bounds or a prior, `mf.Free`.
 
     Raises
     ------

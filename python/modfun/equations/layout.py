@@ -60,6 +60,11 @@ class EquationLayout:
         return dict(self.compiled.fixed)
 
     @property
+    def priors(self) -> tuple[tuple[int, float, float], ...]:
+        """Parameters of which something is known beforehand: position, mean, standard deviation."""
+        return tuple(self.formulas.words["priors"])
+
+    @property
     def common(self) -> bool:
         """One set of poles, if any."""
         return True

@@ -48,7 +48,7 @@ class StateSpace(Written):
         Default: x1, x2, …; u or u1, u2, …; the states' names for outputs that are states, else y or
         y1, y2, ….
     params : mapping of str to float or Free, optional
-        Parameters that are held at a number, or given a start and bounds.
+        Parameters that are held at a number, or given a start, bounds or a prior, `mf.Free`.
 
     Raises
     ------

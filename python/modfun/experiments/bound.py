@@ -23,7 +23,7 @@ from ..records.record import Record
 from ..results.fit import Fit
 from ..signals import Signals
 from .innovations import Innovations
-from .known_models import noise_of, record_for, valued
+from .known_models import noise_of, record_for, sds_beforehand, valued
 from .sensitivities import trend_rows
 from .slopes import Known, Slopes
 
@@ -99,7 +99,7 @@ def crlb(
     process_noise: ArrayLike | ProcessNoise | None = None,
     params: Mapping[str, float] | None = None,
     trend: str | None = None,
-    initial_state: str | None = None,
+    initial_state: str | ArrayLike | None = None,
     model: TransferFunction | None = None,
     start: ArrayLike | None = None,
 ) -> Bound:
@@ -128,12 +128,14 @@ def crlb(
         noise of a Fit, the fit's own. All levels of noise, those of the
         samples too, are then unknown (a level of 0 is known), as they are to a fit with ``noise="process"``.
     params : mapping of str to float, optional
-        Values of the parameters of a structure, delays included.
+        Values of the parameters of a structure, delays included. What the structure, or that of a Fit, knows
+        of parameters beforehand (``mf.Free(1.4, sd=0.1)``) counts as information.
     trend : {None, "constant", "linear"}
         Unknown offset, or offset and slope, of each output and record.
-    initial_state : {"unknown", "zero", "rest", "periodic"}, optional
+    initial_state : {"unknown", "zero", "rest", "periodic"} or array_like, optional
         Whether the initial state is unknown, known (to be `start`, or zero), steady under the inputs' first
         values, which needs a `trend` unless these are zero, or that of whole periods of a steady response.
+        Numbers, (state,) or (record, state), are known states, each in place of `start`.
         Default: as the Fit was told, else "unknown".
     model : TransferFunction, optional
         Structure whose parameters are unknown, for an LTI; default: the system's own.
@@ -194,6 +196,10 @@ def crlb(
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     if initial_state is None:
         initial_state = sys.options.initial_state if isinstance(sys, Fit) else "unknown"
+    told: list[Any] = []
+    if not isinstance(initial_state, str):
+        told = list(np.atleast_2d(reals("crlb", "initial_state", initial_state)))
+        initial_state = "zero"
     if initial_state not in WORDS["initial_state"]:
         raise SpecError(
             f"crlb: initial_state={initial_state!r} is unknown; "
@@ -202,7 +208,7 @@ def crlb(
     if nsr is not None and sigma is not None:
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
     levels: F64 | float = 1.0
-    states: list[Any] = [None if start is None else reals("crlb", "start", start)]
+    states: list[Any] = told or [None if start is None else reals("crlb", "start", start)]
     if isinstance(sys, Fit):
         if experiment is None:
             if sys.records is None:
@@ -228,7 +234,7 @@ def crlb(
         raise SpecError(
             f"crlb: the experiment is a {kind}; give a Record, mf.signals, or a list of these, one or more"
         )
-    known = valued(sys, params, model, given[0])
+    known, beforehand = valued(sys, params, model, given[0]), sds_beforehand(sys, model)
     driving = isinstance(process_noise, ProcessNoise) or np.any(reals("crlb", "process_noise", process_noise))
     records = [record_for(known, one, process_noise) for one in given]
     if initial_state == "rest":
@@ -264,6 +270,10 @@ def crlb(
     if driving:
         factors.append(_beside_levels(information, size.size))
         size = np.hypot(size, np.linalg.norm(factors[-1], axis=0))
+    sds = np.array([beforehand.get(name, np.inf) for name in known.names])
+    if beforehand:
+        factors.append(np.diag(1 / sds))
+        size = np.hypot(size, 1 / sds)
     half = _inverse(np.vstack(factors), size, known)
     noise = np.sqrt(np.diag(cov))
     sd = float(noise[0]) if noise.size == 1 else noise

@@ -14,6 +14,7 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
+from ..models.free import Free
 from ..models.noise import Noise
 from ..models.process import ProcessNoise, with_inputs
 from ..models.transfer_function import TransferFunction
@@ -24,7 +25,7 @@ from ..systems.lti import LTI
 from ..systems.making import linear
 from .slopes import Equations, Known, States, Transfers
 
-__all__ = ["noise_of", "record_for", "valued"]
+__all__ = ["noise_of", "record_for", "sds_beforehand", "valued"]
 
 
 def valued(
@@ -70,6 +71,17 @@ def valued(
         f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den), a structure with params=, or a "
         "Fit"
     )
+
+
+def sds_beforehand(sys: Any, model: TransferFunction | None) -> dict[str, float]:
+    """Standard deviations of what is known of parameters before the experiment."""
+    structure = sys.structure if isinstance(sys, Fit) else sys if model is None else model
+    if not isinstance(structure, TransferFunction | StateSpace | Equation):
+        return {}
+    own = {name: given.sd for name, given in structure.params if isinstance(given, Free) and given.sd}
+    if isinstance(structure, TransferFunction) and isinstance(structure.delay, Free) and structure.delay.sd:
+        own["delay"] = structure.delay.sd
+    return own
 
 
 def _of_fit(fit: Fit) -> Known:

@@ -65,7 +65,7 @@ def fit(
     tol: float = 1e-9,
     maxiter: int = 50,
     stable: bool = False,
-    initial_state: str = "unknown",
+    initial_state: str | ArrayLike = "unknown",
     robust: bool = False,
     reference: str | Sequence[str] | None = None,
     **unknown: Never,
@@ -132,14 +132,15 @@ def fit(
     stable : bool, default False
         Whether an unstable estimate of a transfer function gives way to the nearest stable model,
         `Fit.stable`.
-    initial_state : {"unknown", "zero", "rest", "periodic"}
+    initial_state : {"unknown", "zero", "rest", "periodic"} or array_like (state,) or (record, state)
         What is known of the state at the first sample of each record. "rest": all was steady under the
         inputs' first values, as before a step test; the offset of the output is free where `trend` says
         so. "zero": the response begins at zero, and the inputs act from the first sample on. "periodic": the
-        record holds whole periods of a steady response, the first and the last sample in one phase. The
-        transient then follows from the parameters, or there is none, which makes standard errors on steps and
-        short records up to five times smaller. For transfer functions of one output in white noise, without
-        a drift; a fit warns where the record contradicts it.
+        record holds whole periods of a steady response, the first and the last sample in one phase.
+        Numbers: y, y', … of the free response at the first sample, as `Fit.initial_state` has them, beside
+        the response that begins at zero. The transient then follows from the parameters, or there is none,
+        which makes standard errors on steps and short records up to five times smaller. For transfer
+        functions of one output in white noise, without a drift; a fit warns where the record contradicts it.
     robust : bool, default False
         Whether samples are weighted by Student's t distribution, for spikes and heavy tails: its degrees of
         freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the

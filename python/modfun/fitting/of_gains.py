@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
-from ..models.free import Free
+from ..models.free import Free, refuse_priors
 from ..models.layout import Layout
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -109,6 +109,7 @@ def _refuse(structure: Any, options: Options) -> None:
                 f"fit: {name}={value!r} is for records; with a frequency response there are "
                 f"{', '.join(TAKEN)}"
             )
+    refuse_priors("fit: with a frequency response", structure)
     if options.method != "ml":
         raise SpecError(
             f'fit: method={options.method!r} is for records; a frequency response is fitted by "ml", the '

@@ -202,7 +202,7 @@ def _made(
     core = Fitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
-        **plain_words(layout, intersample, options),
+        **plain_words(layout, intersample, options, len(sampling)),
     )
     return Prepared(core, layout, intervals)
 
@@ -210,13 +210,16 @@ def _made(
 _kept = lru_cache(KEPT)(_made)
 
 
-def plain_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
+def plain_words(
+    layout: Layout, intersample: tuple[str, ...], options: Options, records: int = 1
+) -> dict[str, Any]:
     """Keywords of the core for a layout that is plain."""
     return {
         "order": layout.orders[0],
         "numerators": layout.numerators[0],
         "delays": layout.delays(_NOTHING),
         "intersample": intersample,
+        "states": options.states(records),
         **options.core(),
     }
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import FitError, ModfunError, SpecError
+from ..models.free import refuse_priors
 from ..models.options import Options
 from ..records.mask import sample_weights
 from ..records.record import Record
@@ -48,6 +49,7 @@ def robust_fit(
             'fit: robust=True weights samples, which goes with "ml" and "awls", initial_state="unknown" and '
             "no reference=; leave the other option out"
         )
+    refuse_priors("fit: robust=True", structure)
     options = options.replace(robust=False)
     fit = first = fit_once(records, structure, options)
     if not first.usable:

@@ -1,4 +1,4 @@
-"""Parameters that are estimated within bounds."""
+"""Parameters that are estimated, with what is known of them: start, bounds, a prior."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 from ..base.arguments import public, real
 from ..errors import SpecError
 
-__all__ = ["Free", "from_plain", "to_plain"]
+__all__ = ["Free", "from_plain", "refuse_priors", "to_plain"]
 
 
 @public
 @dataclass(frozen=True, init=False)
 class Free:
-    """A parameter to be estimated, with a start and bounds: ``Free(0.1, min=0, max=0.5)``.
+    """A parameter to be estimated, with a start and bounds, or a prior: ``Free(0.1, min=0, max=0.5)``.
 
     Parameters
     ----------
@@ -25,11 +25,15 @@ class Free:
     min, max : float, optional
         Least and most; default: unbounded. An estimate at a bound has no standard error of its own. A
         delay needs `max`: the window starts so much later.
+    sd : float, optional
+        Standard deviation of what is known of the parameter beforehand, from a data sheet or an earlier
+        test: `start` is then its mean, and counts as one measurement more, ``Free(1.4, sd=0.1)``. Standard
+        errors are those of record and prior together. By "ml" and "awls", and not in process noise.
 
     Raises
     ------
     SpecError
-        No number, or bounds that are crossed or do not hold the start.
+        No number, bounds that are crossed or do not hold the start, or an `sd` without a start.
 
     See Also
     --------
@@ -38,7 +42,8 @@ class Free:
 
     References
     ----------
-    The guide docs/linear.md, "What is known, bounded, or late".
+    The guide docs/linear.md, "What is known, bounded, or late"; H. L. Van Trees, Detection, Estimation, and
+    Modulation Theory, Part I, Wiley, 1968, section 2.4 (priors).
 
     Examples
     --------
@@ -52,8 +57,16 @@ class Free:
     start: float | None
     min: float
     max: float
+    sd: float | None
 
-    def __init__(self, start: float | None = None, *, min: float = -inf, max: float = inf) -> None:
+    def __init__(
+        self,
+        start: float | None = None,
+        *,
+        min: float = -inf,
+        max: float = inf,
+        sd: float | None = None,
+    ) -> None:
         first = None if start is None else _number("start", start)
         low, high = _number("min", min), _number("max", max)
         if not low < high:
@@ -62,14 +75,28 @@ class Free:
             raise SpecError(
                 f"Free: start={start!r} must be finite and lie between min={min!r} and max={max!r}"
             )
+        width = None if sd is None else _number("sd", sd)
+        if width is not None and not (isfinite(width) and width > 0):
+            raise SpecError(
+                f"Free: sd={sd!r} must be finite and above 0; a parameter that is certain is a number"
+            )
+        if width is not None and first is None:
+            raise SpecError(f"Free: sd={sd!r} needs the mean, as Free(1.4, sd={width:g})")
         object.__setattr__(self, "start", first)
         object.__setattr__(self, "min", low)
         object.__setattr__(self, "max", high)
+        object.__setattr__(self, "sd", width)
+
+    @property
+    def prior(self) -> tuple[float, float] | None:
+        """Mean and standard deviation beforehand; None where nothing is known."""
+        return None if self.sd is None or self.start is None else (self.start, self.sd)
 
     def __repr__(self) -> str:
         words = [] if self.start is None else [f"{self.start:g}"]
         words += [] if self.min == -inf else [f"min={self.min:g}"]
         words += [] if self.max == inf else [f"max={self.max:g}"]
+        words += [] if self.sd is None else [f"sd={self.sd:g}"]
         return f"Free({', '.join(words)})"
 
 
@@ -80,15 +107,31 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
+def refuse_priors(what: str, structure: Any) -> None:
+    """Refuse a structure that knows parameters beforehand where that cannot count.
+
+    Raises
+    ------
+    SpecError
+    """
+    told = dict(structure.params)
+    if isinstance(delay := getattr(structure, "delay", None), Free):
+        told["delay"] = delay
+    for name, given in told.items():
+        if isinstance(given, Free) and given.prior:
+            raise SpecError(f"{what}: the prior of {name} does not count here; leave sd= out of {given!r}")
+
+
 def to_plain(value: Any) -> Any:
     """A value, or tuples of values, as JSON takes it: `Free` as a mapping, tuples as lists."""
     if isinstance(value, Free):
-        return {"start": value.start, "min": value.min, "max": value.max}
+        own = {"start": value.start, "min": value.min, "max": value.max}
+        return own if value.sd is None else own | {"sd": value.sd}
     return [to_plain(one) for one in value] if isinstance(value, tuple) else value
 
 
 def from_plain(value: Any) -> Any:
     """What `to_plain` was given, tuples as lists; limits may be texts, "inf"."""
     if isinstance(value, dict):
-        return Free(value["start"], min=float(value["min"]), max=float(value["max"]))
+        return Free(value["start"], min=float(value["min"]), max=float(value["max"]), sd=value.get("sd"))
     return [from_plain(one) for one in value] if isinstance(value, list) else value

@@ -50,6 +50,8 @@ class Layout:
         Value of each coefficient that is not estimated.
     bounds : tuple of (float, float)
         Of each coefficient.
+    beforehand : tuple of (float, float) or None
+        Mean and standard deviation of each coefficient, where these are known.
     rational : bool
         Whether parameters are coefficients of polynomials: yes, unlike those of an `EquationLayout`.
     """
@@ -66,6 +68,7 @@ class Layout:
     names: tuple[str, ...]
     fixed: tuple[float | None, ...]
     bounds: tuple[tuple[float, float], ...]
+    beforehand: tuple[tuple[float, float] | None, ...]
 
     @cached_property
     def plain(self) -> bool:
@@ -75,6 +78,7 @@ class Layout:
             and all(value is None for value in self.fixed)
             and all(pair == (-inf, inf) for pair in self.bounds)
             and not self.free_delays
+            and not self.priors
         )
 
     @cached_property
@@ -162,6 +166,13 @@ class Layout:
         """Coefficients that are not estimated."""
         return {name: v for name, v in zip(self.names, self.fixed, strict=True) if v is not None}
 
+    @cached_property
+    def priors(self) -> tuple[tuple[int, float, float], ...]:
+        """Estimated parameters of which something is known beforehand: position, mean, standard deviation."""
+        delays = [self.paths[k].delay for k in self.free_delays]
+        each = [*(self.beforehand[k] for k in self.free), *(d.prior for d in delays if isinstance(d, Free))]
+        return tuple((k, *known) for k, known in enumerate(each) if known)
+
     @property
     def longest_delay(self) -> float:
         """The most that an input may be late, s."""
@@ -182,6 +193,7 @@ class Layout:
             "paths": [(path.input, *_bounded(path.delay)) for path in self.paths],
             "fixed": list(self.fixed),
             "bounds": list(self.bounds),
+            "priors": list(self.priors),
         }
 
 

@@ -51,7 +51,7 @@ class Choices(TypedDict, total=False):
     tol: float
     maxiter: int
     stable: bool
-    initial_state: str
+    initial_state: Any
     robust: bool
     reference: str | Sequence[str] | None
 
@@ -73,7 +73,8 @@ class Options:
     tol: float = 1e-9
     maxiter: int = 50
     stable: bool = field(default=False, repr=False)  # no study has it
-    initial_state: str = field(default="unknown", repr=False)  # in hashes of studies where it is not this
+    # A word, or the given state of each record; in hashes of studies where it is not this.
+    initial_state: str | tuple[tuple[float, ...], ...] = field(default="unknown", repr=False)
     robust: bool = field(default=False, repr=False)  # no study has it
     reference: tuple[str, ...] = field(default=(), repr=False)  # no study has it
 
@@ -117,9 +118,27 @@ class Options:
         """Options that differ from the defaults, by name."""
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
 
+    def states(self, records: int) -> list[list[float]]:
+        """Given initial states, one a record; none where they are not given in numbers.
+
+        Raises
+        ------
+        SpecError
+            For another number of records.
+        """
+        given = () if isinstance(self.initial_state, str) else self.initial_state
+        if len(given) not in (0, 1, records):
+            raise SpecError(
+                f"fit: initial_state= holds {len(given)} states for {records} records; give one for all, or "
+                "one per record"
+            )
+        return [list(state) for state in (given * records if len(given) == 1 else given)]
+
     def core(self) -> dict[str, Any]:
         """Keywords of the compiled core (all but the choice of the reported covariance)."""
         words = {name: value for name, value in self.__dict__.items() if name not in _REPORTED}
+        if not isinstance(self.initial_state, str):
+            words["initial_state"] = "zero"  # beside which the given state moves
         return words | {"trend": self.fitted_trend}
 
     def refuse_alone(self, what: str) -> None:
@@ -154,6 +173,8 @@ def _checked(what: str, **given: Any) -> Options:
     for name, words in WORDS.items():
         if name == "noise" and isinstance(given.get(name), Noise | ProcessNoise):
             continue
+        if name == "initial_state" and not isinstance(given.get(name, ""), str):
+            continue
         if name in given and not (isinstance(given[name], str) and given[name] in words):
             raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
     trend = given.get("trend")
@@ -174,6 +195,8 @@ def _checked(what: str, **given: Any) -> Options:
             f'{what}: noise="process" estimates levels by likelihood, which method={given["method"]!r} has '
             'not; take method="ml"'
         )
+    if not isinstance(given.get("initial_state", ""), str):
+        checked["initial_state"] = _states(what, given["initial_state"])
     if "reference" in given:
         checked["reference"] = _references(what, given["reference"])
     if given.get("harmonics") is not None:
@@ -218,6 +241,16 @@ def _references(what: str, given: Any) -> tuple[str, ...]:
             f"{what}: reference={given!r} must be the name of a channel that the record keeps, or several"
         )
     return names
+
+
+def _states(what: str, given: Any) -> tuple[tuple[float, ...], ...]:
+    states = reals(what, "initial_state", given)
+    if states.ndim not in (1, 2) or not states.size or not np.all(np.isfinite(states)):
+        raise SpecError(
+            f"{what}: initial_state={given!r} must be y, y', ... of the free response at the first sample, "
+            f"or a list of these, one per record; or one of {', '.join(WORDS['initial_state'])}"
+        )
+    return tuple(map(tuple, np.atleast_2d(states).tolist()))
 
 
 def _weights(what: str, given: Any) -> tuple[Any, ...]:

@@ -86,6 +86,7 @@ def through(
         if name not in rec.inputs:
             raise SpecError(f"through: actuator= names {name!r}; {nearest(name, rec.inputs)}")
     u, kinds, longest = rec.u.copy(), list(rec.intersample), 0.0
+    filtered_names: list[str] = []
     for k, name in enumerate(rec.inputs):
         own = by_input.get(name)
         steps = [] if own is None else [_checked(own, f"actuator of {name}")]
@@ -97,6 +98,7 @@ def through(
         moved = whole.simulate(u=u[k] - first, dt=rec.dt, intersample=kinds[k])
         u[k] = moved + float(np.real(whole(0.0))) * first
         kinds[k] = "smooth"
+        filtered_names.append(name)
         longest = max(longest, _memory(whole))
     if settle is None:
         moving = np.any(rec.u != rec.u[:, :1], axis=0)
@@ -107,7 +109,8 @@ def through(
             f"through: actuator and sensor take {settle:.4g} s to settle, of a record of {rec.duration:.4g} "
             "s; take a longer one, or settle=0 if they are steady at its first sample"
         )
-    filtered = rec._like(u=u, intersample=tuple(kinds))
+    seen = {name: form for name, form in rec._seen.items() if name not in filtered_names}
+    filtered = rec._like(u=u, intersample=tuple(kinds), _seen=seen)
     return filtered.window(rec.t[cut], rec.t[-1]) if cut else filtered
 
 

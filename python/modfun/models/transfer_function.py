@@ -59,7 +59,8 @@ class TransferFunction:
     denominator : {"common", "separate"}, optional
         For several outputs: one denominator that all share (report, eq. 25), or one per output (eq. 26).
     params : mapping from name to float or Free, optional
-        Parameters that are held at a number (``{"a2": 0.0}``: an integrator), or bounded.
+        Parameters that are held at a number (``{"a2": 0.0}``: an integrator), bounded, or known beforehand
+        with a standard deviation, `mf.Free`.
 
     Raises
     ------
@@ -69,7 +70,7 @@ class TransferFunction:
     See Also
     --------
     modfun.fit : Estimates its coefficients.
-    modfun.Free : Bounds and starts.
+    modfun.Free : Bounds, starts and priors.
     modfun.select_order : How many poles.
 
     Notes
@@ -421,6 +422,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
             names += [f"b{j}{suffix}" for j in range(0 if degree is None else degree + 1)]
     fixed: list[float | None] = [None] * len(names)
     bounds = [(-inf, inf)] * len(names)
+    beforehand: list[tuple[float, float] | None] = [None] * len(names)
     known = [*names, *(path.name for path in paths)]
     for name, given in structure.params:
         if name not in known:
@@ -428,7 +430,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
         if name in names:
             at = names.index(name)
             if isinstance(given, Free):
-                bounds[at] = (given.min, given.max)
+                bounds[at], beforehand[at] = (given.min, given.max), given.prior
             else:
                 fixed[at] = given
         else:
@@ -450,6 +452,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
         names=tuple(names),
         fixed=tuple(fixed),
         bounds=tuple(bounds),
+        beforehand=tuple(beforehand),
     )
 
 

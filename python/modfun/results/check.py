@@ -26,6 +26,7 @@ from .doubts import (
     on_bound,
     repeated,
     twin,
+    unexpected,
     unstable,
 )  # fmt: skip
 from .estimates import Estimates
@@ -67,7 +68,8 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, unexplained, fed_back, unsettled, unstable, condition,
+    offset, mean, repeated, on_bound, contradicted, unexpected, unexplained, fed_back, unsettled, unstable,
+    condition,
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from .cures import on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
+from .priors import contradicted_priors
 
 __all__ = [
     "FINEST",
@@ -39,6 +40,7 @@ __all__ = [
     "on_bound",
     "repeated",
     "twin",
+    "unexpected",
     "unstable",
 ]
 
@@ -298,6 +300,21 @@ def minima(fit: Estimates) -> Doubt | None:
     )
 
 
+def unexpected(fit: Estimates) -> Doubt | None:
+    """That the records contradict what was known of parameters beforehand."""
+    p, name = contradicted_priors(fit)
+    if p > 0.01:
+        return None
+    told = {fit.param_names[k]: (mean, sd) for k, mean, sd in fit.layout.priors}
+    mean, sd = told[name]
+    return Doubt(
+        f"The record contradicts what was told of {name} beforehand, {mean:.4g} ± {sd:.3g} (p = {p:.2g}), "
+        f"and the estimate, {fit[name]:.4g}, is a compromise. First fit without the prior, "
+        f"params={{{name!r}: mf.Free()}}.",
+        sure=p < SURE,
+    )
+
+
 def contradicted(fit: Estimates) -> Doubt | None:
     """That the records do not begin as they were said to."""
     told = fit.options.initial_state
@@ -311,8 +328,9 @@ def contradicted(fit: Estimates) -> Doubt | None:
         "rest": "begin at rest", "zero": "begin with zero initial state",
         "periodic": "hold whole periods of a steady response",
     }  # fmt: skip
+    begin = words[told] if isinstance(told, str) else "begin in the given state"
     return Doubt(
-        f"The record does not {words[told]} (p = {p:.2g}), and the estimates are biased where it does not. "
+        f"The record does not {begin} (p = {p:.2g}), and the estimates are biased where it does not. "
         'First try initial_state="unknown".',
         sure=p < SURE,
     )

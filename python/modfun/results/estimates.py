@@ -447,9 +447,9 @@ class Estimates:
         """Simulated outputs for a record with the initial state and trend that `predict` takes."""
         # Records of the fit begin as it was told, where it was.
         told = self.options.initial_state
-        own = any(rec == one for one in self.records or ())
-        if initial_state is None and own and told in ("zero", "rest"):
-            initial_state = told
+        own = next((k for k, one in enumerate(self.records or ()) if rec == one), None)
+        if initial_state is None and own is not None and told not in ("unknown", "periodic"):
+            initial_state = told if isinstance(told, str) else self.options.states(len(self.lines))[own]
         return prediction.simulate_paths(self.layout, self.params, self.trend, rec, initial_state)
 
     def record_of(self, rec: Record | int | None, what: str) -> Record:

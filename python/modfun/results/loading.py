@@ -124,6 +124,8 @@ def _options_from_dict(values: dict[str, Any]) -> Options:
     if options["band"] is not None:
         options["band"] = tuple(options["band"])
     options["reference"] = tuple(options.get("reference", ()))
+    if not isinstance(options.get("initial_state", ""), str):
+        options["initial_state"] = tuple(map(tuple, options["initial_state"]))
     if options["output_weights"] is not None:
         options["output_weights"] = Options.checked(
             "load", output_weights=options["output_weights"]

@@ -21,6 +21,7 @@ from .collinearity import collinearity_of
 from .derived import damp
 from .estimates import Estimates
 from .page_records import Content
+from .priors import known_beforehand
 from .summary import parameters
 
 __all__ = ["page_of"]
@@ -89,6 +90,8 @@ def _estimates(fit: Estimates) -> Iterable[Block]:
     if fit.layout.held:
         held = ", ".join(f"{name} = {value:.6g}" for name, value in fit.layout.held.items())
         yield Words(f"Held, not estimated: {held}.")
+    if fit.layout.priors:
+        yield Words(f"Known beforehand, as one measurement more: {', '.join(known_beforehand(fit))}.")
     yield Words(words.assumption(fit))
 
 

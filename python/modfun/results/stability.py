@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import FitError, ModfunError, SpecError
+from ..models.free import refuse_priors
 from ..models.transfer_function import TransferFunction
 from ..systems.polynomials import roots as roots_of
 from .cures import on_band
@@ -77,6 +78,7 @@ def _refuse(fit: Any) -> None:
             f"stable: the criterion of noise={fit.options.noise!r} counts poles by their distance from the "
             'axis alone; fit with noise="output"'
         )
+    refuse_priors("stable", fit.structure)
     if not fit.inputs:
         raise SpecError("stable: free motion has no numerator that could follow; bound its coefficients")
     dens = {

@@ -18,6 +18,7 @@ from .diagnosis import level_p, level_ratio
 from .doubts import numbers
 from .estimates import Estimates
 from .misfit import too_large, too_small
+from .priors import contradicted_priors, known_beforehand
 from .process_noise import in_words
 from .starts import starts
 
@@ -41,6 +42,21 @@ def one_line(fit: Estimates, doubts: int = 0) -> str:
     )
     said = f", {doubts} doubt{'s' if doubts > 1 else ''}" if doubts else ""
     return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers})"
+
+
+def _start(fit: Estimates) -> str:
+    """What was known of the initial states."""
+    told = fit.options.initial_state
+    if isinstance(told, str):
+        return START[told]
+    return f"{'; '.join(numbers(np.array(state)) for state in told[:4])}, taken as known"
+
+
+def _prior(fit: Estimates) -> str:
+    """What was known of parameters beforehand, and how far the record agrees."""
+    p, _ = contradicted_priors(fit)
+    agrees = "agrees" if p > 0.01 else "does not agree"
+    return f"{', '.join(known_beforehand(fit))}; the record {agrees} (p = {p:.2g})"
 
 
 def _path(fit: Estimates) -> str:
@@ -99,7 +115,8 @@ def facts(fit: Estimates) -> list[tuple[str, str]]:
             "Trend",
             f"{fit.trend or 'none'}{' (default for this structure)' if fit.options.trend == 'auto' else ''}",
         ),
-        *([("Start", START[fit.options.initial_state])] if fit.options.initial_state in START else []),
+        *([("Start", _start(fit))] if fit.options.initial_state != "unknown" else []),
+        *([("Prior", _prior(fit))] if fit.layout.priors else []),
         *([("Reference", _reference(fit))] if fit.options.reference else []),
         ("Noise", _noise(fit)),
         *([("Tails", tails(fit))] if isfinite(fit.tail) else []),

@@ -184,7 +184,7 @@ def _allowed_for(fit: Estimates) -> bool:
     plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
     plain = plain and options.initial_state == "unknown" and options.output_weights is None
     plain = plain and options.method in ("awls", "ml") and not fit.window_weights
-    return plain and not (isfinite(fit.stability_cost) or fit.instrumented)
+    return plain and not (isfinite(fit.stability_cost) or fit.instrumented or fit.layout.priors)
 
 
 def of_time(fit: Estimates) -> Doubt | None:

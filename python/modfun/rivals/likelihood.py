@@ -24,7 +24,7 @@ from ..errors import DataError, FitError, ModfunError, ModfunWarning, SpecError
 from ..experiments.sensitivities import trend_rows
 from ..experiments.slopes import Equations, Known, Slopes, States, Transfers
 from ..fitting.fit import fit
-from ..models.free import Free
+from ..models.free import Free, refuse_priors
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
@@ -127,6 +127,7 @@ class _Problem:
         bounds = {name: given for name, given in model.params if isinstance(given, Free)}
         if isinstance(model, TransferFunction) and isinstance(model.delay, Free):
             bounds |= dict.fromkeys(self.names[len(self.names) - len(self.layout.free_delays) :], model.delay)
+        refuse_priors(WHAT, model)
         self.low = np.array([bounds[n].min if n in bounds else -np.inf for n in self.names])
         self.high = np.array([bounds[n].max if n in bounds else np.inf for n in self.names])
         self.floors = [(FLOOR * np.sqrt(np.mean(rec.y**2, axis=1))) ** 2 for rec in self.records]

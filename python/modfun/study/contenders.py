@@ -16,6 +16,7 @@ from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
+from ..models.free import refuse_priors
 from ..models.layout import Layout
 from ..models.options import WORDS, Options
 from ..models.process import with_inputs
@@ -67,7 +68,7 @@ class Contender:
         return found
 
     @property
-    def initial_state(self) -> str:
+    def initial_state(self) -> Any:
         """What its estimators know of the initial states."""
         return self.estimators[0].options.initial_state if self.estimators else "unknown"
 
@@ -84,6 +85,7 @@ class Contender:
         """Keywords of the compiled core for this group."""
         own = self.estimators[group.index]
         rec, layout = group.record(group.y), self.layout(group)
+        refuse_priors("MonteCarlo, of transfer functions", own.model)
         if layout.plain and own.options.plain_noise:
             return plain_words(layout, rec.intersample, own.options)
         return {

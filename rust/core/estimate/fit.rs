@@ -54,6 +54,8 @@ pub struct FitOptions {
     pub own_levels: bool,
     /// What is known of the state at each record's first sample.
     pub initial: Initial,
+    /// With [`Initial::Zero`]: y, y', … of each record's free response at its first sample; empty for none.
+    pub states: Vec<Vec<f64>>,
     /// Iteration.
     pub options: Options,
 }
@@ -115,12 +117,20 @@ impl FitOptions {
                         .into(),
                 ));
             }
-            if self.structure.numerators.iter().all(Option::is_none) {
+            if self.structure.numerators.iter().all(Option::is_none) && self.states.is_empty() {
                 return Err(Error::Spec(
                     "fitting with a known initial state: without an input nothing moves from it; take \
                      initial_state=\"unknown\""
                         .into(),
                 ));
+            }
+            let order = self.structure.order;
+            let odd = |s: &&Vec<f64>| s.len() != order || s.iter().any(|x| !x.is_finite());
+            if let Some(state) = self.states.iter().find(odd) {
+                return Err(Error::Spec(format!(
+                    "fitting from a given state: {state:?} is none of {order} poles; give y, y', … of the free \
+                     response, {order} finite numbers"
+                )));
             }
             if !self.extended {
                 return Err(Error::Spec(

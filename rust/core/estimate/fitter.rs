@@ -13,7 +13,7 @@ use super::options::{Options, Start, Wanted};
 use super::outcome::End;
 use super::record_levels::{misfits, settle};
 use super::replicates::estimate;
-use super::rest::{Course, Drive, Initial, KnownStart};
+use super::rest::{Course, Drives, Initial, KnownStart};
 use super::shared::Shared;
 use super::spare::Spare;
 use super::uncertainty::Residuals;
@@ -65,7 +65,7 @@ pub(crate) struct Desk {
     /// Noise variance of each record over a common one.
     levels: Vec<f64>,
     /// Of each record, what its inputs do to states from a known start.
-    drives: Vec<Arc<Vec<Drive>>>,
+    drives: Vec<Arc<Drives>>,
     problems: Vec<Problem>,
 }
 
@@ -392,6 +392,13 @@ impl Fitter {
                     .into(),
             ));
         }
+        if !(o.states.is_empty() || o.states.len() == self.records.len()) {
+            return Err(Error::Spec(format!(
+                "fitting from given states: {} of them for {} records; give one a record",
+                o.states.len(),
+                self.records.len()
+            )));
+        }
         let course = |r: &RecordPlan| Course {
             step: r.dt.unwrap_or(f64::NAN) * band_edge,
             seconds: r.dt.unwrap_or(f64::NAN),
@@ -403,6 +410,7 @@ impl Fitter {
             courses: self.records.iter().map(course).collect(),
             inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),
             initial: o.initial,
+            states: o.states.clone(),
         })
     }
 

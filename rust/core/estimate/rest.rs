@@ -9,7 +9,8 @@
 //! ```
 //!
 //! It is linear in B. Its slopes by α_j follow from v = A(p)⁻²u, of which z = A(p)v is made: ∂z/∂α_j = −p^j v. The
-//! response from sample to sample is exact for held inputs; smooth ones go through polynomials of six samples.
+//! response from sample to sample is exact for held inputs; smooth ones go through polynomials of six samples. A given
+//! state adds the response to an impulse through Σ_l s^l Σ_{k>l} α_k y⁽ᵏ⁻¹⁻ˡ⁾(0), which begins with y, y', … as given.
 
 use std::sync::Arc;
 
@@ -61,6 +62,16 @@ pub(crate) struct KnownStart {
     /// How each input runs between samples, and how many seconds it is late.
     pub inputs: Vec<(Option<Hold>, f64)>,
     pub initial: Initial,
+    /// y, y', … of the free response of each record, if they are given.
+    pub states: Vec<Vec<f64>>,
+}
+
+/// What drives the states of a record.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Drives {
+    inputs: Vec<Drive>,
+    /// y, y', … of the free response, in units of the output and seconds; empty: nothing.
+    state: Vec<f64>,
 }
 
 /// An input as polynomials between breakpoints: one a step, two where it changes within a step.
@@ -77,7 +88,7 @@ pub(crate) struct Drive {
 /// T of a record by θ: t + Dθ.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tie {
-    pub drives: Arc<Vec<Drive>>,
+    pub drives: Arc<Drives>,
     /// Coefficients that are tied, and how many numbers θ has.
     pub tied: usize,
     parameters: usize,
@@ -104,13 +115,13 @@ impl KnownStart {
         self.initial == Initial::Periodic
     }
 
-    /// What the inputs of record `k` do to the states: eight lanes, a function of (lane) each.
+    /// What the inputs of record `k` and the state do: eight lanes, a function of (lane) each.
     pub fn drives<'a>(
         &self,
         k: usize,
         units: &[f64],
         samples: impl Fn(usize, usize) -> &'a [f64],
-    ) -> Vec<Drive> {
+    ) -> Drives {
         let course = &self.courses[k];
         let one = |(input, (hold, late)): (usize, &(Option<Hold>, f64))| {
             let lanes: [&[f64]; LANES] = std::array::from_fn(|lane| samples(lane, input));
@@ -118,11 +129,18 @@ impl KnownStart {
             let late = late / course.seconds;
             Drive::new(*hold, late, self.initial, course.lead + course.intervals, unit, lanes)
         };
-        self.inputs.iter().enumerate().map(one).collect()
+        let unit = units.first().copied().unwrap_or(1.0);
+        let state = self.states.get(k).into_iter().flatten().map(|x| x / unit);
+        Drives { inputs: self.inputs.iter().enumerate().map(one).collect(), state: state.collect() }
     }
 }
 
 impl Drive {
+    /// No input for so many steps.
+    fn silent(steps: usize) -> Drive {
+        Drive { parts: vec![1.0], width: 1, values: vec![Wide::ZERO; steps] }
+    }
+
     fn new(
         hold: Option<Hold>,
         late: f64,
@@ -434,58 +452,41 @@ impl Tie {
                 L::load(&a[i]).mul_add(L::load(&a[j]), L::load(sum)).store(sum);
             }
         }
-        let per_duration = L::splat(1.0 / (course.step * course.intervals as f64));
+        let drives = Arc::clone(&self.drives);
         let mut first = n;
-        for (input, degree) in structure.numerators.iter().enumerate() {
+        for (degree, drive) in structure.numerators.iter().zip(&drives.inputs) {
             let Some(degree) = degree else { continue };
             let b: Vec<Wide> = theta[first..=first + degree].iter().rev().copied().collect();
-            let v = self.drives[input].ends::<L>(&square, course);
-            // δ_i of z = A(p)v.
-            let mut z = vec![Wide::ZERO; n];
-            for (i, z) in z.iter_mut().enumerate() {
-                let mut sum = L::splat(0.0);
-                for (k, a) in a.iter().enumerate() {
-                    let known = i + k < 2 * n;
-                    sum = if known { L::load(a).mul_add(L::load(&v[i + k]), sum) } else { sum };
-                }
-                (sum * per_duration).store(z);
-            }
-            for (d, column) in columns[..self.tied.min(n)].iter().enumerate() {
-                // Columns hold −x^d where s^d is i^d x^d.
-                let sign = if d / 2 % 2 == 0 { 1.0 } else { -1.0 } * -column.sign;
-                let sign = L::splat(sign);
-                let row = &mut self.slopes[d * p..][..p];
-                let mut value = L::splat(0.0);
-                for k in 0..=n {
-                    for l in 0..=*degree {
-                        let up = k <= d && d < l;
-                        if !(up || (l <= d && d < k)) {
-                            continue;
-                        }
-                        let e = if up { sign } else { -sign };
-                        let i = k + l - 1 - d;
-                        let (alpha, beta) = (L::load(&a[k]) * e, L::load(&b[l]) * e);
-                        let delta = L::load(&z[i]);
-                        value = (alpha * L::load(&b[l])).mul_add(delta, value);
-                        // By β_l, and by α_k where it stands as a factor.
-                        let to = &mut row[first + degree - l];
-                        alpha.mul_add(delta, L::load(to)).store(to);
-                        if k < n {
-                            let to = &mut row[n - 1 - k];
-                            beta.mul_add(delta, L::load(to)).store(to);
-                        }
-                        // By each α_j through z.
-                        let both = -(alpha * L::load(&b[l])) * per_duration;
-                        for j in 0..n {
-                            let to = &mut row[n - 1 - j];
-                            both.mul_add(L::load(&v[i + j]), L::load(to)).store(to);
-                        }
-                    }
-                }
-                let base = &mut self.base[d];
-                (L::load(base) + value).store(base);
-            }
+            let v = drive.ends::<L>(&square, course, 0.0);
+            self.add::<L>(columns, course, (&a, &b, &v), |row, l, by| {
+                let to = &mut row[first + degree - l];
+                (L::load(to) + by).store(to);
+            });
             first += degree + 1;
+        }
+        if !drives.state.is_empty() {
+            let (rate, mut power) = (course.seconds / course.step, 1.0);
+            let mut own = drives.state.clone();
+            for x in &mut own {
+                *x *= power;
+                power *= rate;
+            }
+            let through = |l: usize| {
+                let mut sum = Wide::ZERO;
+                for (a, x) in a[l + 1..].iter().zip(&own) {
+                    (L::load(a).mul_add(L::splat(*x), L::load(&sum))).store(&mut sum);
+                }
+                sum
+            };
+            let b: Vec<Wide> = (0..n).map(through).collect();
+            let silent = Drive::silent(course.lead + course.intervals);
+            let v = silent.ends::<L>(&square, course, 1.0);
+            self.add::<L>(columns, course, (&a, &b, &v), |row, l, by| {
+                for (k, x) in (l + 1..n).zip(&own) {
+                    let to = &mut row[n - 1 - k];
+                    by.mul_add(L::splat(*x), L::load(to)).store(to);
+                }
+            });
         }
         // t = T − Dθ.
         for d in 0..self.tied {
@@ -497,18 +498,76 @@ impl Tie {
         }
         self.active = true;
     }
+
+    /// Adds what y = B(p)z, A(p)z = u leaves in T, and its slopes; `by_beta` puts those by β_l into a row.
+    #[inline(always)]
+    fn add<L: Lanes>(
+        &mut self,
+        columns: &[Column],
+        course: &Course,
+        (a, b, v): (&[Wide], &[Wide], &[Wide]),
+        by_beta: impl Fn(&mut [Wide], usize, L),
+    ) {
+        let (n, p) = (a.len() - 1, self.parameters);
+        let per_duration = L::splat(1.0 / (course.step * course.intervals as f64));
+        // δ_i of z = A(p)v.
+        let mut z = vec![Wide::ZERO; n];
+        for (i, z) in z.iter_mut().enumerate() {
+            let mut sum = L::splat(0.0);
+            for (k, a) in a.iter().enumerate() {
+                let known = i + k < 2 * n;
+                sum = if known { L::load(a).mul_add(L::load(&v[i + k]), sum) } else { sum };
+            }
+            (sum * per_duration).store(z);
+        }
+        for (d, column) in columns[..self.tied.min(n)].iter().enumerate() {
+            // Columns hold −x^d where s^d is i^d x^d.
+            let sign = if d / 2 % 2 == 0 { 1.0 } else { -1.0 } * -column.sign;
+            let sign = L::splat(sign);
+            let row = &mut self.slopes[d * p..][..p];
+            let mut value = L::splat(0.0);
+            for k in 0..=n {
+                for (l, beta) in b.iter().enumerate() {
+                    let up = k <= d && d < l;
+                    if !(up || (l <= d && d < k)) {
+                        continue;
+                    }
+                    let e = if up { sign } else { -sign };
+                    let i = k + l - 1 - d;
+                    let (alpha, beta) = (L::load(&a[k]) * e, L::load(beta));
+                    let delta = L::load(&z[i]);
+                    value = (alpha * beta).mul_add(delta, value);
+                    // By β_l, and by α_k where it stands as a factor.
+                    by_beta(row, l, alpha * delta);
+                    if k < n {
+                        let to = &mut row[n - 1 - k];
+                        (beta * e).mul_add(delta, L::load(to)).store(to);
+                    }
+                    // By each α_j through z.
+                    let both = -(alpha * beta) * per_duration;
+                    for j in 0..n {
+                        let to = &mut row[n - 1 - j];
+                        both.mul_add(L::load(&v[i + j]), L::load(to)).store(to);
+                    }
+                }
+            }
+            let base = &mut self.base[d];
+            (L::load(base) + value).store(base);
+        }
+    }
 }
 
 impl Drive {
-    /// v, v', … at the window's end less those at its start, of A(p)²v = u from rest.
+    /// v, v', … at the window's end less those at its start, of A(p)²v = u after an impulse of this size.
     #[inline(always)]
-    fn ends<L: Lanes>(&self, square: &[Wide], course: &Course) -> Vec<Wide> {
+    fn ends<L: Lanes>(&self, square: &[Wide], course: &Course, impulse: f64) -> Vec<Wide> {
         let n = square.len() - 1;
         let mut parts = Vec::with_capacity(self.parts.len());
         for length in &self.parts {
             parts.push(Part::new::<L>(square, self.width, length * course.step));
         }
         let (mut x, mut next) = (vec![Wide::ZERO; n], vec![Wide::ZERO; n]);
+        x[n - 1] = Wide::splat(impulse);
         let mut start = x.clone();
         let mut values = self.values.chunks_exact(self.width);
         for k in 0..course.lead + course.intervals {
@@ -612,11 +671,16 @@ mod tests {
     }
 
     /// T at θ and its slopes.
-    fn tied(structure: &Structure, theta: &[f64], hold: Option<Hold>) -> (Vec<f64>, Vec<f64>) {
+    fn tied(
+        structure: &Structure,
+        theta: &[f64],
+        hold: Option<Hold>,
+        state: &[f64],
+    ) -> (Vec<f64>, Vec<f64>) {
         let u: Vec<f64> = (0..=STEPS).map(|k| (0.2 * k as f64).cos()).collect();
         let mut tie = Tie::new(structure.order, theta.len());
         let drive = Drive::new(hold, 0.0, Initial::Zero, STEPS, 1.0, [&u; LANES]);
-        tie.drives = Arc::new(vec![drive]);
+        tie.drives = Arc::new(Drives { inputs: vec![drive], state: state.to_vec() });
         let wide: Vec<Wide> = theta.iter().map(|x| Wide::splat(*x)).collect();
         Isa::Plain.run(Set(&mut tie, structure, &wide));
         let row = |d: usize| {
@@ -634,20 +698,26 @@ mod tests {
         let decay = (-a * h).exp();
         let end =
             (0..STEPS).fold(0.0, |z, k| decay * z + (1.0 - decay) / a * (0.2 * k as f64).cos());
-        let (found, _) = tied(&structure, &[a, b], Some(Hold::Zoh));
+        let (found, _) = tied(&structure, &[a, b], Some(Hold::Zoh), &[]);
         assert!((found[0].abs() - b * end.abs() / (STEPS as f64 * h)).abs() < 1e-12);
+        // From a state, what decays of it as well.
+        let (moved, _) = tied(&structure, &[a, b], Some(Hold::Zoh), &[0.6]);
+        let decayed = 0.6 * ((-a * h * STEPS as f64).exp() - 1.0) / (STEPS as f64 * h);
+        let sign = (found[0] * end).signum();
+        assert!((moved[0] - found[0] - sign * decayed).abs() < 1e-12);
     }
 
     #[test]
     fn slopes_are_those_of_differences() {
         let structure = Structure::new(2, vec![Some(1)]).unwrap();
-        for hold in [Some(Hold::Zoh), Some(Hold::Foh), None] {
-            let (_, slopes) = tied(&structure, &THETA, hold);
+        let cases = [(Some(Hold::Zoh), vec![]), (Some(Hold::Foh), vec![0.4, -0.7]), (None, vec![])];
+        for (hold, state) in cases {
+            let (_, slopes) = tied(&structure, &THETA, hold, &state);
             for k in 0..THETA.len() {
                 let moved = |by: f64| {
                     let mut theta = THETA;
                     theta[k] += by;
-                    tied(&structure, &theta, hold).0
+                    tied(&structure, &theta, hold, &state).0
                 };
                 for (d, (up, down)) in moved(1e-5).iter().zip(moved(-1e-5)).enumerate() {
                     let wanted = (up - down) / 2e-5;

@@ -8,7 +8,7 @@ use super::driven::output::Refined;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
-use super::rest::{Drive, Tie};
+use super::rest::{Drives, Tie};
 use super::spectral::Spectral;
 use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
@@ -206,7 +206,7 @@ impl Workspace {
     }
 
     /// What the inputs of the one record do to states from a known start.
-    pub(crate) fn set_drives(&mut self, drives: Vec<Drive>) {
+    pub(crate) fn set_drives(&mut self, drives: Drives) {
         self.records[0].tie.drives = Arc::new(drives);
     }
 

@@ -7,8 +7,11 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 
-def respond(den, num, u, dt, hold):
-    """Samples of num/den from rest; steps or straight lines between the samples of u."""
+def respond(den, num, u, dt, hold, state=()):
+    """Samples of num/den from rest; steps or straight lines between the samples of u.
+
+    `state`: y, y', … of the free response that is added.
+    """
     den, num = np.asarray(den, float), np.asarray(num, float)
     n = den.size - 1
     num = np.r_[np.zeros(n + 1 - num.size), num]
@@ -23,7 +26,14 @@ def respond(den, num, u, dt, hold):
         y.append(c @ x + through * value)
         slope = u[k + 1] - value if hold == "foh" and k + 1 < len(u) else 0.0
         x = free @ x + constant * value + ramp * slope
-    return np.array(y)
+    y = np.array(y)
+    if len(state):
+        lower = np.vstack([np.eye(n)[1:], -den[:0:-1]])  # of y, y', …
+        once, x = expm(lower * dt), np.asarray(state, float)
+        for k in range(len(y)):
+            y[k] += x[0]
+            x = once @ x
+    return y
 
 
 def coefficients(v, last):
@@ -34,7 +44,7 @@ def coefficients(v, last):
     return np.array([np.sum(w * v * np.exp(-2j * np.pi * m * k / n)) / n for m in range(last + 1)])
 
 
-def estimate(y, u, dt, hold, orders, lines, start):
+def estimate(y, u, dt, hold, orders, lines, start, state=()):
     """Least squares of Y − Ŷ over lines (first, last): parameters, standard errors, weighted cost.
 
     `orders`: poles and zeros; parameters are the denominator's below s^n and then the numerator's.
@@ -44,7 +54,7 @@ def estimate(y, u, dt, hold, orders, lines, start):
     measured = coefficients(y, last)[first:]
 
     def rows(theta):
-        model = respond(np.r_[1.0, theta[:poles]], theta[poles:], u, dt, hold)
+        model = respond(np.r_[1.0, theta[:poles]], theta[poles:], u, dt, hold, state)
         e = measured - coefficients(model, last)[first:]
         weight = np.full(e.size, np.sqrt(2.0))
         if first == 0:

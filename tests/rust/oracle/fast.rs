@@ -28,6 +28,7 @@ fn options(order: usize, numerators: Vec<Option<usize>>, method: Method, band: B
         band,
         own_levels: false,
         initial: Initial::Unknown,
+        states: vec![],
         options: OPTIONS,
     }
 }

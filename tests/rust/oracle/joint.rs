@@ -68,6 +68,7 @@ pub fn options(structure: JointStructure, method: Method, band: Band) -> JointOp
         extended: true,
         band,
         own_levels: false,
+        priors: vec![],
         options: fast::OPTIONS,
     }
 }
@@ -326,6 +327,7 @@ fn both(
         band: Band::Harmonics(18),
         own_levels: false,
         initial: Initial::Unknown,
+        states: vec![],
         options: fast::OPTIONS,
     };
     let one = JointStructure {

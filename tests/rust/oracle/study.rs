@@ -35,6 +35,7 @@ fn options(method: Method) -> FitOptions {
         band: Band::Harmonics(16),
         own_levels: false,
         initial: Initial::Unknown,
+        states: vec![],
         options: OPTIONS,
     }
 }
@@ -58,6 +59,7 @@ fn joint() -> JointOptions {
         extended: true,
         band: Band::Harmonics(16),
         own_levels: false,
+        priors: vec![],
         options: OPTIONS,
     }
 }

@@ -343,6 +343,7 @@ class _Writer:
             "noisy": [symbols.index(c) for c in noise],
             "starts": [f.start for f in free],
             "bounds": [(f.min, f.max) for f in free],
+            "priors": [(k, *f.prior) for k, f in enumerate(free) if f.prior],
             "linear": linear,
             "levels_matter": uses_variance or len(noise) > 1,
         }

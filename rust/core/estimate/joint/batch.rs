@@ -121,7 +121,8 @@ impl JointFitter {
         let chooser = (0..batch.records).find(sound).unwrap_or(0);
         let shared = self.shared(&batch.record(chooser, inputs))?;
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let large = shared.design.size() > LARGE;
+        // Lanes know nothing of priors.
+        let large = shared.design.size() > LARGE || !self.o.priors.is_empty();
         let make = || shared.worker(self.isa, large);
         let work = |w: &mut Worker<'_>, chunk: usize| {
             let mut out = Many::default();

@@ -4,6 +4,7 @@ use super::structure::{JointSignal, JointStructure, Term};
 use super::whitener::Whitener;
 use crate::error::Error;
 use crate::estimate::aliasing::Aliasing;
+use crate::estimate::prior::Prior;
 use crate::estimate::spectral::Bins;
 use crate::modulation::{Column, Lines, transient_columns};
 use crate::simd::LANES;
@@ -120,6 +121,8 @@ pub struct JointDesign {
     /// Units of the outputs and paths in the workspace.
     pub(crate) units: Vec<f64>,
     pub(crate) band_edge: f64,
+    /// In the workspace's units.
+    pub(crate) priors: Vec<Prior>,
 }
 
 /// One record of a design: its lines, how many the fit uses, whiteners of uneven samples.
@@ -222,6 +225,7 @@ impl JointDesign {
             delay_scale: 1.0 / band_edge,
             units,
             aliasing: None,
+            priors: Vec::new(),
             bins,
             band_edge,
         })

@@ -14,6 +14,7 @@ use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
+use crate::estimate::prior::{self, Prior};
 use crate::estimate::record_levels::{misfits, settle};
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::modulation::Lines;
@@ -43,6 +44,8 @@ pub struct JointOptions {
     pub band: Band,
     /// Whether several records have noise levels of their own.
     pub own_levels: bool,
+    /// What is known of parameters (free coefficients, then free delays) beforehand.
+    pub priors: Vec<Prior>,
     /// Iteration.
     pub options: Options,
 }
@@ -174,6 +177,7 @@ impl JointFitter {
             ));
         }
         o.check()?;
+        prior::check(&o.priors, s.parameters(), o.method)?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
         }
@@ -464,6 +468,8 @@ impl JointFitter {
         let inputs: Vec<(Option<Hold>, f64)> = o.structure.paths.iter().map(input).collect();
         let steps = self.records.iter().map(|r| Some(r.dt).filter(|dt| dt.is_finite()));
         design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        let scaled = |p: &Prior| p.over(design.parameter_scale(p.parameter));
+        design.priors = o.priors.iter().map(scaled).collect();
         Ok(design)
     }
 

@@ -16,6 +16,7 @@ use crate::error::{Error, Status};
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
+use crate::estimate::prior::{self, Prior};
 use crate::estimate::rule::Rule;
 use crate::estimate::{Options, Wanted, aliasing};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
@@ -262,9 +263,10 @@ impl<'d> Single<'d> {
                 }
                 false => self.system.cost(&self.coupling),
             };
-            self.w.progress.cost = Wide::splat(cost);
+            let scale = if run.fresh { 1.0 } else { cost / self.d.degrees_of_freedom() as f64 };
+            self.w.progress.cost = Wide::splat(cost * self.surprise(run.fresh));
             let target = self.system.column_sizes(self.d, &self.coupling, &mut self.sizes);
-            let found = self.solve(run.held);
+            let found = self.solve(run.held, scale);
             self.dependent = !found.full;
             self.take_step(&found, target);
             if !found.full && run.rule == Rule::Wls {
@@ -279,7 +281,6 @@ impl<'d> Single<'d> {
             if !run.held && !self.d.free_delays.is_empty() {
                 refresh(&mut self.w)?;
             }
-            let scale = if run.fresh { 1.0 } else { cost / self.d.degrees_of_freedom() as f64 };
             if run.near.is_some_and(|theta| self.is_near(theta, scale)) {
                 return Ok(true);
             }
@@ -356,7 +357,7 @@ impl<'d> Single<'d> {
             // Of a delay the system holds the change: none.
             Some(if k < self.d.free.len() { theta.0[0] } else { 0.0 })
         }));
-        let found = self.system.solve(self.d, &self.coupling, &pinned);
+        let found = self.system.solve(self.d, &self.coupling, &pinned, &[]);
         let each = self.d.transient.len();
         for (k, value) in found.unknowns[..from].iter().enumerate() {
             self.w.iterates.transients[k / each].now[k % each] = Wide::splat(*value);
@@ -364,7 +365,8 @@ impl<'d> Single<'d> {
     }
 
     /// Solves for all unknowns; what would leave its bounds is set on them, and the rest solved again.
-    fn solve(&mut self, held: bool) -> Found {
+    /// Rows have the variance `scale`.
+    fn solve(&mut self, held: bool, scale: f64) -> Found {
         let d = self.d;
         let (p, delays) = (d.parameters(), d.free.len());
         let from = d.records.len() * d.transient.len();
@@ -377,8 +379,13 @@ impl<'d> Single<'d> {
             true => 0.0,
             false => w.iterates.theta.now[k].0[0],
         };
+        let prior = |p: &Prior| {
+            let by = p.entry(scale);
+            (from + p.parameter, by, by * (p.mean - now(&self.w, p.parameter)))
+        };
+        let priors: Vec<_> = d.priors.iter().map(prior).collect();
         loop {
-            let mut found = self.system.solve(d, &self.coupling, &pinned);
+            let mut found = self.system.solve(d, &self.coupling, &pinned, &priors);
             let mut fresh = false;
             for k in 0..p {
                 let value = found.unknowns[from + k] + now(&self.w, k);
@@ -446,7 +453,23 @@ impl<'d> Single<'d> {
 
     /// What fits on the same lines are compared by.
     pub fn criterion(&self) -> f64 {
-        self.w.criterion(self.d, 0)
+        let own = self.w.criterion(self.d, 0);
+        match self.d.outputs() == 1 || self.d.noise.outputs.is_some() {
+            true => own * self.surprise(false),
+            false => own + self.d.outputs() as f64 * self.distance(),
+        }
+    }
+
+    /// How far θ is from what was known of it.
+    fn distance(&self) -> f64 {
+        prior::distance(&self.d.priors, |k| self.w.iterates.theta.now[k].0[0])
+    }
+
+    /// What the cost, or √det Σ̂ of residuals (`fresh`), is multiplied by for that.
+    fn surprise(&self, fresh: bool) -> f64 {
+        let rows = self.d.degrees_of_freedom() as f64;
+        let each = if fresh { 0.5 * self.d.outputs() as f64 } else { 1.0 };
+        prior::factor(each * self.distance(), rows)
     }
 }
 

@@ -18,6 +18,7 @@ use super::rows::{Spot, Worker};
 use super::sigma::Sigma;
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::estimate::prior;
 use crate::linalg::qr::dot;
 use crate::threads::stopped;
 
@@ -223,6 +224,12 @@ impl<'a> TermsProblem<'a> {
         Ok(cost)
     }
 
+    /// The same with what priors add: where it is least the estimate is.
+    fn criterion(&mut self, theta: &[f64], weights: RowWeights) -> Result<f64, Error> {
+        let far = prior::distance(&self.fitter.o.priors, |k| theta[k]);
+        Ok(self.cost(theta, weights)? * prior::factor(far, self.degrees_of_freedom() as f64))
+    }
+
     /// That of one record at the θ of the last cost under other noise; what stands is then to be made anew.
     pub fn cost_of(&mut self, record: usize, sigma: &Sigma, theta: &[f64]) -> Result<f64, Error> {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
@@ -238,7 +245,7 @@ impl<'a> TermsProblem<'a> {
         Ok(spot.evaluate(isa, e, pairs, g, &self.lags, RowWeights::Adapted))
     }
 
-    /// Columns of θ and the residual where [`TermsProblem::cost`] was last.
+    /// Columns of θ and the residual where [`TermsProblem::cost`] was last; rows of priors are the last.
     pub fn jacobian(&mut self, factors: LeftColumns) {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         self.residual.clear();
@@ -252,6 +259,14 @@ impl<'a> TermsProblem<'a> {
                 let first = to.len();
                 to.extend_from_slice(from);
                 spot.base().project(&mut to[first..]);
+            }
+        }
+        let scale = self.stands.map_or(0.0, |(_, cost)| cost) / self.degrees_of_freedom() as f64;
+        for p in &self.fitter.o.priors {
+            let by = p.entry(scale);
+            self.residual.push(by * (self.theta[p.parameter] - p.mean));
+            for (k, column) in self.columns.iter_mut().enumerate() {
+                column.push(if k == p.parameter { by } else { 0.0 });
             }
         }
     }
@@ -323,7 +338,7 @@ impl<'a> TermsProblem<'a> {
         e.clip(&mut theta);
         // Reweighted data have no cost that must fall.
         let guarded = weights == RowWeights::Flat || factors == LeftColumns::Denoised;
-        let mut cost = self.cost(&theta, weights)?;
+        let mut cost = self.criterion(&theta, weights)?;
         let mut ended = Status::MaxIter;
         let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
         let mut next = theta.clone();
@@ -348,7 +363,7 @@ impl<'a> TermsProblem<'a> {
                     *to = from + size * by;
                 }
                 e.clip(&mut next);
-                reached = self.cost(&next, weights)?;
+                reached = self.criterion(&next, weights)?;
                 let fell = reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
                 let early = nit <= FREE_STEPS || !guarded;
                 if reached.is_finite() && (fell || early) {
@@ -359,7 +374,7 @@ impl<'a> TermsProblem<'a> {
             let fell = reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
             if guarded && nit > FREE_STEPS && !fell {
                 // No shorter step helps: here is the minimum, as far as numbers can tell.
-                cost = self.cost(&theta, weights)?;
+                cost = self.criterion(&theta, weights)?;
                 ended = if moved < tol.sqrt() { Status::Ok } else { Status::MaxIter };
                 break;
             }

@@ -9,6 +9,7 @@ use crate::estimate::band::{Band, Range, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
+use crate::estimate::prior::{self, Prior};
 use crate::estimate::spare::Spare;
 use crate::estimate::window::Window;
 use crate::quadrature::Rule;
@@ -42,6 +43,8 @@ pub struct TermsOptions {
     pub levels_matter: bool,
     /// Whether levels of several noisy channels are estimated with the parameters.
     pub learn: bool,
+    /// What is known of parameters beforehand.
+    pub priors: Vec<Prior>,
     /// Iteration.
     pub options: Options,
 }
@@ -77,6 +80,7 @@ impl TermsFitter {
         isa: Isa,
     ) -> Result<TermsFitter, Error> {
         o.equations.check()?;
+        prior::check(&o.priors, o.equations.parameters, o.method)?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
         }
@@ -115,6 +119,13 @@ impl TermsFitter {
                 e.orders.len(),
                 e.noisy.len() - o.shapes.len().min(e.noisy.len())
             )));
+        }
+        if o.noise == Noise::Process && !o.priors.is_empty() {
+            return Err(Error::Spec(
+                "fitting equations with process noise: its levels are sought without priors; hold the parameter, or \
+                 take noise=\"output\""
+                    .into(),
+            ));
         }
         let pairs = Pairs::new(e);
         Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })

@@ -6,6 +6,7 @@
 
 use super::factor::Factor;
 use super::iterate::TermsProblem;
+use crate::estimate::prior;
 use crate::estimate::spectral::{Bins, NoiseSpectrum, Spectral};
 use crate::linalg::qr::{dot, solve_square};
 
@@ -104,7 +105,7 @@ impl TermsProblem<'_> {
         out
     }
 
-    /// Leverages of all rows.
+    /// Leverages of all rows; those of priors are 1.
     fn hat(&self, q: &[Vec<f64>]) -> Vec<f64> {
         let mut hat = vec![0.0; self.residual.len()];
         let add = |hat: &mut [f64], own: &[f64]| {
@@ -116,6 +117,8 @@ impl TermsProblem<'_> {
             spot.base().columns().iter().for_each(|own| add(&mut hat[at..], own));
             at += spot.rows.len();
         }
+        // What was known of a parameter is known whatever its leverage.
+        hat[at..].fill(1.0);
         hat
     }
 
@@ -139,7 +142,20 @@ impl TermsProblem<'_> {
             let left = row(i, &mut influence);
             sums.add_row(equation * count + bin, *e, left, &influence);
         }
-        sums.finish(&bins, variance)
+        let (mut cov, mut degrees, told) = sums.finish(&bins, variance);
+        let n = free.len();
+        let rest: Vec<f64> = (0..n).map(|k| cov[k * (n + 1)]).collect();
+        let lines: usize = self.spots.iter().map(|s| s.rows.len()).sum();
+        for i in lines..self.residual.len() {
+            row(i, &mut influence);
+            for (k, cov) in cov.iter_mut().enumerate() {
+                *cov += variance * influence[k / n] * influence[k % n];
+            }
+        }
+        for (k, rest) in rest.iter().enumerate().filter(|_| lines < self.residual.len()) {
+            degrees[k] = prior::degrees(degrees[k], *rest, cov[k * (n + 1)]);
+        }
+        (cov, degrees, told)
     }
 
     /// (Σ a)²/Σ a² with a = E²/(1 − h), E the weight of a row in a parameter (Satterthwaite).
@@ -217,6 +233,15 @@ impl TermsProblem<'_> {
             }
             at += spot.rows.len();
         }
+        // Rows of priors have the variance that they say.
+        for i in at..self.residual.len() {
+            for (score, k) in score.iter_mut().zip(free) {
+                *score = variance.sqrt() * self.columns[*k][i];
+            }
+            for (k, meat) in meat.iter_mut().enumerate() {
+                *meat += score[k / n] * score[k % n];
+            }
+        }
         meat
     }
 
@@ -271,6 +296,10 @@ impl TermsProblem<'_> {
         let mut spent = 0;
         for (spot, last) in self.spots.iter().zip(last) {
             spent += spot.projected(spot.rows_up_to(*last), &mut all);
+        }
+        let lines: usize = self.spots.iter().map(|s| s.rows.len()).sum();
+        for (to, from) in all.iter_mut().zip(&self.columns) {
+            to.extend_from_slice(&from[lines..]); // of priors
         }
         let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
         if all.first().map_or(0, Vec::len) <= free.len() + spent {

@@ -9,6 +9,7 @@ use super::super::uncertainty::LEVERAGE;
 use super::system::independent;
 use super::{Ended, Single};
 use crate::error::Status;
+use crate::estimate::prior::degrees;
 use crate::estimate::spectral::{NoiseSpectrum, Spectral};
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
 use crate::linalg::qr::dot;
@@ -92,6 +93,11 @@ impl Single<'_> {
         order
     }
 
+    /// Variance of the rows.
+    fn scale(&self) -> f64 {
+        self.w.progress.cost.0[0] / self.d.degrees_of_freedom().max(1) as f64
+    }
+
     fn moving(&self) -> usize {
         self.w.pinned.iter().filter(|on| on.0[0] == 0.0).count()
     }
@@ -115,8 +121,16 @@ impl Single<'_> {
         let (size, m) = (nt + p, self.moving());
         let mut qr = Qr::default();
         let (mut spans, mut full) = (Vec::new(), true);
-        let mut stacked = vec![0.0; columns.len() * p * p];
-        let tall = columns.len() * p;
+        let tall = columns.len() * p + d.priors.len();
+        let mut stacked = vec![0.0; tall * p];
+        let (scale, order) = (self.scale(), self.order());
+        for (at, prior) in d.priors.iter().enumerate() {
+            for (j, k) in order.iter().enumerate() {
+                if *k == prior.parameter {
+                    stacked[j * tall + columns.len() * p + at] = prior.entry(scale);
+                }
+            }
+        }
         for (k, (own, limit)) in columns.iter().zip(limits).enumerate() {
             let limit = (*limit).min(own.used);
             let rows = (2 * q * limit).max(size);
@@ -262,7 +276,7 @@ impl Single<'_> {
         product(&found.inverse, &meat, (m, m, m), &mut half);
         let turned: Vec<f64> = (0..m * m).map(|at| half[at % m * m + at / m]).collect();
         product(&found.inverse, &turned, (m, m, m), &mut hc3);
-        let variance = self.w.progress.cost.0[0] / d.degrees_of_freedom().max(1) as f64;
+        let variance = self.scale();
         let row = |a: usize| (0..m).map(move |b| b * m + a);
         let rows: Vec<Vec<f64>> =
             (0..m).map(|a| row(a).map(|at| found.inverse[at]).collect()).collect();
@@ -276,9 +290,9 @@ impl Single<'_> {
             residuals,
             full: found.full,
         };
-        let (spectral, degrees, noise_spectrum) = spectral.finish(&d.bins, variance);
+        let (spectral, freedom, noise_spectrum) = spectral.finish(&d.bins, variance);
         all.noise_spectrum = noise_spectrum;
-        for (i, own) in order.iter().zip(degrees) {
+        for (i, own) in order.iter().zip(freedom) {
             all.degrees[*i] = own;
         }
         for (a, i) in order.iter().enumerate() {
@@ -291,6 +305,23 @@ impl Single<'_> {
                 let (x, y) = (&found.triangle[a * p..][..p], &found.triangle[b * p..][..p]);
                 all.normal[i * p + j] = dot(x, y);
             }
+        }
+        let rest: Vec<f64> = (0..p).map(|k| all.spectral[k * (p + 1)]).collect();
+        for prior in &d.priors {
+            // Influence of its row on θ, times its standard deviation.
+            let by = prior.entry(variance) * variance.sqrt();
+            let place = order[..m].iter().position(|k| *k == prior.parameter);
+            let Some(own) = place.map(|at| &rows[at]) else { continue };
+            let each: Vec<f64> = rows.iter().map(|row| by * dot(row, own)).collect();
+            for (a, i) in order[..m].iter().enumerate() {
+                for (b, j) in order[..m].iter().enumerate() {
+                    all.hc3[i * p + j] += each[a] * each[b];
+                    all.spectral[i * p + j] += each[a] * each[b];
+                }
+            }
+        }
+        for (k, rest) in rest.iter().enumerate().filter(|_| !d.priors.is_empty()) {
+            all.degrees[k] = degrees(all.degrees[k], *rest, all.spectral[k * (p + 1)]);
         }
         all
     }

@@ -146,13 +146,21 @@ impl System {
         if column < nt { k * nt + column } else { d.records.len() * nt + column - nt }
     }
 
-    /// Solves for all unknowns but those that are `pinned` to a value.
-    pub fn solve(&mut self, d: &JointDesign, coupling: &[f64], pinned: &[Option<f64>]) -> Found {
+    /// Solves for all unknowns but those that are `pinned` to a value; `priors` are rows of one unknown each: which,
+    /// its factor, the target.
+    pub fn solve(
+        &mut self,
+        d: &JointDesign,
+        coupling: &[f64],
+        pinned: &[Option<f64>],
+        priors: &[(usize, f64, f64)],
+    ) -> Found {
         let (count, records, q) = (self.blocks.len(), d.records.len(), d.outputs());
         let all = pinned.len();
         let moving: Vec<usize> = (0..all).filter(|k| pinned[*k].is_none()).collect();
         let n = moving.len();
-        let tall: usize = records * self.blocks.iter().map(|b| b.columns.len()).sum::<usize>();
+        let own: usize = self.blocks.iter().map(|b| b.columns.len()).sum();
+        let tall = records * own + priors.len();
         // Rows of all blocks, one after another; columns of all unknowns and the target.
         let mut system = vec![0.0; tall * (all + 1)];
         let mut row = 0;
@@ -175,6 +183,10 @@ impl System {
                 }
                 row += p;
             }
+        }
+        for (at, (unknown, by, target)) in priors.iter().enumerate() {
+            system[unknown * tall + row + at] = *by;
+            system[all * tall + row + at] = *target;
         }
         let mut unknowns: Vec<f64> = pinned.iter().map(|value| value.unwrap_or(0.0)).collect();
         let (before, target) = system.split_at_mut(all * tall);
@@ -208,6 +220,11 @@ impl System {
                         }
                     }
                     row += p;
+                }
+            }
+            for (at, (unknown, by, _)) in priors.iter().enumerate() {
+                if let Some(to) = slot[*unknown] {
+                    basis[to * tall + row + at] = *by;
                 }
             }
             self.qr.factor(&mut basis, tall, n);
