@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -60,30 +60,35 @@ def feedback(fit: Estimates) -> Feedback | None:
     E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows. None where no
     input follows them with a p-value below 0.01, and where they are not noise.
     """
-    pairs = _led(fit)
-    if not pairs or too_large(level_p(fit)) or noise_free(fit) is not None:
+    led = _led(fit)
+    if not led or too_large(level_p(fit)) or noise_free(fit) is not None:
         return None
-    found = _found(fit, pairs, _residuals)
+    found = _found(fit, led, _residuals)
     if found is not None and stable(fit):
         # Between the samples of a held input lines fold into others: a simulation has them all.
-        found = _found(fit, pairs, _in_time)
+        found = _found(fit, led, _in_time)
     return found
 
 
-def _led(fit: Estimates) -> list[tuple[int, int]]:
-    """Records and inputs (record, input) that are not known from their past: what moves them may be noise."""
+def _led(fit: Estimates) -> dict[tuple[int, int], F64]:
+    """Inputs (record, input) that are not known from their past, with it: what moves them may be noise."""
     if not testable(fit) or fit.options.reference or max(fit.intervals) > MOST:
-        return []
+        return {}
     pairs = product(range(len(fit.pieces)), range(len(fit.inputs)))
-    return [pair for pair in pairs if not _foreseen(_window(fit, *pair))]
+    found = {pair: _past(_window(fit, *pair)) for pair in pairs}
+    return {pair: past for pair, past in found.items() if past is not None}
 
 
 def _found(
-    fit: Estimates, pairs: Sequence[tuple[int, int]], residuals: Callable[[Estimates, int], F64]
+    fit: Estimates, led: dict[tuple[int, int], F64], residuals: Callable[[Estimates, int], F64]
 ) -> Feedback | None:
     """The likeliest way back, by residuals (output, interval) of a record; None where none is likely."""
-    left = {k: residuals(fit, k) for k in dict(pairs)}
-    tests = [(k, i, j, _granger(fit, k, j, e)) for k, j in pairs for i, e in enumerate(left[k])]
+    left = {k: residuals(fit, k) for k in {k for k, _ in led}}
+    tests = [
+        (k, i, j, _granger(past, e, _lags(fit, j)))
+        for (k, j), past in led.items()
+        for i, e in enumerate(left[k])
+    ]
     known = [(k, i, j, found) for k, i, j, found in tests if found is not None]
     p, i, j = min(((found.p_value, i, j) for _, i, j, found in known), default=(1.0, 0, 0))
     if not known or p * len(known) >= ASKED:
@@ -138,13 +143,12 @@ class _Granger:
         return np.asarray(self._inverse @ self._inverse.T * self.variance)[1:, 1:]
 
 
-def _granger(fit: Estimates, k: int, j: int, e: F64) -> _Granger | None:
-    """Whether residuals say anything of the input that its past does not; None where nobody can tell."""
+def _granger(past: F64, e: F64, lags: range) -> _Granger | None:
+    """Whether residuals say anything of an input that its past does not; None where nobody can tell."""
     from scipy.special import fdtrc
 
-    past = _past(_window(fit, k, j))
     size = past.shape[1]
-    late = [e[PAST - lag :][:size] for lag in _lags(fit, j)]
+    late = [e[PAST - lag :][:size] for lag in lags]
     factor, sizes = _factor(np.array([*past[:-1], *late, past[-1]]))
     if factor is None:
         return None
@@ -154,10 +158,18 @@ def _granger(fit: Estimates, k: int, j: int, e: F64) -> _Granger | None:
     return _Granger(factor, sizes, p, left * float(sizes[-1]) ** 2 / freedom)
 
 
-def _past(u: F64) -> F64:
-    """A constant, the samples of an input before each one, and these, (column, time)."""
+def _past(u: F64) -> F64 | None:
+    """A constant, the samples of an input before each one, and these, (column, time).
+
+    None where these are known from those before, by cubics through four of them or by a regression on all.
+    What that leaves of an input is left of each of its columns: of another none comes near rounding.
+    """
+    if u.size < SHORTEST or unforeseen(u) <= NEW:
+        return None
     u, size = u - u.mean(), u.size - PAST
-    return np.array([np.ones(size), *(u[PAST - lag :][:size] for lag in range(1, PAST + 1)), u[PAST:]])
+    past = np.array([np.ones(size), *(u[PAST - lag :][:size] for lag in range(1, PAST + 1)), u[PAST:]])
+    factor, _ = _factor(past)
+    return None if factor is None or factor[-1, -1] <= NEW else past
 
 
 def _factor(columns: F64) -> tuple[F64 | None, F64]:
@@ -175,18 +187,6 @@ def _window(fit: Estimates, k: int, j: int) -> F64:
     assert fit.records is not None
     rec = fit.records[k]
     return rec.u[j, rec.intervals - fit.intervals[k] : -1][:LONGEST]
-
-
-def _foreseen(u: F64) -> bool:
-    """Whether an input is known from its past, by cubics through four samples or by a regression on more.
-
-    What the past leaves of an input is left of each column of that regression: where the input is not known,
-    none of them comes near rounding.
-    """
-    if u.size < SHORTEST or unforeseen(u) <= NEW:
-        return True
-    factor, _ = _factor(_past(u))
-    return factor is None or bool(factor[-1, -1] <= NEW)
 
 
 def _lags(fit: Estimates, j: int) -> range:
@@ -229,13 +229,13 @@ def _residual(fit: Estimates, k: int, i: int) -> F64:
     s = 1j * fit.omega0[k] * np.arange(1, top + 1)
     late = [delay / rec.dt for delay in fit.layout.delays(fit.params, i)]  # type: ignore[operator]
     rules = [fit.options.rule if kind == "smooth" else kind for kind in rec.intersample]
-    y = coefficients(np.ascontiguousarray(rec.y[[i]]), top, [fit.options.rule], [0.0], start, None)[0, 1:]
-    u = coefficients(np.ascontiguousarray(rec.u), top, rules, late, start, None)[:, 1:]
+    rows = np.vstack([rec.y[i], rec.u])
+    y, *u = coefficients(rows, top, [fit.options.rule, *rules], [0.0, *late], start, None)[:, 1:]
     den, nums = fit.polynomials(i)
     with np.errstate(all="ignore"):
         over = 1 / np.polyval(den, s)
         left = y - sum(np.polyval(num, s) * row for num, row in zip(nums, u, strict=True)) * over
-        ends: C128 = np.array([(s / abs(s[-1])) ** power * over for power in range(den.size - 1)])
+        ends: C128 = np.vander(s / abs(s[-1]), den.size - 1).T * over
     used = slice(max(fit.lines[k][0], 1) - 1, fit.lines[k][1])
     rows = np.concatenate([ends[:, used].real, ends[:, used].imag], axis=1)
     c = np.linalg.lstsq(rows.T, np.concatenate([left[used].real, left[used].imag]), rcond=None)[0]

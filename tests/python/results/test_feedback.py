@@ -9,7 +9,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from loops import LEVEL, MODEL
-from modfun.results.feedback import LAGS, PAST, _granger, _residuals, feedback
+from modfun.results.feedback import LAGS, PAST, _granger, _lags, _led, _residuals, feedback
 from scipy.signal import lfilter
 from scipy.stats import f
 
@@ -78,7 +78,7 @@ def test_the_regression_is_that_of_least_squares() -> None:
         warnings.simplefilter("ignore")
         fit = mf.fit(loops.record(LEVEL, 3), MODEL)
     e = _residuals(fit, 0)[0]
-    found = _granger(fit, 0, 0, e)
+    found = _granger(_led(fit)[0, 0], e, _lags(fit, 0))
     assert found is not None
     u = fit.records[0].u[0, -fit.intervals[0] - 1 : -1]
     u = u - u.mean()
