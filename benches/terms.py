@@ -4,6 +4,7 @@
         [--page docs/terms.md]
     python benches/terms.py --power [--systems Duffing,Lorenz]
     python benches/terms.py --hidden [--records 30]
+    python benches/terms.py --colour 0.9 [--records 30]
 
 Every state is measured with white noise; the library has all monomials of states and inputs up to degree 3
 (5 of one channel), and sin(q) and v*abs(v) of the pendulum. The rivals solve pySINDy's weak form by
@@ -22,6 +23,7 @@ from pathlib import Path
 import modfun as mf
 import numpy as np
 from fit_studies import response
+from scipy.signal import lfilter
 
 LEVELS = (0.01, 0.05, 0.1, 0.2)
 WIDTHS = (0.05, 0.1, 0.2)  # half widths of the test functions over the record
@@ -63,9 +65,11 @@ class System:
         """Right side."""
         return self.theta @ np.array(self.features(*x, force(t)) if self.driven else self.features(*x))
 
-    def record(self, level, seed):
-        """A noisy record."""
-        noise = level * self.rms * np.random.default_rng(seed).standard_normal(self.clean.shape)
+    def record(self, level, seed, colour=0.0):
+        """A noisy record; the noise of each output is an AR(1) of this coefficient."""
+        size, settled = self.clean.shape, 200 if colour else 0
+        white = np.random.default_rng(seed).standard_normal((size[0], size[1] + settled))
+        noise = lfilter([np.sqrt(1 - colour**2)], [1, -colour], white)[:, settled:] * level * self.rms
         u = {"u": force(self.t)} if self.driven else {}
         return mf.Record(self.clean + noise, dt=self.t[1], outputs=self.names, **u)
 
@@ -342,6 +346,7 @@ def main():
     given.add_argument(
         "--hidden", action="store_true", help="of Lotka–Volterra and Lorenz only x is measured"
     )
+    given.add_argument("--colour", type=float, help="rates in AR(1) noise of this coefficient")
     given.add_argument("--keep", help="a file for finished cells: a later run goes on from there")
     given.add_argument("--page")
     options = given.parse_args()
@@ -354,6 +359,11 @@ def main():
         hidden(options.records)
         return
     names = options.systems.split(",")
+    if options.colour is not None:
+        for name, level in product(names, LEVELS[:3]):
+            found = our_cells(SYSTEMS[name](), level, options.records, options.colour)
+            print(f"{name}, {100 * level:g} %: exact {found[1]}, superfluous {found[2]} %", flush=True)
+        return
     kept = json.loads(Path(options.keep).read_text()) if options.keep and Path(options.keep).exists() else {}
     for what, records, make in (
         ("ours", options.records, our_cells),
@@ -395,9 +405,9 @@ def main():
         print("\n".join(rows))
 
 
-def our_cells(system, level, records):
-    """Least t, rates, error and time of the selection."""
-    both = [ours(system, system.record(level, seed)) for seed in range(records)]
+def our_cells(system, level, records, colour=0.0):
+    """Least t in white noise, rates, error and time of the selection."""
+    both = [ours(system, system.record(level, seed, colour)) for seed in range(records)]
     exact, more, error = figures(np.array([theta for theta, _ in both]), system.theta)
     return [
         f"{weakest(system, level):.1f}",

@@ -23,6 +23,8 @@ __all__ = ["Estimate", "Lines", "Quadratic", "cost_of", "estimate", "signal_edge
 
 LOUD, SPREAD = 6.0, 4  # power over that of noise, and half the lines it is averaged over
 ROUNDING = 1e-10  # of the covariance, for lines that noise does not reach
+NEAR, PART = 8, 0.3  # lines on both sides that residuals are averaged over, and a part of the frequency more
+RANK = 1e-10  # of columns of unit length
 STEPS, SETTLED = 25, 1e-4  # of the likelihood; squared step in standard errors
 FREE, HALVINGS = 2, 6  # first steps, which may raise the cost; halvings of a later one
 
@@ -104,6 +106,7 @@ class Lines:
         self.target_lines = self._columns(self.targets, self.signals)
         self.candidate_lines = self._columns(self.candidates, self.signals)
         self.transient = self._transient()
+        self.spread = np.ones((2 * top + 1) * count)  # of whitened residuals, over that of white noise
 
     def bend(self, y: F64) -> None:
         """Take slopes at outputs without noise."""
@@ -155,21 +158,14 @@ class Lines:
         from scipy.linalg import solve_triangular
 
         theta, equation, candidates = theta[which], self.equation[which], self.candidates[which]
-        coefficients = self.targets.copy()
-        np.subtract.at(coefficients, equation, theta[:, None, None] * candidates)
-        through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
-        factor = self._factor(through) if np.all(np.isfinite(through)) else None
-        if factor is None or not np.all(np.isfinite(factor)):
+        found = self._whitened(theta, which)
+        if found is None:
             return self._lost(theta.size)
-        residual = self.target_lines.copy()
-        np.subtract.at(residual, equation, theta[:, None] * self.candidate_lines[which])
-        rows = self._rows(residual, range(len(self.orders))).sum(axis=1)
-        solved = solve_triangular(factor, np.column_stack([self.transient, rows]), lower=True)
-        basis = np.linalg.qr(solved[:, :-1])[0]
-        white = _off(basis, solved[:, -1])
-        noise = self._noise(through, solve_triangular(factor, white, lower=True, trans=1))
+        through, factor, basis, white = found
+        noise = self._noise(through, solve_triangular(factor, self.spread * white, lower=True, trans=1))
         if not np.all(np.isfinite(noise)):
             return self._lost(theta.size)
+        factor = factor * self.spread
         used = np.any(candidates != 0, axis=(0, 1)) & np.any(self.slopes != 0, axis=(1, 2))
         inside = np.einsum("sct,ct->st", self.slopes[used], noise)
         denoised = self.candidate_lines[which] - self._columns(
@@ -181,6 +177,48 @@ class Lines:
         right = gram @ theta + slope
         constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
         return Quadratic(cost, gram, right, constant), self.y - noise
+
+    def _whitened(self, theta: F64, which: Any) -> tuple[F64, F64, F64, F64] | None:
+        """How noise passes, the factor of its covariance, and transient and residuals whitened by it."""
+        from scipy.linalg import solve_triangular
+
+        coefficients = self.targets.copy()
+        np.subtract.at(coefficients, self.equation[which], theta[:, None, None] * self.candidates[which])
+        through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
+        factor = self._factor(through) if np.all(np.isfinite(through)) else None
+        if factor is None or not np.all(np.isfinite(factor)):
+            return None
+        residual = self.target_lines.copy()
+        np.subtract.at(residual, self.equation[which], theta[:, None] * self.candidate_lines[which])
+        rows = self._rows(residual, range(len(self.orders))).sum(axis=1)
+        solved = solve_triangular(factor * self.spread, np.column_stack([self.transient, rows]), lower=True)
+        basis = np.linalg.qr(solved[:, :-1])[0]
+        return through, factor, basis, _off(basis, solved[:, -1])
+
+    def colour(self, theta: F64, which: Any) -> None:
+        """Weight each line by the residuals around it that θ, a fit of the candidates `which`, leaves.
+
+        The weights of white noise leave residuals of equal size on all lines. Where other noise, or a misfit,
+        makes them unequal, their mean square over neighbouring lines, a few and a part of the frequency on
+        both sides, takes the place of one; what the fit takes from each line counts as degrees of freedom.
+        """
+        from scipy.linalg import solve_triangular
+
+        found = self._whitened(theta, np.arange(theta.size))
+        if found is None:
+            return
+        _, factor, basis, white = found
+        columns = self._rows(self.candidate_lines[which], self.equation[which])
+        columns = _off(basis, solve_triangular(factor * self.spread, columns, lower=True))
+        u, size, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), False)
+        free = 1 - np.sum(basis**2, axis=1) - np.sum(u[:, size > RANK * size[:1]] ** 2, axis=1)
+        count, m = 2 * self.top + 1, np.arange(self.top + 1)
+        near = np.abs(m[:, None] - m[None, :]) <= NEAR + PART * m[:, None]
+        for e in range(len(self.orders)):
+            part = slice(e * count, (e + 1) * count)
+            power, freedom = (_by_line(rows[part]) for rows in (white**2, free))
+            level = np.sqrt(np.maximum((near @ power) / np.maximum(near @ freedom, 1.0), ROUNDING))
+            self.spread[part] *= np.concatenate([level, level[1:]])
 
     def _lost(self, count: int) -> tuple[Quadratic, F64]:
         lost = Quadratic(np.inf, np.eye(count), np.zeros(count), np.inf)
@@ -251,6 +289,14 @@ class Lines:
                 wave = np.append(wave, wave[0])
                 found += through[e, p] * wave
         return found * self.weights * self.variances
+
+
+def _by_line(rows: F64) -> F64:
+    """Sums over the real and the imaginary row of each line."""
+    top = len(rows) // 2
+    found = rows[: top + 1].copy()
+    found[1:] += rows[top + 1 :]
+    return found
 
 
 def _off(basis: F64, columns: F64) -> F64:

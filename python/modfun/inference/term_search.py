@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -11,12 +11,14 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import FitError
+from .common import contradicts
 from .moments import Estimate, Lines, estimate
 from .subsets import Subsets
 
 __all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
 
 FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
+COLOURINGS = 6  # weights from residuals, those of the whole library first
 ROUNDS = 12  # of likelihood and subsets
 FINALISTS, NEAR = 4, 4.0  # refitted by likelihood: how many, and how far above the best criterion
 
@@ -40,6 +42,8 @@ class Searched:
         The same, however small.
     freedom : int
         Real equations less transient coefficients and candidates.
+    coloured : bool
+        Whether the residuals contradicted white noise of the levels, and gave the weights instead.
     """
 
     chosen: Any
@@ -49,6 +53,7 @@ class Searched:
     scale: float
     excess: float
     freedom: int
+    coloured: bool = False
 
     @property
     def criterion(self) -> float:
@@ -84,6 +89,8 @@ class Search:
         Of the candidates, as `penalties` has them.
     signs, needs : array_like
         Rules of `Subsets`.
+    high_df : float
+        Degrees of freedom of the noise levels.
     tick : callable
         Called before each search of subsets.
     """
@@ -95,10 +102,11 @@ class Search:
         degrees: Sequence[int],
         signs: Any,
         needs: Any,
+        high_df: float,
         tick: Callable[[], None],
     ) -> None:
         self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
-        self.signs, self.needs, self.tick = signs, needs, tick
+        self.signs, self.needs, self.high_df, self.tick = signs, needs, high_df, tick
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
         self.rows = rows
         self.penalty = penalties(self.keep, degrees, signs)
@@ -110,7 +118,17 @@ class Search:
         whole = estimate(self.lines, every, ends[0].estimate.theta)
         if np.isfinite(whole.cost):
             ends.append(self._walk(whole))
-        best = self._better(ends)
+        first = best = self._better(ends)
+        coloured = first.excess > 1 and contradicts(first.excess, first.freedom, self.high_df)
+        if coloured:
+            theta, which = whole.theta if np.isfinite(whole.cost) else best.moments.estimate(every), every
+            for _ in range(COLOURINGS):
+                for one in self.lines:
+                    one.colour(theta, which)
+                best = self._walk(estimate(self.lines, best.chosen, best.estimate.theta))
+                if np.array_equal(best.chosen, which):
+                    break
+                theta, which = best.estimate.theta, best.chosen
         for one, y in zip(self.lines, best.estimate.smooth, strict=True):
             one.bend(y)
         best = self._walk(estimate(self.lines, best.chosen, best.estimate.theta))
@@ -118,7 +136,7 @@ class Search:
         for chosen, value in best.subsets[1 : FINALISTS + 1]:
             if value < best.subsets[0][1] + NEAR:
                 rivals.append(self._at(estimate(self.lines, chosen, best.moments.estimate(chosen))))
-        return self._better(rivals)
+        return replace(self._better(rivals), excess=first.excess, coloured=coloured)
 
     def _guess(self) -> Estimate:
         """Equal weights on all lines, the noise as large as what the whole library leaves."""

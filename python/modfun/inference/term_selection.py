@@ -21,10 +21,8 @@ from ..fitting.fit import fit_quietly
 from ..models.noise import Noise
 from ..models.options import Options
 from ..records.record import Record
-from ..results.diagnosis import level_df
 from ..results.fit import Fit
 from . import drawing_terms
-from .common import contradicts
 from .library import Library
 from .term_search import FALSE_ALARM, Searched, weights
 
@@ -221,7 +219,7 @@ def selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        notes=_notes(records, library, searched),
+        notes=_notes(library, searched),
         records=records,
         options=options,
     )
@@ -324,18 +322,18 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _notes(records: Sequence[Record], library: Library, searched: Searched) -> tuple[str, ...]:
+def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
         f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
         f"at most {100 * FALSE_ALARM:g} %."
     ]
-    high = len(records[0].outputs) * level_df([rec.intervals for rec in records], library.order)
-    if searched.excess > 1 and contradicts(searched.excess, searched.freedom, high):
+    if searched.coloured:
         signed = ", or a sign is wrong" if any(library.signs) else ""
         notes.append(
             f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the "
-            f"high band: the noise is not white, or a term is missing from the library{signed}."
+            f"high band: the noise is not white, or a term is missing from the library{signed}. The lines "
+            "were weighted by the residuals around them."
         )
     bare = [
         left

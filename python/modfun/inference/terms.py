@@ -15,6 +15,7 @@ from ..fitting.fit import records_of
 from ..fitting.gaps import bridged, relative, variances
 from ..models.noise import Noise
 from ..records.record import Record
+from ..results.diagnosis import level_df
 from .common import widest
 from .library import Library, library_of
 from .moments import Lines, signal_edge
@@ -137,6 +138,7 @@ def select_terms(
         Lines(rec, y, found.columns, found.equation, _variances(rec, off, sd, order), top, edge)
         for rec, (y, off), sd, top in zip(records, outputs, levels, tops, strict=True)
     ]
+    high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
     steps = iter(range(1, 1000))
     with Progress(progress, "select_terms") as bar, np.errstate(all="ignore"):  # candidates may overflow
 
@@ -144,7 +146,8 @@ def select_terms(
             step = next(steps)
             bar(step, max(SEARCHES, step + 1))
 
-        searched = Search(lines, found.kept, found.degrees, found.signs, found.needs, tick).run()
+        search = Search(lines, found.kept, found.degrees, found.signs, found.needs, high, tick)
+        searched = search.run()
     if not np.isfinite(searched.estimate.cost):
         raise FitError(
             "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave "

@@ -9,6 +9,7 @@ from modfun.inference.library import library_of
 from modfun.inference.moments import Lines, estimate
 from modfun.inference.subsets import Subsets
 from modfun.inference.term_search import FALSE_ALARM, penalties
+from scipy.signal import lfilter
 
 INPUT = "2*sin(1.1*t) + 1.5*sin(2.3*t + 1) + sin(0.45*t)"
 DUFFING = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
@@ -346,6 +347,19 @@ def test_terms_are_read_by_the_language_of_equations():
 def test_terms_that_look_alike_are_named():
     found = mf.select_terms(duffing(0.2), "y, sin(y), y**3, y', u", target="y''")
     assert any("sin(y)" in words for words in found.alike)
+
+
+def test_coloured_noise_brings_no_superfluous_terms():
+    """AR(0.9) noise: with the weights of white noise each of these four records had some."""
+    true = CASES["Lotka–Volterra"][5]
+    clean = record(PREY, [2.0, 1.0], 20.0, 0.0, intervals=512)
+    for seed in (0, 1, 5, 6):
+        white = np.random.default_rng(seed).standard_normal((2, clean.t.size + 200))
+        noise = lfilter([np.sqrt(1 - 0.9**2)], [1, -0.9], white)[:, 200:]
+        y = clean.y + 0.05 * np.std(clean.y, axis=1, keepdims=True) * noise
+        found = mf.select_terms(mf.Record(y, dt=clean.dt, outputs=["x", "z"]), "polynomials of x, z up to 2")
+        assert {left: set(own) for left, own in found.terms.items()} == true
+        assert any("weighted by the residuals" in note for note in found.notes)
 
 
 def test_a_library_without_a_true_term_is_noted():
