@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite, log, pi
+from math import inf, isfinite, log, pi
 from typing import Any
 
 from ..errors import ModfunError
@@ -20,6 +20,9 @@ __all__ = ["Cure", "best_cure", "bic_beside", "on_band", "with_drift"]
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
+ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
+RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
+BEYOND = 10  # and so many of them later than the best one
 
 
 @dataclass(frozen=True)
@@ -47,14 +50,14 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     options = on_band(fit, fit.band)
     near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
     for words, records, structure in near:
-        try:
-            other = fit.again(records, structure, options)
-        except ModfunError:  # too many unknowns for the band, say
-            continue
-        if not other.usable:
+        other = _again(fit, records, structure, options)
+        if other is None:
             continue
         after = bic_beside(other, fit)
-        if isfinite(after) and after < (found.after - CLOSE if found else before - WORTH):
+        # Poles can do what a delay does, so they have to do more than one that leaves noise alone.
+        delayed = found is not None and "a delay" in found.words and found.level_p > ENOUGH
+        margin = WORTH if found is None or delayed else CLOSE
+        if isfinite(after) and after < (found.after if found else before) - margin:
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
             found = Cure(words + late, before, after, level_p(other))
@@ -65,11 +68,8 @@ def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
     if fit.again is None or fit.records is None:
         return None
-    try:
-        other = fit.again(fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
-    except ModfunError:
-        return None
-    if not other.usable:
+    other = _again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    if other is None:
         return None
     return Cure('trend="linear"', bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
 
@@ -113,15 +113,61 @@ def _neighbours(
     delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
     known = delays[output][channel]
     if not isinstance(known, Free):
-        # Up to two periods of the highest line, or an eighth of the record: later ones are not next door.
-        most = known + min(4 * pi / fit.band[1], *(2 * pi / w / 8 for w in fit.omega0))
-        delays[output][channel] = Free(min=0.0, max=float(f"{most:.1g}"))
-        yield f"a delay{of}, delay={_told(delays)}", records, _with(fit, delay=delays)
+        for late in _likeliest_delay(fit, delays, output, channel):
+            delays[output][channel] = late
+            yield f"a delay{of}, delay={_told(delays)}", records, _with(fit, delay=delays)
     if path < layout.orders[output]:
         more = [list(row) for row in degrees]
         more[output][channel] = path + 1
         yield f"one more zero{of}, zeros={_told(more)}", records, _with(fit, zeros=more)
     yield from _poles(fit, output)
+
+
+def _likeliest_delay(
+    fit: Estimates, delays: list[list[Any]], output: int, channel: int
+) -> tuple[Free, float] | tuple[()]:
+    """Bounds about the delay of a path that suits best, and that delay; nothing where none suits better.
+
+    Delays in whole samples are tried one by one, coarsely first: a free one that starts far away ends in
+    another minimum, and loses the samples of the longest delay that it may be.
+    """
+    known, omega = delays[output][channel], fit.band[1]
+    dt = max(rec.dt or rec.duration / rec.intervals for rec in fit.records or ())
+    # Up to two periods of the highest line, or an eighth of the record: later ones are not next door.
+    most = int(min(4 * pi / omega, *(2 * pi / w / 8 for w in fit.omega0)) / dt)
+    options, step = on_band(fit, fit.band), max(1, int(RADIAN / omega / dt))
+    scores = {0: bic_beside(fit, fit)}
+
+    def score(k: int) -> None:
+        late = [list(row) for row in delays]
+        late[output][channel] = known + k * dt
+        other = _again(fit, fit.records, _with(fit, delay=late), options)
+        scores[k] = bic_beside(other, fit) if other is not None else inf
+
+    best = 0
+    for k in range(step, most + 1, step):
+        score(k)
+        best = min(scores, key=scores.__getitem__)
+        if k - best >= BEYOND * step:
+            break
+    for k in range(max(best - step, 0) + 1, best + step):
+        if k not in scores:
+            score(k)
+    best = min(scores, key=scores.__getitem__)
+    if not best:
+        return ()
+    low, mid, high = (float(f"{known + k * dt:.3g}") for k in (max(best - 1.5, 0.0), best, best + 1.5))
+    return Free(min=low, max=high), mid
+
+
+def _again(fit: Estimates, records: Any, structure: TransferFunction, options: Options) -> Estimates | None:
+    """A fit with an answer."""
+    assert fit.again is not None
+    try:
+        other: Estimates = fit.again(records, structure, options)
+    except ModfunError:  # too many unknowns for the band, say
+        return None
+    return other if other.usable else None
 
 
 def _earlier(rec: Record, channel: int) -> Record:

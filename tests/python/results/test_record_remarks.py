@@ -1,4 +1,4 @@
-"""What the records' own check says, where it bears on a fit: in the check of the fit, once, without contradiction."""
+"""What the records' own check says, where it bears on a fit: in the check of the fit, once."""
 
 import warnings
 
