@@ -31,7 +31,7 @@ STEEP = (
     "information"
 )
 CHANGING = (
-    "noise that changes in the record makes lines depend on each other, which no kind knows (Reasons tried). "
+    "noise that changes in the record makes lines depend on each other, which only spectral errors know. "
     "Give sigma="
 )
 REASONS = {

@@ -344,7 +344,7 @@ def fit_many(
         uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
         if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
             return fit_each(data, structure, checked, fit_quietly, progress)
-    return fit_batch(data, structure, checked, count, progress)
+    return fit_batch(data, structure, checked, fit_quietly, count, progress)
 
 
 # The way to the core -----------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 from ..base.progress import Progress
 from ..base.words import STATUS
 from ..errors import DataError
+from ..models.layout import Layout
 from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
@@ -17,6 +18,7 @@ from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
+from .changes import Changes, may_change
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_standing
 
@@ -30,6 +32,7 @@ def fit_batch(
     data: Batch | tuple[Record, ...],
     structure: Any,
     options: Options,
+    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
     threads: int,
     progress: str | bool,
 ) -> FitMany:
@@ -55,7 +58,10 @@ def fit_batch(
             f"fit_many: every record holds values that are not finite, record 0 at sample "
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
-    return FitMany.of_core(found, made.layout.param_names, structure, options)
+    look = None
+    if isinstance(made.layout, Layout) and may_change(made.layout, options, made.intervals[0]):
+        look = Changes(data, made.layout, made.intervals[0], found["lines"][0], found["omega0"][0], fit_one)
+    return FitMany.of_core(found, made.layout.param_names, structure, options, look)
 
 
 def fit_each(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -275,10 +276,11 @@ def bootstrap(
             ys = [np.add(y, e, out=e) for y, e in zip(clean, noise(block), strict=True)]
             parts.append(_refit(fit, records, ys, held, workers))
             bar(block.stop, count)
-    figures = ["params", "bse", "status", "cost", "nit"]
+    names = ["params", "bse_even", "status", "cost", "nit"]  # the noise of refits does not change
+    figures: dict[str, Any] = {n: np.concatenate([getattr(part, n) for part in parts]) for n in names}
     each = [np.broadcast_to(part.degrees, part.params.shape) for part in parts]
     return Bootstrap(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in figures},
+        **figures,
         degrees=np.concatenate(each),
         param_names=fit.param_names,
         df_resid=fit.df_resid,

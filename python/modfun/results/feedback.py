@@ -8,14 +8,15 @@ from itertools import product
 
 import numpy as np
 
-from .._core import coefficients, unforeseen
-from ..base.arrays import C128, F64
+from .._core import unforeseen
+from ..base.arrays import F64
 from .derived import stable
 from .diagnosis import level_p
 from .doubts import noise_free
 from .estimates import Estimates
 from .further import simulated, testable
 from .gradients import response_gradients
+from .line_residuals import line_residuals
 from .misfit import too_large
 
 __all__ = ["Feedback", "feedback"]
@@ -224,20 +225,8 @@ def _residuals(fit: Estimates, k: int) -> F64:
 
 def _residual(fit: Estimates, k: int, i: int) -> F64:
     assert fit.records is not None
-    rec, n = fit.records[k], fit.intervals[k]
-    start, top = rec.intervals - n, (n - 1) // 2
-    s = 1j * fit.omega0[k] * np.arange(1, top + 1)
-    late = [delay / rec.dt for delay in fit.layout.delays(fit.params, i)]  # type: ignore[operator]
-    rules = [fit.options.rule if kind == "smooth" else kind for kind in rec.intersample]
-    rows = np.vstack([rec.y[i], rec.u])
-    y, *u = coefficients(rows, top, [fit.options.rule, *rules], [0.0, *late], start, None)[:, 1:]
-    den, nums = fit.polynomials(i)
-    with np.errstate(all="ignore"):
-        over = 1 / np.polyval(den, s)
-        left = y - sum(np.polyval(num, s) * row for num, row in zip(nums, u, strict=True)) * over
-        ends: C128 = np.vander(s / abs(s[-1]), den.size - 1).T * over
-    used = slice(max(fit.lines[k][0], 1) - 1, fit.lines[k][1])
-    rows = np.concatenate([ends[:, used].real, ends[:, used].imag], axis=1)
-    c = np.linalg.lstsq(rows.T, np.concatenate([left[used].real, left[used].imag]), rcond=None)[0]
-    lines = np.concatenate([[0.0], left - c @ ends, np.zeros(n // 2 - top)])
-    return np.asarray(np.fft.irfft(lines, n) * n)
+    rec = fit.records[k]
+    words = (fit.options.rule, rec.intersample, fit.intervals[k], fit.lines[k], fit.omega0[k])
+    return line_residuals(
+        fit.layout, np.asarray(fit.params)[None], i, rec.y[[i]], rec.u[None], *words
+    ).ravel()

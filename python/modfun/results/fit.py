@@ -411,9 +411,12 @@ class Fit(Drawn):
         uneven = self._uneven if (cov_type or self.cov_type) == "spectral" else None
         return stationary if uneven is None else uneven.copy()
 
-    @cached_property
-    def _uneven(self) -> F64 | None:
-        return covariance(self)
+    @property
+    def changing(self) -> bool:
+        """Whether the standard errors allow for noise that changes over a record, as a test found."""
+        return self.cov_type == "spectral" and self._uneven is not None
+
+    _uneven = cached_property(covariance)
 
     # Its noise ---------------------------------------------------------------------------------
 

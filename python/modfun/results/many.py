@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.cached import cached_property
 from ..base.names import nearest
 from ..base.optional import optional
-from ..base.student import confidence, student_interval
+from ..base.student import confidence, root, student_interval
 from ..base.tables import Table
 from ..base.words import STATUS
 from ..errors import SpecError
 from ..models.options import Options
 from .estimates import Estimates
+from .fit import Fit
 
 __all__ = ["FitMany"]
 
@@ -33,7 +35,14 @@ class FitMany:
     params : (replicate, p) array
         Estimates; nan where the status allows none.
     bse : (replicate, p) array
-        Standard errors of the chosen `cov_type`.
+        Standard errors of the chosen `cov_type`. Spectral ones of transfer functions allow for noise that
+        changes over a record: when they are first asked for, a test looks for it in every record, and
+        records where p < 0.01 are fitted again one by one.
+    bse_even : (replicate, p) array
+        The same for noise that does not change, known from the start.
+    changing : (replicate,) array of bool
+        Which records have noise that changes, as the test finds and `bse` allows for. All False for
+        equations and other options that have no such test.
     status : (replicate,) array of str
         "ok", "maxiter", "rank" or "nonfinite".
     cost : (replicate,) array
@@ -50,7 +59,7 @@ class FitMany:
     """
 
     params: F64
-    bse: F64
+    bse_even: F64
     status: NDArray[np.str_]
     cost: F64
     nit: NDArray[np.intp]
@@ -60,6 +69,21 @@ class FitMany:
     structure: Any
     options: Options
     degrees: Any
+    look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None = None
+
+    @cached_property
+    def _looked(self) -> tuple[NDArray[np.bool_], F64]:
+        if self.look is None:
+            return np.zeros(len(self), bool), self.bse_even
+        return self.look(self)
+
+    @property
+    def bse(self) -> F64:
+        return self._looked[1]
+
+    @property
+    def changing(self) -> NDArray[np.bool_]:
+        return self._looked[0]
 
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (replicate, p, 2), from Student's t; nan where there is no estimate."""
@@ -96,7 +120,7 @@ class FitMany:
 
     def table(self) -> Table:
         """Mean, standard deviation, median, mean standard error of each parameter: the `usable` fits."""
-        good = self.usable
+        good, changes = self.usable, self.changing.sum()
         values, errors = self.params[good], self.bse[good]
         nothing = np.full(len(self.param_names), np.nan)
         some, two = bool(good.any()), int(good.sum()) > 1
@@ -108,7 +132,8 @@ class FitMany:
                 "median": np.median(values, axis=0) if some else nothing,
                 "mean_bse": errors.mean(axis=0) if some else nothing,
             },
-            title=f"{int(good.sum())} of {len(self)} fits have an estimate",
+            title=f"{int(good.sum())} of {len(self)} fits have an estimate"
+            + (f"; the noise of {int(changes)} changes over the record" if changes else ""),
         )
 
     def to_pandas(self) -> Any:
@@ -144,12 +169,12 @@ class FitMany:
         return self.table()._repr_html_()
 
     @staticmethod
-    def of_fits(fits: Sequence[Estimates], structure: Any, options: Options) -> FitMany:
+    def of_fits(fits: Sequence[Fit], structure: Any, options: Options) -> FitMany:
         """Single fits as one result; what differs between them is that of the first."""
         first = fits[0]
-        return FitMany(
+        made = FitMany(
             params=np.array([f.params for f in fits]),
-            bse=np.array([f.bse for f in fits]),
+            bse_even=np.array([root(np.diag(Estimates.cov_params(f))) for f in fits]),
             status=np.array([f.status for f in fits]),
             cost=np.array([f.cost for f in fits]),
             nit=np.array([f.nit for f in fits]),
@@ -160,16 +185,22 @@ class FitMany:
             structure=structure,
             options=options,
         )
+        made.__dict__["_looked"] = np.array([f.changing for f in fits]), np.array([f.bse for f in fits])
+        return made
 
     @staticmethod
     def of_core(
-        found: Mapping[str, Any], names: tuple[str, ...], structure: Any, options: Options
+        found: Mapping[str, Any],
+        names: tuple[str, ...],
+        structure: Any,
+        options: Options,
+        look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None,
     ) -> FitMany:
-        """The core's answer for a batch."""
+        """The core's answer for a batch; `look` finds noise that changes and the errors that allow for it."""
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
         return FitMany(
             params=found["theta"],
-            bse=found[f"bse_{options.cov_type.lower()}"],
+            bse_even=found[f"bse_{options.cov_type.lower()}"],
             status=np.array(STATUS).take(found["status"]),
             cost=found["cost"],
             nit=found["nit"],
@@ -179,4 +210,5 @@ class FitMany:
             band=(low * omega0, high * omega0),
             structure=structure,
             options=options,
+            look=look,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -12,12 +13,23 @@ from ..base.arrays import F64
 from ..base.gamma_regression import smooth_level
 from ..errors import ModfunError
 from ..models.noise import Noise
+from ..models.options import Options
 from .doubts import Doubt
 from .estimates import Estimates
 from .further import stationary
 from .slopes import response_slopes
 
-__all__ = ["Uneven", "covariance", "of_time", "uneven"]
+__all__ = [
+    "SHORTEST",
+    "UNEVEN",
+    "Uneven",
+    "allows",
+    "covariance",
+    "of_time",
+    "p_values",
+    "uneven",
+    "unforeseen",
+]
 
 UNEVEN = 0.01  # p-value below which noise is taken to change
 POWERS = 4  # polynomials of the test
@@ -37,14 +49,18 @@ class Uneven(NamedTuple):
         The one whose noise changes most plainly.
     errors : tuple of ndarray
         Residuals of each record, (output, time), without its last sample.
-    level : tuple of ndarray
-        Smooth standard deviation of what is new in each, (output, time).
+    new : tuple of ndarray
+        What an autoregression does not foresee of them, (output, time), without the first `ORDER` samples.
     """
 
     p_value: float
     output: int
     errors: tuple[F64, ...]
-    level: tuple[F64, ...]
+    new: tuple[F64, ...]
+
+    def levels(self) -> list[F64]:
+        """Smooth standard deviation of what is new in each record, (output, time)."""
+        return [np.array([_level(own) for own in new]) for new in self.new]
 
 
 def uneven(fit: Estimates) -> Uneven | None:
@@ -81,27 +97,45 @@ def uneven(fit: Estimates) -> Uneven | None:
         for own, rec in zip(errors, records, strict=True)
     ):
         return None  # of a simulation that runs away
-    found = [_of_output([own[i] for own in errors]) for i in range(len(fit.outputs))]
-    most = int(np.argmin([p for p, _ in found]))
-    levels = [np.array(own) for own in zip(*(levels for _, levels in found), strict=True)]
-    return Uneven(min(1.0, len(found) * found[most][0]), most, tuple(errors), tuple(levels))
+    new = tuple([unforeseen(own) for own in errors])
+    p = p_values(new)
+    most = int(np.argmin(p))
+    return Uneven(min(1.0, p.size * float(p[most])), most, tuple(errors), new)
 
 
-def _of_output(errors: list[F64]) -> tuple[float, list[F64]]:
-    """The p-value of one output, and its level in each record."""
+def unforeseen(errors: F64) -> F64:
+    """What an autoregression of each row does not foresee, (row, time), without the first `ORDER` samples."""
+    windows = np.lib.stride_tricks.sliding_window_view(errors, ORDER + 1, axis=1)
+    basis = np.linalg.qr(windows[:, :, :-1])[0]
+    now = windows[:, :, -1]
+    return np.asarray(now - np.einsum("rtk,rk->rt", basis, np.einsum("rtk,rt->rk", basis, now)))
+
+
+def p_values(new: Sequence[F64]) -> F64:
+    """Of the test that the squares of rows do not change in time, (row,); records follow one another."""
     from scipy.special import chdtrc
 
-    levels, statistic = [], 0.0
-    size = max(float(np.abs(own).max()) for own in errors)  # squares of any unit stay numbers
-    for own in [own / size for own in errors]:
-        past = np.array([own[ORDER - lag : own.size - lag] for lag in range(1, ORDER + 1)]).T
-        new = own[ORDER:] - past @ np.linalg.lstsq(past, own[ORDER:], rcond=None)[0]
-        squares, time = np.append(np.zeros(ORDER), new**2), np.linspace(-1.0, 1.0, own.size)
-        basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(time[ORDER:], POWERS))[0][:, 1:]
-        about = squares[ORDER:] - squares[ORDER:].mean()
-        statistic += about.size * float(np.sum((basis.T @ about) ** 2) / (about @ about))
-        levels.append(size * np.sqrt(smooth_level(squares, time, 1.0 * (time >= time[ORDER]))))
-    return float(chdtrc(POWERS * len(errors), statistic)), levels
+    total = np.zeros(len(new[0]))
+    for rows in new:
+        size = np.abs(rows).max(axis=1, keepdims=True)  # squares of any unit stay numbers
+        squares = (rows / np.where(size > 0, size, 1.0)) ** 2
+        basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(_times(rows.shape[1]), POWERS))[0][:, 1:]
+        about = squares - squares.mean(axis=1, keepdims=True)
+        power = np.sum(about**2, axis=1)
+        total += rows.shape[1] * np.sum((about @ basis) ** 2, axis=1) / np.where(power > 0, power, 1.0)
+    return np.asarray(chdtrc(POWERS * len(new), total))
+
+
+def _times(count: int) -> F64:
+    """Of the samples of a record, of which the first `ORDER` are left out, over its range: up to 1."""
+    return np.linspace(-1.0, 1.0, count + ORDER)[ORDER:]
+
+
+def _level(new: F64) -> F64:
+    size = float(np.abs(new).max()) or 1.0
+    squares = np.append(np.zeros(ORDER), (new / size) ** 2)
+    counted = np.append(np.zeros(ORDER), np.ones(new.size))
+    return size * np.sqrt(smooth_level(squares, np.linspace(-1.0, 1.0, squares.size), counted))
 
 
 def covariance(fit: Estimates) -> F64 | None:
@@ -126,7 +160,7 @@ def _of_samples(fit: Estimates, found: Uneven) -> F64:
     spectral = np.diag(fit.cov_spectral)
     moving = np.flatnonzero(spectral > 0)  # others are on a bound
     changing, even = (np.zeros((moving.size, moving.size)) for _ in range(2))
-    for filters, errors, level in zip(_filters(fit, moving), found.errors, found.level, strict=True):
+    for filters, errors, level in zip(_filters(fit, moving), found.errors, found.levels(), strict=True):
         noise = errors / level
         m = np.arange(errors.shape[1] // 2 + 1)
         freedom = np.where((m == 0) | (2 * m == errors.shape[1]), 1.0, 2.0) / errors.shape[1]
@@ -178,13 +212,17 @@ def _filters(fit: Estimates, moving: NDArray[np.intp]) -> list[F64]:
     return found
 
 
-def _allowed_for(fit: Estimates) -> bool:
-    """Whether errors of such a fit can allow for noise that changes."""
-    options = fit.options
+def allows(options: Options) -> bool:
+    """Whether errors of fits with such options can allow for noise that changes."""
     plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
     plain = plain and options.initial_state == "unknown" and options.output_weights is None
-    plain = plain and options.method in ("awls", "ml") and not fit.window_weights
-    return plain and not (isfinite(fit.stability_cost) or fit.instrumented or fit.layout.priors)
+    return plain and options.method in ("awls", "ml")
+
+
+def _allowed_for(fit: Estimates) -> bool:
+    """Whether errors of such a fit can."""
+    own = fit.window_weights or isfinite(fit.stability_cost) or fit.instrumented or fit.layout.priors
+    return allows(fit.options) and not own
 
 
 def of_time(fit: Estimates) -> Doubt | None:
@@ -192,7 +230,7 @@ def of_time(fit: Estimates) -> Doubt | None:
     found = uneven(fit)
     if found is None or found.p_value > UNEVEN:
         return None
-    level = np.concatenate([own[found.output] for own in found.level])
+    level = np.concatenate([own[found.output] for own in found.levels()])
     allowed = (
         "The standard errors allow for it"
         if fit.cov_type == "spectral" and _allowed_for(fit)

@@ -1,6 +1,8 @@
 """Many fits at once: the same numbers as one at a time."""
 
+import pickle
 import warnings
+from typing import Any
 
 import modfun as mf
 import numpy as np
@@ -144,3 +146,60 @@ def test_records_that_go_astray_start_again_in_a_batch(method, ratio):
     assert np.max(many.nit) > 50  # two ways
     beside = mf.fit_many([noisy[k] for k in range(3, 64)], TF20, method=method, harmonics=100, threads=2)
     np.testing.assert_array_equal(beside.params, many.params[3:])
+
+
+def changing_batch(count: int, level: Any, delay: float = 0.0) -> mf.Batch:
+    clean = mf.simulate(mf.tf([5], [1, 3, 8], delay=delay), input="sin(t**2/5)", duration=10.0, intervals=256)
+    noise = np.random.default_rng(5).standard_normal((count, clean.t.size)) * level
+    noise *= 0.1 * np.sqrt(np.mean(clean.y**2) / np.mean(np.square(level)))
+    return mf.Batch(clean.y + noise[:, None], clean.u, clean.dt)
+
+
+LOUD = np.where(np.arange(257) > 154, 4.0, 1.0)
+
+
+@pytest.mark.statistics
+def test_errors_of_a_batch_allow_for_noise_that_changes() -> None:
+    """150 records: coverage of 0.945 over three parameters, known to 0.013; below 0.905 in 1 of 1,000."""
+    structure, truth = mf.TransferFunction(poles=2, zeros=0), np.array([3.0, 8.0, 5.0])
+    many = mf.fit_many(changing_batch(150, LOUD), structure)
+    assert many.changing.all()
+    limits = many.conf_int()
+    assert np.mean((limits[..., 0] < truth) & (limits[..., 1] > truth)) > 0.905
+    assert np.median(many.bse / many.bse_even) > 1.2
+    assert "the noise of 150 changes over the record" in str(many.table())
+
+
+@pytest.mark.statistics
+def test_errors_of_a_batch_with_even_noise_stay() -> None:
+    """Of 400 records 4 should have p < 0.01: more than 12 in 1 of 3,000."""
+    many = mf.fit_many(changing_batch(400, 1.0), mf.TransferFunction(poles=2, zeros=0))
+    assert many.changing.sum() <= 12
+    np.testing.assert_array_equal(many.bse[~many.changing], many.bse_even[~many.changing])
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_a_batch_and_single_fits_find_the_same_noise(lag: float) -> None:
+    structure = mf.TransferFunction(poles=2, zeros=0, delay=lag)
+    batch = changing_batch(6, np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])[:, None] ** (LOUD > 1), lag)
+    many = mf.fit_many(batch, structure)
+    listed = mf.fit_many([batch[k] for k in range(6)], structure)
+    assert many.changing.tolist() == listed.changing.tolist() == [False] * 3 + [True] * 3
+    np.testing.assert_array_equal(many.bse, listed.bse)
+    for k in range(6):
+        alone = mf.fit(batch[k], structure, band=many.band)
+        assert alone.changing == many.changing[k]
+        np.testing.assert_allclose(many.bse[k], alone.bse, rtol=1e-9)
+    one_by_one = mf.fit_many([batch[5], batch[5].window(0.0, 9.0)], structure)
+    assert one_by_one.changing.tolist() == [True, True]
+    assert np.all(one_by_one.bse != one_by_one.bse_even)
+
+
+def test_batches_that_have_no_test_of_changing_noise() -> None:
+    batch, structure = changing_batch(3, LOUD), mf.TransferFunction(poles=2, zeros=0)
+    words: list[dict[str, Any]] = [{"cov_type": "HC3"}, {"method": "wls"}, {"noise": "coloured"}]
+    for word in words:
+        many = mf.fit_many(batch, structure, **word)
+        assert not many.changing.any()
+        np.testing.assert_array_equal(many.bse, many.bse_even)
+    assert pickle.loads(pickle.dumps(mf.fit_many(batch, structure))).changing.all()

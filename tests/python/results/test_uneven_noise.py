@@ -173,7 +173,7 @@ def test_masks_given_levels_and_short_records_are_not_asked() -> None:
     two = mf.fit([rec.window(0.0, 5.5), rec.window(5.6, 10.0)], TWO, trend=None)
     found = uneven(two)
     assert found is not None
-    assert [own.shape for own in found.level] == [(1, count) for count in two.intervals]
+    assert [own.shape for own in found.levels()] == [(1, count) for count in two.intervals]
     positive = mf.Equation("y' + a*y = u")
     clean = mf.simulate(
         positive.model({"a": 1.0}),

@@ -1,0 +1,84 @@
+"""Noise that changes over the records of a batch: which ones, and the errors that allow for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import F64
+from ..models.layout import Layout
+from ..models.options import Options
+from ..records.batches import Batch
+from ..records.record import Record
+from ..results.fit import Fit
+from ..results.line_residuals import line_residuals
+from ..results.many import FitMany
+from ..results.uneven_noise import SHORTEST, UNEVEN, allows, p_values, unforeseen
+
+__all__ = ["Changes", "may_change"]
+
+AT_ONCE = 1 << 17  # samples, about, that are looked at together
+
+
+def may_change(layout: Layout, options: Options, intervals: int) -> bool:
+    """Whether fits of such a batch have a test, and errors that follow from it."""
+    return (
+        options.cov_type == "spectral"
+        and allows(options)
+        and not (layout.free_delays or layout.priors)
+        and intervals >= SHORTEST
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """Looks for noise that changes over the records of a batch of transfer functions, when it is called.
+
+    The test is that of single fits with residuals made of lines; a single fit decides where it rejects.
+    """
+
+    data: Batch | tuple[Record, ...]
+    layout: Layout
+    intervals: int
+    lines: tuple[int, int]
+    omega0: float
+    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit]
+
+    def __call__(self, many: FitMany) -> tuple[NDArray[np.bool_], F64]:
+        """Which records have such noise, (replicate,), and the standard errors of all, (replicate, p)."""
+        bse, changing = many.bse_even.copy(), np.zeros(len(many), bool)
+        alone = many.options.replace(harmonics=None, band=many.band)
+        for r in np.flatnonzero(self._suspects(many)).tolist():
+            fit = self.fit_one((self.data[r],), many.structure, alone)
+            if fit.changing:
+                changing[r], bse[r] = True, fit.bse
+        return changing, bse
+
+    def _suspects(self, many: FitMany) -> NDArray[np.bool_]:
+        found, good = np.zeros(len(many), bool), np.flatnonzero(many.usable)
+        at_once = max(1, AT_ONCE // self.intervals)
+        for first in range(0, good.size, at_once):
+            these = good[first : first + at_once]
+            with np.errstate(all="ignore"):  # of estimates far off
+                found[these] = self._p_values(many, these) < UNEVEN
+        return found
+
+    def _p_values(self, many: FitMany, these: NDArray[np.intp]) -> F64:
+        if isinstance(self.data, Batch):
+            y, u = self.data.y[these], self.data.u if len(self.data.u) == 1 else self.data.u[these]
+        else:
+            y, u = (np.array([getattr(self.data[r], name) for r in these]) for name in "yu")
+        kinds = (self.data if isinstance(self.data, Batch) else self.data[0]).intersample
+        words = (many.options.rule, kinds, self.intervals, self.lines, self.omega0)
+        outputs = range(y.shape[1])
+        each = [line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in outputs]
+        sound: list[Any] = [np.isfinite(own).all(axis=1) for own in each]
+        found = [
+            np.where(good, p_values([unforeseen(np.where(good[:, None], own, 0.0))]), 1.0)
+            for own, good in zip(each, sound, strict=True)
+        ]
+        return np.asarray(len(each) * np.min(found, axis=0))
