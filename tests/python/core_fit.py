@@ -8,6 +8,7 @@ DEFAULTS = {
     "method": "ml",
     "noise": "output",
     "initial_state": "unknown",
+    "states": [],
     "trend": None,
     "rule": "gregory",
     "extended": True,

@@ -176,7 +176,7 @@ def fit(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE|NAME=[START:]MIN:MAX|NAME=MEAN+-SD",
-            help="Hold a parameter (a2=0) or bound it (a1=0:, from 0 on); repeat.",
+            help="Hold a parameter (a2=0), bound it (a1=0:, from 0 on) or give a prior (a1=3+-0.1).",
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="ml, awls, wls or ls.")] = "ml",

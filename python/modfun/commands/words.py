@@ -87,7 +87,8 @@ def _number_or_bounds(option: str, word: str) -> float | Free:
         if isinstance(error, SpecError):
             raise SpecError(f"{option} {word}: {error}") from None
     raise SpecError(
-        f"{option} {word}: give a number, or [start:]min:max to have it estimated, such as 0.1:0:0.5"
+        f"{option} {word}: give a number, or [start:]min:max to have it estimated, such as 0.1:0:0.5, "
+        "or mean+-sd beforehand"
     )
 
 

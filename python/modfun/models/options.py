@@ -129,8 +129,8 @@ class Options:
         given = () if isinstance(self.initial_state, str) else self.initial_state
         if len(given) not in (0, 1, records):
             raise SpecError(
-                f"fit: initial_state= holds {len(given)} states for {records} records; give one for all, or "
-                "one per record"
+                f"fit: initial_state= holds {len(given)} states for {records} record(s); give one for all, "
+                "or one per record of one problem"
             )
         return [list(state) for state in (given * records if len(given) == 1 else given)]
 

@@ -203,6 +203,20 @@ def test_parameters_are_held_and_bounded(table, capsys):
     assert printed["params"] == fit.params.tolist()
 
 
+def test_parameters_and_states_are_known_beforehand(table, capsys):
+    known = ["--param", "a1=2.5+-0.2", "--band", "8", "--json", "-"]
+    assert main(["fit", str(table), *FIT, *known]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    rec = mf.read(table, outputs=["q"], inputs=["de"])
+    told = mf.TransferFunction(poles=2, zeros=0, params={"a1": mf.Free(2.5, sd=0.2)})
+    assert printed["params"] == mf.fit(rec, told, band=8.0).params.tolist()
+    state = ["--initial-state", "0.1,-0.2", "--band", "8", "--json", "-"]
+    assert main(["fit", str(table), *FIT, *state]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), band=8.0, initial_state=[0.1, -0.2])
+    assert printed["params"] == fit.params.tolist()
+
+
 def test_several_files_are_one_problem(table, capsys):
     assert main(["fit", str(table), str(table), *FIT, "--json", "-"]) == 0
     assert len(json.loads(capsys.readouterr().out)["lines"]) == 2
@@ -310,6 +324,7 @@ BAD = {
     "parameter without a value": (["fit", "TABLE", *FIT, "--param", "a2"], "NAME=VALUE"),
     "parameter in words": (["fit", "TABLE", *FIT, "--param", "a2=nought"], "start:]min:max"),
     "four bounds": (["fit", "TABLE", *FIT, "--param", "a2=0:1:2:3"], "start:]min:max"),
+    "mean in words": (["fit", "TABLE", *FIT, "--param", "a2=about+-1"], "mean+-sd"),
     "bounds crossed": (["fit", "TABLE", *FIT, "--param", "a2=2:1"], "must lie below"),
     "delay without its most": (["fit", "TABLE", *FIT, "--delay", "0.1:0:"], "needs its most"),
     "unknown column": (["fit", "TABLE", "--output", "qq", "--input", "de"], "'q'"),

@@ -103,6 +103,8 @@ def test_lists_and_batches() -> None:
     alone = [mf.fit(rec, MODEL, initial_state=STATE, band=20.0) for rec in (record(0.05, 3), record(0.05, 4))]
     many = mf.fit_many([record(0.05, 3), record(0.05, 4)], MODEL, initial_state=STATE, band=20.0)
     np.testing.assert_allclose(many.params, [one.params for one in alone], rtol=1e-6)
+    with pytest.raises(mf.errors.SpecError, match="one per record of one problem"):
+        mf.fit_many(records, MODEL, initial_state=states)
     study = mf.MonteCarlo(
         system=SYSTEM, input="sin(t**2/5)", duration=6.0, intervals=128, nsr=0.1, initial_state=STATE,
         estimators={"known": mf.Estimator(MODEL, initial_state=STATE), "free": mf.Estimator(MODEL)}, seed=2,
@@ -133,7 +135,7 @@ def test_saved_shown_and_predicted(tmp_path: Path) -> None:
     ("told", "said"),
     [
         ({"initial_state": [0.1]}, "2 poles"),
-        ({"initial_state": [[0.1, 0.2]] * 3}, "3 states for 1 records"),
+        ({"initial_state": [[0.1, 0.2]] * 3}, r"3 states for 1 record\(s\)"),
         ({"initial_state": [0.1, np.nan]}, "initial_state"),
         ({"initial_state": [0.1, 0.2], "trend": "linear"}, "drift"),
         ({"initial_state": "moving"}, "initial_state='moving' is not available"),

@@ -209,6 +209,8 @@ def test_saved_and_shown(tmp_path: Path) -> None:
     assert again.structure == fit.structure
     assert dict(again.summary().facts)["Prior"] == dict(fit.summary().facts)["Prior"]
     assert repr(mf.Free(3.0, sd=0.1)) == "Free(3, sd=0.1)"
+    page = fit.report(tmp_path / "fit.html").read_text(encoding="utf-8")
+    assert "Known beforehand, as one measurement more: a1 = 3 ± 0.1." in page
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,7 @@ def test_steady_before_a_step_nothing_is_cut() -> None:
     seen = mf.through(rec, actuator=SERVO)
     assert seen.intervals == rec.intervals
     np.testing.assert_allclose(seen.u[0, :40], 0.7, rtol=1e-12)
+    assert seen.intersample == ("smooth",)
     fit = mf.fit(seen, MODEL)
     np.testing.assert_allclose(fit.params, TRUTH, rtol=2e-3)
 
