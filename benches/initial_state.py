@@ -52,7 +52,7 @@ def over_noise(replicates: int = 100) -> dict[str, dict[float, float]]:
             ):
                 state = fit.initial_state(**options).state
                 errors.setdefault(name, []).append((state - true) / size)
-                y = fit.model.simulate(u=rec.u, dt=rec.dt, x0=state)
+                y = fit.model.simulate(u=rec.u, dt=rec.dt, initial_state=state)
                 ratios.setdefault(name, []).append(
                     20 * np.log10(np.std(rec.y) / np.sqrt(np.mean((rec.y[0] - y) ** 2)))
                 )

@@ -232,8 +232,11 @@ def speed(replicates, figures=None):
         ("20 roots, n = 2", lambda: DelaySystem(**fresh).poles(20)),
         ("transformation and placement", lambda: DelaySystem(**fresh).place(time_lag.POLES)),
         ("controller: made, dt = .02", lambda: design.controller(0.02)),
-        ("open loop, 1000 intervals", lambda: plant.simulate(duration=20, dt=0.02, x0=[1, 1])),
-        ("closed loop, 1000 intervals", lambda: plant.simulate(design, duration=20, dt=0.02, x0=[1, 1])),
+        ("open loop, 1000 intervals", lambda: plant.simulate(duration=20, dt=0.02, initial_state=[1, 1])),
+        (
+            "closed loop, 1000 intervals",
+            lambda: plant.simulate(design, duration=20, dt=0.02, initial_state=[1, 1]),
+        ),
         ("μ, 8 real errors", lambda: plant.mu(design, A=half)),
         ("fit, lag known, N = 1000", lambda: mf.fit(rec, time_lag.structure(1.0))),
         ("fit, lag estimated, N = 1000", lambda: mf.fit(rec, time_lag.structure("h"))),

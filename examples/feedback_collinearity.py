@@ -30,7 +30,7 @@ def loop(size: float) -> Array:
     a, b = np.array([[0.0, 1.0], [-8.0, -3.0]]), np.array([[0.0], [5.0]])
     closed = mf.ss(a - b @ GAIN, b, np.vstack([[1.0, 0.0], -GAIN]), np.array([[0.0], [1.0]]))
     t = np.linspace(0.0, DURATION, INTERVALS + 1)
-    return closed.simulate(u=size * np.sin(t**2 / 5), dt=DURATION / INTERVALS, x0=[1.0, 0.0])
+    return closed.simulate(u=size * np.sin(t**2 / 5), dt=DURATION / INTERVALS, initial_state=[1.0, 0.0])
 
 
 def error(clean: Array, noise: tuple[float, float], seed: int) -> float:

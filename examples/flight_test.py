@@ -107,7 +107,7 @@ def augmented(share: float = 2e-4) -> mf.Record:
     a, b, _, _ = model.matrices
     gain = np.array([[0.8, 0.4]])
     loop = mf.ss(a + b @ gain, b * share, np.vstack([np.eye(2), gain]), [[0.0], [0.0], [share]])
-    alpha, q, de = loop.simulate(u=[pilot], dt=STEP, x0=[0.02, 0.0])
+    alpha, q, de = loop.simulate(u=[pilot], dt=STEP, initial_state=[0.02, 0.0])
     noise = 0.0002 * np.random.default_rng(5).standard_normal((2, alpha.size))
     return mf.Record(y=np.array([alpha, q]) + noise, u=de, dt=STEP, outputs=["alpha", "q"], inputs=["de"])
 

@@ -25,7 +25,7 @@ def flight(seed: int = 4) -> mf.Record:
         return mf.ss([[-1.0, 1.0], [-(wn**2) + 1.2, -1.2]], [[0.0], [-6.0]], np.eye(2), np.zeros((2, 1)))
 
     first = aircraft(BEFORE).simulate(u=elevator[: half + 1], dt=DT)
-    second = aircraft(AFTER).simulate(u=elevator[half:], dt=DT, x0=first[:, -1])
+    second = aircraft(AFTER).simulate(u=elevator[half:], dt=DT, initial_state=first[:, -1])
     q = np.concatenate([first[1], second[1, 1:]])
     q = q + 0.05 * np.std(q) * np.random.default_rng(seed).standard_normal(q.size)
     return mf.Record(y=q, u=elevator, dt=DT, outputs=["q"], inputs=["de"])

@@ -224,7 +224,7 @@ def responses() -> list[Curve]:
                     .standard_normal(round(10 * t) + 1)
                     .repeat(8)[: n + 1]
                 )
-                y = system.simulate(u=u, dt=t / n, intersample="zoh", x0=[1.0, -1.0])
+                y = system.simulate(u=u, dt=t / n, intersample="zoh", initial_state=[1.0, -1.0])
                 rec = mf.Record(y=y, u=u, dt=t / n, intersample="zoh")
                 found = mf.frf(
                     rec, omega, method=method, degree=degree, halfwidth=6, trend=None, progress=False

@@ -45,7 +45,7 @@ def simulated(gaps: Gaps, count: int) -> None:
         sampled = rng.standard_normal((2, 161))
         want, _ = systems.simulate(den, nums, drives, 0.08, 160, x0, sampled)
         system = mf.tf([nums], den)
-        got = system.simulate(u=sampled, dt=0.08, x0=x0, intersample="zoh")
+        got = system.simulate(u=sampled, dt=0.08, initial_state=x0, intersample="zoh")
         gaps.add("responses to held inputs", 1e-11, np.ravel(got), want)
         want, _ = systems.simulate(den, nums, drives, 0.08, 160, x0)
         got = mf.simulate(system, input=drives, duration=12.8, intervals=160, initial_state=x0).y[0]

@@ -50,7 +50,9 @@ def _system() -> mf.LTI:
 
 
 def _plant() -> np.ndarray:
-    free = [_system().simulate(u=[0.0, 0.0], dt=DT, intersample="zoh", x0=x)[:, 1] for x in np.eye(2)]
+    free = [
+        _system().simulate(u=[0.0, 0.0], dt=DT, intersample="zoh", initial_state=x)[:, 1] for x in np.eye(2)
+    ]
     return np.array(free).T
 
 

@@ -59,7 +59,7 @@ class NonlinearModel:
     --------
     >>> import modfun as mf
     >>> duffing = mf.Equation("y'' + d*y' + a*y + b*y**3 = u").model({"d": 0.3, "a": 1.0, "b": 0.5})
-    >>> y = duffing.simulate(u="sin(t)", dt=0.1, intervals=100, x0=[0.5, 0.0])
+    >>> y = duffing.simulate(u="sin(t)", dt=0.1, intervals=100, initial_state=[0.5, 0.0])
     """
 
     outputs: tuple[str, ...]
@@ -106,7 +106,7 @@ class NonlinearModel:
         u: Any = None,
         dt: float | None = None,
         t: ArrayLike | None = None,
-        x0: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         intersample: str | Sequence[str] | None = None,
         intervals: int | None = None,
         rtol: float = 1e-9,
@@ -123,7 +123,7 @@ class NonlinearModel:
             Sampling interval, s; the first sample is at t = 0.
         t : array_like, shape (time,)
             Instead of `dt`: the instants of the samples, s, uneven if need be.
-        x0 : array_like, shape (states,), optional
+        initial_state : array_like, shape (states,), optional
             State at the first sample in the order of `states`; default: zero. Where the equations look back
             (y(t − h)), the state was the same before.
         intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
@@ -153,7 +153,7 @@ class NonlinearModel:
             dt = u.dt if t is None else None
         given = sources(u, len(self.inputs))
         kinds = AUTO if intersample is None else intersample
-        y = self.respond(given, _grid(dt, t, given, intervals), x0, kinds, rtol)
+        y = self.respond(given, _grid(dt, t, given, intervals), initial_state, kinds, rtol)
         return y[0] if len(self.outputs) == 1 else y
 
     def respond(
@@ -177,10 +177,10 @@ class NonlinearModel:
     ) -> tuple[F64, F64]:
         """As `respond`, with the states (state, time)."""
         n = len(self.states)
-        start = np.zeros(n) if x0 is None else reals("simulating", "x0", x0)
+        start = np.zeros(n) if x0 is None else reals("simulating", "initial_state", x0)
         if start.shape != (n,) or not np.all(np.isfinite(start)):
             raise SpecError(
-                f"simulating: x0 has shape {start.shape}, the equation has the states "
+                f"simulating: initial_state has shape {start.shape}, the equation has the states "
                 f"{', '.join(self.states) or '(none)'}; give {n} finite numbers"
             )
         y, x = self.family(inputs, grid, start[:, None], intersample, rtol)

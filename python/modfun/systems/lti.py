@@ -193,7 +193,7 @@ class LTI(Arithmetic):
         *,
         u: Any,
         dt: float | None = None,
-        x0: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         intersample: str | Sequence[str] | None = None,
         intervals: int | None = None,
     ) -> F64:
@@ -208,7 +208,7 @@ class LTI(Arithmetic):
             are evaluated at negative times.
         dt : float
             Sampling interval, s.
-        x0 : array_like, shape (states,), optional
+        initial_state : array_like, shape (states,), optional
             State at t = 0; for a transfer function with n poles y, y', … y⁽ⁿ⁻¹⁾ of the free response
             (output after output). Default: zero.
         intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
@@ -240,7 +240,7 @@ class LTI(Arithmetic):
             if not lengths:
                 raise SpecError("simulating a signal of time: say how long, intervals=N for N + 1 samples")
             intervals = max(lengths) - 1
-        y = self.respond(given, dt, intervals, x0, AUTO if intersample is None else intersample)
+        y = self.respond(given, dt, intervals, initial_state, AUTO if intersample is None else intersample)
         return y[0] if outputs == 1 else y
 
     def respond(
@@ -254,10 +254,10 @@ class LTI(Arithmetic):
         """`simulate` with the inputs as a list and the output always (output, time)."""
         dt, intervals = steps_of(dt, intervals)
         a, b, c, d, scale = self.scaled()
-        start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "x0", x0)
+        start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "initial_state", x0)
         if start.shape != scale.shape or not np.all(np.isfinite(start)):
             raise SpecError(
-                f"simulating: x0 has shape {start.shape}, the system has {scale.size} states; "
+                f"simulating: initial_state has shape {start.shape}, the system has {scale.size} states; "
                 "give that many finite numbers (of a transfer function y, y', …, output after output)"
             )
         kinds = intersample_kinds(intersample, inputs)

@@ -47,9 +47,9 @@ def simulated(
         raise SpecError(f"simulating: duration={duration!r} must be at least one interval dt = {dt:g} s")
     n, inputs = plant.order, plant.shape[1]
     before = history(past, n, "history")
-    start = before(np.zeros(1))[:, 0] if x0 is None else reals("simulating", "x0", x0)
+    start = before(np.zeros(1))[:, 0] if x0 is None else reals("simulating", "initial_state", x0)
     if start.shape != (n,) or not np.all(np.isfinite(start)):
-        raise SpecError(f"simulating: x0 has shape {start.shape}; give {n} finite numbers")
+        raise SpecError(f"simulating: initial_state has shape {start.shape}; give {n} finite numbers")
     motion = Motion(plant, dt, intervals)
     grid: F64 = np.arange(intervals + 1.0) * dt
     outside = _outside(u, inputs, grid, intersample)

@@ -174,7 +174,7 @@ class DelaySystem(Plant):
         duration: float,
         dt: float,
         history: Any = None,
-        x0: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         u: Any = None,
         input_history: Any = None,
         intersample: str | Sequence[str] = AUTO,
@@ -192,7 +192,7 @@ class DelaySystem(Plant):
             Length and sampling interval, s; the last sample is at the largest multiple of dt within.
         history : array_like (n,) or callable, optional
             x before t = 0: constant, or a function of an array of instants that gives (n, time). Default 0.
-        x0 : array_like, shape (n,), optional
+        initial_state : array_like, shape (n,), optional
             x at t = 0, where it jumps from its history.
         u : str, callable, array_like or a list of these, optional
             Input from outside, added to the feedback: as in `mf.simulate`.
@@ -216,7 +216,7 @@ class DelaySystem(Plant):
         ModfunWarning
             Held for so long, u does not stabilise the roots it moves.
         """
-        return simulated(self, K, duration, dt, history, x0, u, input_history, intersample)
+        return simulated(self, K, duration, dt, history, initial_state, u, input_history, intersample)
 
     def mu(
         self,

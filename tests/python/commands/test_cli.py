@@ -16,7 +16,7 @@ from modfun.commands.main import in_options, main
 def table(tmp_path):
     t = np.linspace(0.0, 10.0, 257)
     u = np.sin(t**2 / 5)
-    y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=[1, 0.5])
+    y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, initial_state=[1, 0.5])
     y += 2 + 0.02 * np.random.default_rng(0).standard_normal(t.size)
     path = tmp_path / "run.csv"
     np.savetxt(path, np.column_stack([t, y, u]), delimiter=",", header="t_s,q,de", comments="", fmt="%.17g")

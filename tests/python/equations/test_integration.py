@@ -42,7 +42,7 @@ def test_a_very_stiff_oscillator_is_as_accurate_as_lsoda():
         return [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]]
 
     exact = oracle.stiff(slopes, [2.0, 0.0], t)[0]
-    y = model("y'' - mu*(1 - y**2)*y' + y = 0", {"mu": mu}).simulate(t=t, x0=[2.0, 0.0])
+    y = model("y'' - mu*(1 - y**2)*y' + y = 0", {"mu": mu}).simulate(t=t, initial_state=[2.0, 0.0])
     theirs, done = np.empty(t.size), 0
     solver = LSODA(slopes, 0.0, [2.0, 0.0], t[-1], rtol=1e-9, atol=1e-12)
     while done < t.size:
@@ -59,7 +59,7 @@ def test_a_very_stiff_oscillator_is_as_accurate_as_lsoda():
 def test_a_stiff_equation_keeps_up_with_an_input():
     """y' = −10⁵ (y − u) + u': y is u but for what dies out in microseconds."""
     t = np.arange(0.0, 30.1, 0.1)
-    y = model("y' + k*(y - u) = u'", {"k": 1e5}).simulate(u="sin(t)", t=t, x0=[0.3])
+    y = model("y' + k*(y - u) = u'", {"k": 1e5}).simulate(u="sin(t)", t=t, initial_state=[0.3])
     assert np.abs(y - np.sin(t))[1:].max() < 1e-8
 
 
@@ -78,9 +78,9 @@ def test_a_delayed_equation_follows_the_method_of_steps(kind):
     x0 = [0.5, -0.1]
     exact = oracle.delayed(slopes, x0, 0.37, t, breaks=t)[0]
     equation = model("y'' + a*y' + b*y + c*y(t - 0.37) + d*y**3 = u", dict(a=0.5, b=2.0, c=0.7, d=0.2))
-    y = equation.simulate(u=u, t=t, x0=x0, intersample=kind)
+    y = equation.simulate(u=u, t=t, initial_state=x0, intersample=kind)
     assert np.abs(y - exact).max() < 1e-8
-    assert np.array_equal(y, equation.simulate(u=u, t=t, x0=x0, intersample=kind))
+    assert np.array_equal(y, equation.simulate(u=u, t=t, initial_state=x0, intersample=kind))
 
 
 def test_starts_with_parameters_of_their_own_look_back_at_their_own_past():
@@ -88,7 +88,7 @@ def test_starts_with_parameters_of_their_own_look_back_at_their_own_past():
     t = np.arange(61) * 0.05
     both, _ = equation.family(["cos(t)"], t, np.array([[1.0, 2.0]]), "smooth", params=np.array([[1.0, 0.3]]))
     for k, (x0, a) in enumerate([(1.0, 1.0), (2.0, 0.3)]):
-        alone = model("y' + a*y(t - 0.5) = u", {"a": a}).simulate(u="cos(t)", t=t, x0=[x0])
+        alone = model("y' + a*y(t - 0.5) = u", {"a": a}).simulate(u="cos(t)", t=t, initial_state=[x0])
         assert np.abs(both[0, k] - alone).max() < 1e-8
 
 

@@ -31,7 +31,7 @@ def test_duffing_follows_the_jacobi_elliptic_cosine():
     a, b, peak = 1.0, 0.5, 1.3
     omega = np.sqrt(a + b * peak**2)
     m = b * peak**2 / (2 * omega**2)
-    y = model("y'' + a*y + b*y**3 = 0", {"a": a, "b": b}).simulate(t=T, x0=[peak, 0.0])
+    y = model("y'' + a*y + b*y**3 = 0", {"a": a, "b": b}).simulate(t=T, initial_state=[peak, 0.0])
     assert np.abs(y - peak * ellipj(omega * T, m)[1]).max() < 1e-7
 
 
@@ -39,13 +39,13 @@ def test_a_pendulum_follows_its_elliptic_solution_up_to_150_degrees():
     top, k = np.deg2rad(150), 9.81
     m = np.sin(top / 2) ** 2
     exact = 2 * np.arcsin(np.sin(top / 2) * ellipj(ellipk(m) - np.sqrt(k) * T, m)[0])
-    q = model("q'' + k*sin(q) = 0", {"k": k}, outputs=["q"]).simulate(t=T, x0=[top, 0.0])
+    q = model("q'' + k*sin(q) = 0", {"k": k}, outputs=["q"]).simulate(t=T, initial_state=[top, 0.0])
     assert np.abs(q - exact).max() < 1e-6
 
 
 def test_logistic_growth_follows_its_closed_form_at_uneven_instants():
     t = np.sort(np.random.default_rng(0).uniform(0, 12, 200))
-    y = model("y' = r*y*(1 - y/K)", {"r": 0.9, "K": 6.0}).simulate(t=t, x0=[0.2])
+    y = model("y' = r*y*(1 - y/K)", {"r": 0.9, "K": 6.0}).simulate(t=t, initial_state=[0.2])
     exact = 6 / (1 + 29 * np.exp(-0.9 * (t - t[0])))
     assert np.abs(y - exact).max() < 1e-8
 
@@ -54,7 +54,7 @@ def test_lotka_volterra_keeps_its_constant_of_motion():
     species = model(
         ["x' = a*x - b*x*z", "z' = d*x*z - c*z"], {"a": 1, "b": 0.5, "c": 0.8, "d": 0.3}, outputs=["x", "z"]
     )
-    x, z = species.simulate(t=T, x0=[2.0, 0.7])
+    x, z = species.simulate(t=T, initial_state=[2.0, 0.7])
     constant = 0.3 * x - 0.8 * np.log(x) + 0.5 * z - np.log(z)
     assert np.ptp(constant) < 1e-7
 
@@ -67,7 +67,13 @@ def test_a_linear_equation_with_derivatives_of_the_input_is_the_transfer_functio
     """Held inputs have no derivatives: the states take them in, as those of a transfer function do."""
     system = mf.tf([2, 1, 3], [1, 0.5, 2, 1])
     same = model("y''' + a*y'' + b*y' + c*y = 2*u'' + u' + 3*u", {"a": 0.5, "b": 2.0, "c": 1.0})
-    words = {"u": given, "dt": 10 / 256, "intervals": 256, "x0": [1.0, 0.3, -0.2], "intersample": kind}
+    words = {
+        "u": given,
+        "dt": 10 / 256,
+        "intervals": 256,
+        "initial_state": [1.0, 0.3, -0.2],
+        "intersample": kind,
+    }
     assert np.abs(same.simulate(**words) - system.simulate(**words)).max() < 1e-11
 
 
@@ -78,7 +84,7 @@ def test_a_static_feedthrough_sees_the_last_sample_of_a_held_input():
 
 
 def test_a_delayed_state_is_the_method_of_steps():
-    y = model("y' + a*y(t - 1) = 0", {"a": 1.0}).simulate(dt=0.05, intervals=60, x0=[1.0])
+    y = model("y' + a*y(t - 1) = 0", {"a": 1.0}).simulate(dt=0.05, intervals=60, initial_state=[1.0])
     t = np.arange(61) * 0.05
     steps = [1 - t, (t > 1) * (t - 1) ** 2 / 2, (t > 2) * (2 - t) ** 3 / 6]
     assert np.abs(y - sum(steps)).max() < 1e-9
@@ -112,7 +118,7 @@ def test_a_delay_between_samples_keeps_the_accuracy_of_any_input():
 def test_a_stiff_oscillator_goes_on():
     """Van der Pol with mu = 300: period mu (3 - 2 log 2) + 7.014 mu**(-1/3) - ..., Dorodnicyn."""
     t = np.arange(751.0)
-    y = model("y'' - mu*(1 - y**2)*y' + y = 0", {"mu": 300.0}).simulate(t=t, x0=[2.0, 0.0])
+    y = model("y'' - mu*(1 - y**2)*y' + y = 0", {"mu": 300.0}).simulate(t=t, initial_state=[2.0, 0.0])
     falls = t[1:][(y[1:] < 0) & (y[:-1] >= 0)]
     period = 300 * (3 - 2 * np.log(2)) + 7.014 * 300 ** (-1 / 3) - np.log(300) / 450 - 1.3246 / 300
     assert abs(np.diff(falls)[0] - period) <= 1.0  # to a sample
@@ -122,10 +128,10 @@ def test_a_stiff_oscillator_goes_on():
 def test_the_error_falls_with_the_tolerance(step):
     """Over 4 s the tones are no polynomial, and SciPy integrates."""
     m, t = DUFFING.model(NUMBERS), np.arange(0.0, 20.1, step)
-    exact = m.simulate(u=TONES, t=t, x0=[0.5, 0.0], rtol=1e-12)
+    exact = m.simulate(u=TONES, t=t, initial_state=[0.5, 0.0], rtol=1e-12)
     errors = []
     for rtol in (1e-9, 1e-7, 1e-5):
-        errors.append(np.abs(m.simulate(u=TONES, t=t, x0=[0.5, 0.0], rtol=rtol) - exact).max())
+        errors.append(np.abs(m.simulate(u=TONES, t=t, initial_state=[0.5, 0.0], rtol=rtol) - exact).max())
     assert errors[0] < 1e-7
     assert errors[0] < errors[1] < errors[2] < 1e-2
 
@@ -151,7 +157,7 @@ def test_small_units_are_integrated_as_large_ones_are():
 
 
 def test_varying_coefficients_as_text_function_and_samples_agree():
-    words = {"u": "sin(t)", "t": T, "x0": [1.0, 0.0]}
+    words = {"u": "sin(t)", "t": T, "initial_state": [1.0, 0.0]}
     given = ["t**2", lambda t: t**2, T**2]
     y = [
         model("y'' + c(t)*y' + 4*y = u", {"c0": 0.5, "c1": 0.02}, varying={"c": ["1", one]}).simulate(**words)
@@ -180,12 +186,12 @@ def test_it_can_go_to_another_process():
 
 def test_a_finite_escape_is_said_with_its_time():
     with pytest.raises(mf.DataError, match=r"leaves all bounds at t = 0\.5 s"):
-        model("y' = y**2").simulate(dt=0.05, intervals=40, x0=[2.0])
+        model("y' = y**2").simulate(dt=0.05, intervals=40, initial_state=[2.0])
 
 
 def test_a_start_outside_the_equations_is_said():
     with pytest.raises(mf.DataError, match="no finite highest derivative"):
-        model("y' = log(y)").simulate(dt=0.05, intervals=40, x0=[-1.0])
+        model("y' = log(y)").simulate(dt=0.05, intervals=40, initial_state=[-1.0])
 
 
 @pytest.mark.parametrize(
@@ -197,7 +203,11 @@ def test_a_start_outside_the_equations_is_said():
         ({"u": "sin(t)", "dt": 0.1, "intervals": 0}, mf.DataError, "at least 1"),
         ({"u": "sin(t)", "t": [0.0, 0.0, 1.0]}, mf.DataError, "rising"),
         ({"dt": 0.1, "intervals": 5}, mf.SpecError, "0 signal"),
-        ({"u": "sin(t)", "dt": 0.1, "intervals": 5, "x0": [1.0]}, mf.SpecError, "states y, y'; give 2"),
+        (
+            {"u": "sin(t)", "dt": 0.1, "intervals": 5, "initial_state": [1.0]},
+            mf.SpecError,
+            "states y, y'; give 2",
+        ),
         ({"u": "sin(t)", "dt": 0.1, "intervals": 5, "intersample": "no"}, mf.SpecError, "'no' is unknown"),
     ],
 )
@@ -221,9 +231,9 @@ def test_parameters_that_do_not_fit_are_refused(params, text):
 
 def test_a_held_input_under_a_product_with_its_derivative_is_refused():
     m = model("y' + y = u'*y")
-    m.simulate(u=np.ones(20), dt=0.1, x0=[1.0])
+    m.simulate(u=np.ones(20), dt=0.1, initial_state=[1.0])
     with pytest.raises(mf.SpecError, match="'zoh' between its samples"):
-        m.simulate(u=np.ones(20), dt=0.1, x0=[1.0], intersample="zoh")
+        m.simulate(u=np.ones(20), dt=0.1, initial_state=[1.0], intersample="zoh")
 
 
 def bare(*source, outputs=("y",), inputs=(), hidden=()):
@@ -248,7 +258,7 @@ def bare(*source, outputs=("y",), inputs=(), hidden=()):
 )
 def test_equations_that_cannot_be_solved_are_refused_in_words(made, text):
     if text is None:
-        y = made().simulate(dt=0.1, intervals=10, x0=[1.0])
+        y = made().simulate(dt=0.1, intervals=10, initial_state=[1.0])
         assert np.allclose(y, np.exp(-np.arange(11) * 0.05), atol=1e-9)
         return
     with pytest.raises(mf.SpecError, match=text):
@@ -256,7 +266,7 @@ def test_equations_that_cannot_be_solved_are_refused_in_words(made, text):
 
 
 def test_an_implicit_equation_with_one_real_solution_is_solved():
-    y = bare(jet("y", 1) ** 3 + jet("y") ** 3).simulate(dt=0.1, intervals=10, x0=[1.0])
+    y = bare(jet("y", 1) ** 3 + jet("y") ** 3).simulate(dt=0.1, intervals=10, initial_state=[1.0])
     assert np.allclose(y, np.exp(-np.arange(11) * 0.1), atol=1e-9)
 
 
@@ -301,7 +311,7 @@ def test_states_that_are_not_measured_are_found_too():
     prey = bare(
         jet("x", 1) - x + 0.5 * x * z, jet("z", 1) + 0.8 * z - 0.3 * x * z, outputs=("x",), hidden=("z",)
     )
-    y = prey.simulate(t=T, x0=[2.0, 0.7])
+    y = prey.simulate(t=T, initial_state=[2.0, 0.7])
     rec = mf.Record(y=y + 0.05 * np.random.default_rng(1).normal(size=T.size), t=T, outputs=["x"])
     simulated, found = find_state(prey, rec)
     assert np.all(np.abs(found.state - [2.0, 0.7]) < 4 * found.bse)
@@ -420,7 +430,7 @@ def test_a_given_state_is_taken_as_it_is():
     simulated, found = find_state(m, rec, None, np.array([0.1, 0.0]))
     assert np.array_equal(found.state, [0.1, 0.0])
     assert not found.cov.any()
-    assert np.allclose(simulated[0], m.simulate(u=rec.u, t=rec.t, x0=[0.1, 0.0]))
+    assert np.allclose(simulated[0], m.simulate(u=rec.u, t=rec.t, initial_state=[0.1, 0.0]))
 
 
 # With fits -----------------------------------------------------------------------------------------------
@@ -557,13 +567,15 @@ def test_a_response_that_changes_ever_faster_ends_in_words():
     rec = mf.simulate(mf.tf([2], [1, 1]), input="sin(0.9*t)", duration=15.0, intervals=300, nsr=0.05, seed=3)
     model = mf.Equation("y'' + d*y' + a*y + b*y**3 = c*u", params={"d": -8.0})
     with pytest.raises(mf.DataError, match="simulating"):
-        model.model({"a": -8.0, "b": 0.43, "c": -16.0}).simulate(u=rec.u[0], dt=rec.dt, x0=[0.1, 0.0])
+        model.model({"a": -8.0, "b": 0.43, "c": -16.0}).simulate(
+            u=rec.u[0], dt=rec.dt, initial_state=[0.1, 0.0]
+        )
 
 
 def test_a_scale_of_what_is_hidden_must_be_held_to_simulate():
     text, own = ["x' = a*x - b*x*z", "z' = d*x*z - c*z"], {"outputs": ["x"]}
     held = mf.Equation(text, params={"b": 1.0}, **own)
-    x = held.model({"a": 1.0, "c": 0.8, "d": 0.3}).simulate(t=T, x0=[2.0, 0.7])
+    x = held.model({"a": 1.0, "c": 0.8, "d": 0.3}).simulate(t=T, initial_state=[2.0, 0.7])
     fit = mf.fit(mf.Record(y=x, dt=T[1], outputs="x"), mf.Equation(text, **own))
     with pytest.raises(mf.SpecError, match=r"b only scales the hidden z: hold it, params=\{'b': 1.0\}"):
         fit.score()

@@ -38,7 +38,7 @@ def test_noise_has_the_asked_level_and_its_address():
 def test_initial_states():
     rest = mf.simulate(EQ24, **CHIRP)
     free = mf.simulate(EQ24, **CHIRP, initial_state=[1.0, 0.5]).y - rest.y
-    expected = EQ24.simulate(u=np.zeros(257), dt=10 / 256, x0=[1.0, 0.5])
+    expected = EQ24.simulate(u=np.zeros(257), dt=10 / 256, initial_state=[1.0, 0.5])
     np.testing.assert_allclose(free[0], expected, atol=1e-12)
     drawn = [
         mf.simulate(EQ24, **CHIRP, initial_state="random", replicate=k).y[0, 0] - rest.y[0, 0]

@@ -136,7 +136,10 @@ FOUND = {
     ),
     "a local polynomial without end": (lambda: mf.frf(REC, degree=10**9), "degree"),
     "instants in words": (lambda: ode().simulate(u="t", t=["a", "b"]), "t="),
-    "a state in words": (lambda: ode().simulate(u="t", dt=0.1, intervals=9, x0="rest"), "x0="),
+    "a state in words": (
+        lambda: ode().simulate(u="t", dt=0.1, intervals=9, initial_state="rest"),
+        "initial_state=",
+    ),
     "intervals of equations beyond memory": (
         lambda: ode().simulate(u="t", dt=0.1, intervals=10**30),
         "from 0 to 10000000",

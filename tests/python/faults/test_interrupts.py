@@ -82,9 +82,9 @@ LONG = {
     "reduce": "again(mf.reduce, mf.ss(np.diag(-np.linspace(.1, 50, 60)), np.ones(60), np.ones(60)), 4)",
     "simulate": "again(mf.simulate, system, input='sin(t**2/5)', duration=1e4, intervals=10**6)",
     "stiff equation": "again(mf.Equation('D(y, 2) = 1e3*(1 - y**2)*D(y) - y').model({}).simulate, dt=1.0, "
-    "intervals=10**5, x0=[2, 0])",
+    "intervals=10**5, initial_state=[2, 0])",
     "late equation": "again(mf.Equation('y\\' = -y(t - 0.3)').model({}).simulate, dt=.01, "
-    "intervals=10**6, x0=[1])",
+    "intervals=10**6, initial_state=[1])",
     "crlb with a free delay": "again(mf.crlb, free, [big] * 5, nsr=0.2, params=params)",
     "roots": "again(mf.timelag.DelaySystem(A={k * .37: rng.normal(size=(6, 6)) for k in (0, 1)}).poles, 9)",
     "mu": "plant = mf.timelag.DelaySystem(A={0: [[-1, -3], [2, -5]], 1.0: [[1.66, -.697], [.93, -.33]]}, "

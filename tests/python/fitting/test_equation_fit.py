@@ -284,7 +284,7 @@ def test_signals_that_depend_on_a_parameter():
     model = mf.Equation("y' + a*tanh(y/s) = u", params={"s": mf.Free(1.0, min=0.05, max=5.0)})
     numbers = model.model({"a": 2.0, "s": 0.5})
     u = 2.5 * np.sin(0.8 * t) + np.sin(2.1 * t)
-    y = np.ravel(numbers.simulate(u=u, dt=t[1], x0=[0.2]))
+    y = np.ravel(numbers.simulate(u=u, dt=t[1], initial_state=[0.2]))
     clean = mf.fit(mf.Record(y=y, u=u, dt=t[1]), model, harmonics=14)
     assert [clean["a"], clean["s"]] == pytest.approx([2.0, 0.5], rel=1e-5)
     noisy = y + 0.02 * np.random.default_rng(3).standard_normal(y.size)
@@ -343,7 +343,7 @@ def test_delays_known_and_free():
     t = np.arange(steps + 1) * dt
     u = np.sin(0.8 * t) + 0.5 * np.sin(2.1 * t + 1)
     model = mf.Equation("y' + a*y + c*y(t - h) = u", params={"h": lag * dt})
-    y = np.ravel(model.model({"a": 1.0, "c": 0.8}).simulate(u=u, dt=dt, x0=[0.3]))
+    y = np.ravel(model.model({"a": 1.0, "c": 0.8}).simulate(u=u, dt=dt, initial_state=[0.3]))
     rec = mf.Record(y=y + 0.005 * np.random.default_rng(1).standard_normal(y.size), u=u, dt=dt)
     known = mf.fit(rec, model)
     assert np.all(np.abs(known.params - [1.0, 0.8]) < 4 * known.bse)

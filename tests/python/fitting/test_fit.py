@@ -16,7 +16,7 @@ def record(seed=0, noise=0.02, offset=0.0, slope=0.0, x0=(1.0, 0.5), delay=0.0, 
     t = np.linspace(0.0, 10.0, intervals + 1)
     u = np.sin(t**2 / 5)
     system = mf.tf([5], [1, 3, 8], delay=delay)
-    y = system.simulate(u="sin(t**2/5)", dt=10.0 / intervals, x0=list(x0), intervals=intervals)
+    y = system.simulate(u="sin(t**2/5)", dt=10.0 / intervals, initial_state=list(x0), intervals=intervals)
     y = y + offset + slope * t / 10 + noise * np.random.default_rng(seed).standard_normal(t.size)
     return mf.Record(y=y, u=u, dt=10.0 / intervals, **(names or {}))
 
@@ -119,7 +119,7 @@ def test_model_simulates_what_predict_returns(fitted):
     assert np.all(np.abs(start.state - [1.0, 0.5]) < 5 * start.bse)
     assert np.all(start.bse < [0.05, 0.2])
     assert start.trend == pytest.approx([2.0], abs=0.02)
-    by_hand = fitted.model.simulate(u=rec.u[0], dt=rec.dt, x0=start.state) + start.trend[0]
+    by_hand = fitted.model.simulate(u=rec.u[0], dt=rec.dt, initial_state=start.state) + start.trend[0]
     np.testing.assert_allclose(simulated.y[0], by_hand, atol=1e-9)
     np.testing.assert_allclose(fitted.errors(), rec.y - simulated.y)
     assert simulated.outputs == rec.outputs
@@ -217,7 +217,7 @@ def test_chi_square_and_level_of_a_good_and_of_a_poor_fit(fitted):
 def test_free_motion_has_no_input():
     t = np.linspace(0, 10, 401)
     y = mf.ss([[0, 1], [-8, -1.2]], np.zeros((2, 1)), [1, 0]).simulate(
-        u=np.zeros(401), dt=0.025, x0=[1, 0], intersample="zoh"
+        u=np.zeros(401), dt=0.025, initial_state=[1, 0], intersample="zoh"
     )
     rec = mf.Record(y=y + 1e-4 * np.random.default_rng(0).standard_normal(t.size), dt=0.025)
     fit = mf.fit(rec, mf.TransferFunction(poles=2), band=8.0)
@@ -231,7 +231,9 @@ def test_uneven_samples_are_fitted_and_simulated():
     t = np.sort(np.concatenate([[0.0, 10.0], rng.uniform(0, 10, 800)]))
     fine = np.linspace(0, 10, 20001)
     u = "sin(t**2/5)"
-    y = np.interp(t, fine, mf.tf([5], [1, 3, 8]).simulate(u=u, dt=0.0005, x0=[1, 0.5], intervals=20000))
+    y = np.interp(
+        t, fine, mf.tf([5], [1, 3, 8]).simulate(u=u, dt=0.0005, initial_state=[1, 0.5], intervals=20000)
+    )
     fit = mf.fit(mf.Record(y=y, u=np.sin(t**2 / 5), t=t), TF20, band=6.0)
     np.testing.assert_allclose(fit.params, [3, 8, 5], rtol=1e-2)
     assert fit.score()["signal_to_error"][0] > 45
@@ -257,7 +259,7 @@ def test_few_samples_a_period_are_doubted():
 
 
 def test_an_unstable_estimate_is_returned_and_said():
-    y = mf.tf([1], [1, -0.3, 2]).simulate(u="sin(t**2/5)", dt=0.05, intervals=200, x0=[1, 0])
+    y = mf.tf([1], [1, -0.3, 2]).simulate(u="sin(t**2/5)", dt=0.05, intervals=200, initial_state=[1, 0])
     rec = mf.Record(y=y, u=np.sin(np.linspace(0, 10, 201) ** 2 / 5), dt=0.05)
     fit, said = fit_and_words(rec, TF20, band=6.0)
     assert not said  # the pole is certain, and the record agrees

@@ -45,7 +45,7 @@ def closed_loop(size, noise=0.0, seed=0):
     a, b, gain = np.array([[0.0, 1.0], [-8.0, -3.0]]), np.array([[0.0], [5.0]]), np.array([[4.0, 2.0]])
     closed = mf.ss(a - b @ gain, b, np.vstack([[1.0, 0.0], -gain]), np.array([[0.0], [1.0]]))
     t = np.linspace(0, 10, 257)
-    y, u = closed.simulate(u=size * np.sin(t**2 / 5), dt=10 / 256, x0=[1.0, 0.0])
+    y, u = closed.simulate(u=size * np.sin(t**2 / 5), dt=10 / 256, initial_state=[1.0, 0.0])
     y = y + noise * np.random.default_rng(seed).normal(size=y.size)
     return mf.Record(y=y, u=u, dt=10 / 256)
 
@@ -60,7 +60,7 @@ def test_feedback_names_the_combination_at_fault():
     rec = closed_loop(0.02)
 
     def cost(theta):
-        simulated = TF2.model(theta).simulate(u=rec.u[0], dt=rec.dt, x0=[1.0, 0.0])
+        simulated = TF2.model(theta).simulate(u=rec.u[0], dt=rec.dt, initial_state=[1.0, 0.0])
         return np.sum((simulated - rec.y[0]) ** 2)
 
     at = found.fit.params

@@ -140,7 +140,7 @@ def test_records_fitted_together_agree():
         TRUTH, input=held(), intersample="zoh", duration=10.0, intervals=200, nsr=0.01, seed=1
     )
     active = Record(y=moved.y, u=moved.u, dt=moved.dt)
-    free = TRUTH.simulate(u=np.zeros(201), dt=0.05, x0=[1.0, 0.0])
+    free = TRUTH.simulate(u=np.zeros(201), dt=0.05, initial_state=[1.0, 0.0])
     still = Record(y=free + 0.001 * np.random.default_rng(2).normal(size=201), u=np.zeros(201), dt=0.05)
     assert (active.intersample, still.intersample) == (("zoh",), ("smooth",))
     fit = mf.fit([active, still], STRUCTURE)

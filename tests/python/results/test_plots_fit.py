@@ -11,7 +11,7 @@ plt = pytest.importorskip("matplotlib.pyplot")
 @pytest.fixture(scope="module")
 def fit():
     t = np.linspace(0.0, 10.0, 257)
-    y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=[1, 0.5])
+    y = mf.tf([5], [1, 3, 8]).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, initial_state=[1, 0.5])
     y += 0.05 * np.random.default_rng(0).standard_normal(t.size)
     rec = mf.Record(y=y, u=np.sin(t**2 / 5), dt=10 / 256, outputs="q", inputs="de", units={"q": "deg/s"})
     return mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))

@@ -85,7 +85,7 @@ def test_output_error_equals_an_independent_search():
 
     def residual(x):
         model = mf.tf([x[2]], [1, x[0], x[1]])
-        return model.simulate(u=rec.u[0], dt=rec.dt, x0=x[3:]) - rec.y[0]
+        return model.simulate(u=rec.u[0], dt=rec.dt, initial_state=x[3:]) - rec.y[0]
 
     expected = optimize.least_squares(residual, [2.5, 7.0, 4.0, 0.0, 0.0], xtol=1e-12, ftol=1e-14)
     np.testing.assert_allclose(list(output_error(TF2)(rec).values()), expected.x[:3], rtol=1e-5)

@@ -93,7 +93,7 @@ def test_delay_turns_the_phase():
 
 def test_states_of_a_transfer_function_are_the_derivatives_of_the_free_response():
     t = np.linspace(0, 5, 501)
-    y = mf.tf([2, 1], [1, 3, 8]).simulate(u=np.zeros(501), dt=0.01, x0=[1.0, 0.5])
+    y = mf.tf([2, 1], [1, 3, 8]).simulate(u=np.zeros(501), dt=0.01, initial_state=[1.0, 0.5])
     p = np.array([-1.5 + 1j * np.sqrt(23 / 4), -1.5 - 1j * np.sqrt(23 / 4)])
     amplitude = np.linalg.solve(np.vander(p, 2, increasing=True).T, [1.0, 0.5])
     np.testing.assert_allclose(y, (np.exp(np.outer(t, p)) @ amplitude).real, atol=1e-12)
@@ -125,7 +125,7 @@ def test_frozen_and_pickled():
 )
 def test_smooth_text_input_is_exact(num, den, x0):
     t = np.linspace(0, 10, 257)
-    y = mf.tf(num, den).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, x0=x0)
+    y = mf.tf(num, den).simulate(u="sin(t**2/5)", dt=10 / 256, intervals=256, initial_state=x0)
     expected = response_by_quadrature(num, den, lambda s: np.sin(s**2 / 5), t, x0)
     np.testing.assert_allclose(y, expected, atol=2e-10)
 
@@ -198,12 +198,12 @@ def test_several_inputs_of_different_kinds_superpose():
     dens = [[1, 3, 8]] * 3
     system = mf.tf([[5], [1, 2], [3]], [1, 3, 8], delay=[0.0, 0.1, 0.033])
     kinds = ("smooth", "zoh", "foh")
-    y = system.simulate(u=u, dt=0.05, x0=[1.0, -1.0], intersample=kinds)
+    y = system.simulate(u=u, dt=0.05, initial_state=[1.0, -1.0], intersample=kinds)
     parts = [
         mf.tf(n, d, delay=late).simulate(u=v, dt=0.05, intersample=kind)
         for n, d, late, v, kind in zip([[5], [1, 2], [3]], dens, [0.0, 0.1, 0.033], u, kinds, strict=True)
     ]
-    free = EQ24.simulate(u=np.zeros(200), dt=0.05, x0=[1.0, -1.0])
+    free = EQ24.simulate(u=np.zeros(200), dt=0.05, initial_state=[1.0, -1.0])
     np.testing.assert_allclose(y, sum(parts) + free, atol=1e-11)
 
 
@@ -219,8 +219,10 @@ def test_several_outputs():
 
 def test_time_scale_does_not_matter():
     t = np.linspace(0, 10, 257)
-    slow = EQ24.simulate(u=np.sin(t**2 / 5), dt=10 / 256, x0=[1.0, 0.5])
-    fast = mf.tf([5e18], [1, 3e9, 8e18]).simulate(u=np.sin(t**2 / 5), dt=10e-9 / 256, x0=[1.0, 0.5e9])
+    slow = EQ24.simulate(u=np.sin(t**2 / 5), dt=10 / 256, initial_state=[1.0, 0.5])
+    fast = mf.tf([5e18], [1, 3e9, 8e18]).simulate(
+        u=np.sin(t**2 / 5), dt=10e-9 / 256, initial_state=[1.0, 0.5e9]
+    )
     np.testing.assert_allclose(fast, slow, rtol=1e-9, atol=1e-12)
 
 
@@ -247,7 +249,7 @@ def test_step():
         (lambda: mf.tf("5/(s+1)"), "give num and den"),
         (lambda: mf.ss(np.eye(2), np.ones(3), np.ones((1, 2))), "must be"),
         (lambda: mf.ss([[np.inf]], [1.0], [1.0]), "finite"),
-        (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, x0=[1.0]), "2 states"),
+        (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, initial_state=[1.0]), "2 states"),
         (lambda: EQ24.simulate(u="t", dt=0.1), "intervals=N"),
         (lambda: EQ24.simulate(u=np.ones(10), dt=0.1, intersample="linear"), "'zoh'"),
         (lambda: EQ24.simulate(u=np.ones((2, 10)), dt=0.1), "2 signal"),
@@ -321,7 +323,7 @@ def test_equal_rows_of_delays_are_delays_of_inputs():
 
 def test_an_initial_state_is_not_late():
     late, bare = mf.tf(PATHS, [1, 2, 3], delay=LATE), mf.tf(PATHS, [1, 2, 3])
-    words = {"u": np.zeros((2, 50)), "dt": 0.1, "x0": [1.0, -0.5, 0.2, 2.0]}
+    words = {"u": np.zeros((2, 50)), "dt": 0.1, "initial_state": [1.0, -0.5, 0.2, 2.0]}
     np.testing.assert_array_equal(late.simulate(**words), bare.simulate(**words))
 
 

@@ -298,7 +298,7 @@ def test_held_inputs_jump_where_they_should():
 
 
 def test_a_jump_at_the_start_and_states_between_samples():
-    run = DelaySystem(A={1: -1.0}).simulate(duration=2, dt=0.3, x0=[1.0])
+    run = DelaySystem(A={1: -1.0}).simulate(duration=2, dt=0.3, initial_state=[1.0])
     assert run.state([0.5, -0.5, 1.5])[0] == pytest.approx([1.0, 0.0, 0.5])
     with pytest.raises(mf.SpecError, match="ends at"):
         run.state(2.5)
@@ -342,7 +342,7 @@ def test_a_hold_that_is_too_long_is_said():
 def test_the_controller_in_real_time_is_that_of_the_simulation():
     plant = several()
     design = plant.place([-1, -1.5])
-    run = plant.simulate(design, duration=3, dt=0.05, x0=[1.0, 0.5])
+    run = plant.simulate(design, duration=3, dt=0.05, initial_state=[1.0, 0.5])
     live = design.controller(0.05)
     assert isinstance(live, Controller)
     u = np.array([live.step(x) for x in run.x.T]).T
@@ -387,7 +387,7 @@ def test_bad_input_is_refused_in_words(make, words):
 
 def test_an_unstable_response_that_overflows_is_said():
     with pytest.raises(mf.DataError, match="overflows at t"):
-        DelaySystem(A={0: 50.0}).simulate(duration=100, dt=0.1, x0=[1.0])
+        DelaySystem(A={0: 50.0}).simulate(duration=100, dt=0.1, initial_state=[1.0])
 
 
 # Structured uncertainty ---------------------------------------------------------------------------
@@ -444,7 +444,7 @@ def test_within_the_margin_the_delay_equation_is_stable_and_beyond_it_is_not():
             wrong = DelaySystem(
                 A={h: m + d * np.asarray(errors[0].A.get(h, 0)) for h, m in plant.A.items()}, B=plant.B
             )
-            run = wrong.simulate(design, duration=40, dt=0.04, x0=[1, 1])
+            run = wrong.simulate(design, duration=40, dt=0.04, initial_state=[1, 1])
             early, late = (np.abs(run.x[:, run.t > t]).max() for t in (20, 32))
             rates[sign * size] = late / early
     assert all(rates[s] < 1 for s in (0.9, -0.9))
@@ -567,7 +567,7 @@ def test_plots_return_their_axes():
     plant = several()
     design = plant.place([-1, -1.5])
     assert plant.poles(6).plot().get_xlabel() == "real part (1/s)"
-    run = plant.simulate(design, duration=1, dt=0.1, x0=[1, 0])
+    run = plant.simulate(design, duration=1, dt=0.1, initial_state=[1, 0])
     assert len(run.plot()) == 3
     here = plt.figure().add_subplot()
     assert plant.mu(design, A={0: 0.1 * np.eye(2)}, omega=[0.1, 1.0]).plot(ax=here, hz=True) is here
