@@ -14,7 +14,7 @@ from ..equations.equation import Equation
 from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
-from ..models.free import Free
+from ..models.free import priors_of
 from ..models.noise import Noise
 from ..models.process import ProcessNoise, with_inputs
 from ..models.transfer_function import TransferFunction
@@ -78,10 +78,7 @@ def sds_beforehand(sys: Any, model: TransferFunction | None) -> dict[str, float]
     structure = sys.structure if isinstance(sys, Fit) else sys if model is None else model
     if not isinstance(structure, TransferFunction | StateSpace | Equation):
         return {}
-    own = {name: given.sd for name, given in structure.params if isinstance(given, Free) and given.sd}
-    if isinstance(structure, TransferFunction) and isinstance(structure.delay, Free) and structure.delay.sd:
-        own["delay"] = structure.delay.sd
-    return own
+    return {name: given.sd for name, given in priors_of(structure).items() if given.sd}
 
 
 def _of_fit(fit: Fit) -> Known:

@@ -9,7 +9,7 @@ from typing import Any
 from ..base.arguments import public, real
 from ..errors import SpecError
 
-__all__ = ["Free", "from_plain", "refuse_priors", "to_plain"]
+__all__ = ["Free", "from_plain", "priors_of", "refuse_priors", "to_plain"]
 
 
 @public
@@ -107,6 +107,14 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
+def priors_of(structure: Any) -> dict[str, Free]:
+    """Parameters of a structure that are known beforehand."""
+    told = dict(structure.params)
+    if isinstance(delay := getattr(structure, "delay", None), Free):
+        told["delay"] = delay
+    return {name: given for name, given in told.items() if isinstance(given, Free) and given.prior}
+
+
 def refuse_priors(what: str, structure: Any) -> None:
     """Refuse a structure that knows parameters beforehand where that cannot count.
 
@@ -114,12 +122,8 @@ def refuse_priors(what: str, structure: Any) -> None:
     ------
     SpecError
     """
-    told = dict(structure.params)
-    if isinstance(delay := getattr(structure, "delay", None), Free):
-        told["delay"] = delay
-    for name, given in told.items():
-        if isinstance(given, Free) and given.prior:
-            raise SpecError(f"{what}: the prior of {name} does not count here; leave sd= out of {given!r}")
+    for name, given in priors_of(structure).items():
+        raise SpecError(f"{what}: the prior of {name} does not count here; leave sd= out of {given!r}")
 
 
 def to_plain(value: Any) -> Any:

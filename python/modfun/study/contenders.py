@@ -16,7 +16,6 @@ from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
 from ..fitting.weights import weighting
-from ..models.free import refuse_priors
 from ..models.layout import Layout
 from ..models.options import WORDS, Options
 from ..models.process import with_inputs
@@ -85,7 +84,6 @@ class Contender:
         """Keywords of the compiled core for this group."""
         own = self.estimators[group.index]
         rec, layout = group.record(group.y), self.layout(group)
-        refuse_priors("MonteCarlo, of transfer functions", own.model)
         if layout.plain and own.options.plain_noise:
             return plain_words(layout, rec.intersample, own.options)
         return {

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.cached import cached_property
+from ..models.free import priors_of
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .axes import Axis
@@ -48,11 +49,13 @@ class Plan:
     def made(self) -> bool:
         """Whether records or fits are needed in Python, so that no estimator can run in the core's study.
 
-        Noise levels for errors in variables are told by the records themselves; equations are fitted in
-        batches.
+        Noise levels for errors in variables are told by the records themselves; equations, and structures
+        with priors, are fitted in batches.
         """
         seen = any(
-            own.options.noise == "errors-in-variables" or not isinstance(own.model, TransferFunction)
+            own.options.noise == "errors-in-variables"
+            or not isinstance(own.model, TransferFunction)
+            or bool(priors_of(own.model))
             for c in self.contenders
             for own in c.estimators
         )
