@@ -43,13 +43,16 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
         for name, (params, noise) in MODELS.items():
             structure = mf.TransferFunction(poles=2, zeros=0, params=params, delay=LATE)
             fits[name] = mf.fit(first, structure, noise=noise)
+        late = fits[name]["delay"]
+        structure = mf.TransferFunction(poles=2, zeros=0, delay=late)
+        fits["free, noise of both"] = mf.fit(first, structure, noise="process")
         fits["free, the other half"] = mf.fit(second, fits[name].structure, noise="equation")
     columns: dict[str, Any] = {"model": list(fits)}
     for name in ("a1", "a2", "b0", "delay"):
         columns[name] = [
             f"{fit[name]:.3f} ± {fit.bse[fit.param_names.index(name)]:.3f}"
             if name in fit.param_names
-            else "0"
+            else (f"{late:.3f}" if name == "delay" else "0")
             for fit in fits.values()
         ]
     print(f"\n{mf.Table(columns)}")
@@ -65,6 +68,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
         f"\nMedian S/E, dB, over windows of the half not fitted\n{mf.Table({'model': list(fits)} | rounded)}"
     )
 
+    print(f"\n{fits['free, noise of both'].process_noise()}")
     best = fits["free, noise of the equation"]
     print(f"\n{best.damp()}")
     out["score"] = best.score(second).rows[0]

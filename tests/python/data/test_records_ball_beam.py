@@ -38,3 +38,13 @@ def test_the_delay_is_more_than_a_sample(numbers):
     fit = numbers["fits"][f"held, {EQUATION}"]
     assert fit["delay"] == pytest.approx(0.136, abs=0.005)
     assert fit["delay"] > 2 * fit.bse[fit.param_names.index("delay")]
+
+
+def test_noise_of_both_kinds_is_that_of_the_equation(numbers):
+    """With sensor noise as well, the acceleration is all but a few thousandths of the misfit."""
+    both, one = numbers["fits"]["free, noise of both"], numbers["fits"][f"free, {EQUATION}"]
+    assert both.process_noise()["share"][1] == pytest.approx(0.997, abs=0.001)
+    assert np.all(np.abs(both.params - one.params[:3]) < 0.2 * both.bse)
+    np.testing.assert_allclose(
+        numbers["levels"]["free, noise of both"], numbers["levels"][f"free, {EQUATION}"], atol=0.4
+    )
