@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..errors import SpecError
 from ..models.free import Free, from_plain, to_plain
 from ..systems.lti import LTI
-from ..systems.making import ss
+from ..systems.making import linear, ss
 from .matrices import Matrix, column_of, line, matrix_of, names_in, row_of, rows_of, state_of
 from .written import Written, channel_names, outputs_left, parameters_given
 
@@ -197,6 +198,47 @@ class StateSpace(Written):
             )
         made = ss(*(numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)))
         return replace(made, inputs=self.inputs, outputs=self.outputs)
+
+    def theta(self, system: LTI) -> F64:
+        """Parameters of a system with numbers in these matrices, in the order of `param_names`.
+
+        Parameters
+        ----------
+        system : LTI, or a system of python-control or SciPy
+            State space with the states of this one.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+
+        Raises
+        ------
+        SpecError
+            The system has other matrices than this structure can have, or a parameter stands alone in no
+            entry.
+
+        Examples
+        --------
+        >>> structure = StateSpace([["Zw", 1], ["Mw", "Mq"]], [["Zd"], ["Md"]])
+        >>> values = [-1.0, -5.0, -2.0, 0.1, -4.0]
+        >>> structure.theta(structure.model(values)).tolist() == values
+        True
+        """
+        system = linear(system, "StateSpace.theta")
+        own, names = (self.A, self.B, self.C, self.D), self.param_names()
+        found: dict[str, float] = {}
+        for matrix, values in zip(own, system.matrices or (), strict=False):
+            for row, numbers in zip(matrix, values, strict=False):
+                found |= {entry: float(x) for entry, x in zip(row, numbers, strict=False) if entry in names}
+        if len(found) == len(names) and not np.any(system.path_delays):
+            made = self.model(found)
+            pairs = zip(made.matrices or (), system.matrices or (), strict=True)
+            if all(a.shape == b.shape and np.allclose(a, b, rtol=1e-9, atol=1e-12) for a, b in pairs):
+                return np.array([found[name] for name in names])
+        raise SpecError(
+            "StateSpace.theta: the system is none of this structure: its matrices have other numbers or "
+            "another shape; give one made by model()"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The model as plain Python values, for `from_dict`."""

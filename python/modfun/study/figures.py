@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64, I64
 from ..base.cached import cached_property
 from ..base.tables import Table
+from ..equations.state_space import StateSpace
 from ..equations.written import Written
 from ..errors import DataError, SpecError
 from ..experiments.bound import crlb
@@ -239,26 +240,34 @@ class Figures:
 
 def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
     """Cramér–Rao bound at each noise level, (parameter, level)."""
-    structure, system = contender.structures[group.index], group.system
-    if isinstance(system, LTI):
+    structure = contender.structures[group.index]
+    system: Any = group.system
+    given: dict[str, Any] = {"trend": contender.trend(group), "initial_state": contender.initial_state}
+    names = group.names(structure)
+    if isinstance(system, LTI) and isinstance(group.process_noise, ProcessNoise):
+        raise SpecError("crlb: the study's system is without the inputs through which noise enters")
+    if isinstance(system, LTI) and isinstance(structure, StateSpace):
+        system = structure
+        given["params"] = dict(zip(names, contender.truth[group.index].tolist(), strict=True))
+    elif isinstance(system, LTI):
         if isinstance(structure, Written):
             raise SpecError(
                 "crlb: for a linear system the bound is that of a TransferFunction's coefficients"
             )
-        if isinstance(group.process_noise, ProcessNoise):
-            raise SpecError("crlb: the study's system is without the inputs through which noise enters")
+        given["model"] = structure
     elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
-    given: dict[str, Any] = {"trend": contender.trend(group)}
-    if isinstance(system, LTI):
-        given |= {"initial_state": contender.initial_state, "model": structure}
     else:
-        given["start"] = group.rest.start
+        given |= {"start": group.rest.start, "initial_state": "unknown"}
+
+    def bound(sigma: F64) -> list[float]:
+        found = crlb(system, rec, sigma=sigma, **given)
+        return [found[name] for name in names]
+
     if group.driven is None:  # the bound grows with the noise
-        return crlb(system, rec, sigma=group.unit, **given).sd[:, None] * levels
+        return np.array(bound(group.unit))[:, None] * levels
     given["process_noise"] = group.process_noise
-    found = [crlb(system, rec, sigma=level * group.unit, **given).sd for level in levels]
-    return np.array(found).T
+    return np.array([bound(level * group.unit) for level in levels]).T
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

@@ -13,6 +13,7 @@ from ..base.arrays import F64
 from ..base.callables import source
 from ..base.samples import numbered
 from ..equations.nonlinear import NonlinearModel
+from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..experiments.driven import Driven, driven, measured
 from ..experiments.simulation import Experiment, experiment
@@ -101,17 +102,17 @@ class Group:
     def truth(self, structure: Any) -> F64:
         """True parameters of a structure; nan where it does not hold the system.
 
-        Those of equations go by their names.
+        Those of equations go by their names, those of a state space by their places in its matrices.
         """
-        if isinstance(self.system, NonlinearModel) or not isinstance(structure, TransferFunction):
-            alike = isinstance(self.system, NonlinearModel) and not isinstance(structure, TransferFunction)
-            values = self.system.params if alike else {}  # type: ignore[union-attr]
-            return np.array([values.get(name, np.nan) for name in self.names(structure)])
-        try:
-            return structure.theta(self.system)
-        except SpecError:
-            # A wrong number of inputs is a mistake, not a misfit: the names tell.
-            return np.full(len(self.names(structure)), np.nan)
+        if isinstance(self.system, LTI) and isinstance(structure, TransferFunction | StateSpace):
+            try:
+                return structure.theta(self.system)
+            except SpecError:
+                # A wrong number of inputs is a mistake, not a misfit: the names tell.
+                return np.full(len(self.names(structure)), np.nan)
+        alike = isinstance(self.system, NonlinearModel) and not isinstance(structure, TransferFunction)
+        values = self.system.params if alike else {}  # type: ignore[union-attr]
+        return np.array([values.get(name, np.nan) for name in self.names(structure)])
 
     def record(self, y: F64) -> Record:
         """A record with this group's input."""
