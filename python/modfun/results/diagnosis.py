@@ -64,8 +64,8 @@ class Diagnosis:
     further: tuple[Explained, ...]
 
 
-def diagnose(fit: Estimates) -> Diagnosis:
-    """All tests of a fit with finite parameters."""
+def diagnose(fit: Estimates, enough: float = 1.0) -> Diagnosis:
+    """All tests of a fit with finite parameters; p-values of further columns are exact up to `enough`."""
     found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.row_names))]
     colours = [colour_of_lines(pieces) for pieces in found]
     correlations = [correlation_of_lines(pieces)[0] for pieces in found]
@@ -78,7 +78,7 @@ def diagnose(fit: Estimates) -> Diagnosis:
         colour=_corrected([colour for colour, _ in colours], dim),
         coloured=fit.row_names[dim],
         colour_ratio=colours[dim][1],
-        further=further(fit),
+        further=further(fit, enough),
     )
 
 

@@ -58,26 +58,27 @@ class Explained:
     time: float = nan
 
 
-def further(fit: Estimates) -> tuple[Explained, ...]:
+def further(fit: Estimates, enough: float = 1.0) -> tuple[Explained, ...]:
     """All tests of further columns that there is something to say about; see `Explained`.
 
-    All but that of events need transfer functions in white output noise and even, unmasked samples.
+    All but that of events need transfer functions in white output noise and even, unmasked samples. Where
+    the p-value in white noise is above `enough`, which that in noise of any slope only raises, it stands.
     """
     found: list[Explained] = []
     if testable(fit):
         whole = [simulated(fit, k) for k in range(len(fit.pieces))]
         for i in range(len(fit.outputs)):
-            found += _of_output(fit, i, whole)
+            found += _of_output(fit, i, whole, enough)
     if (short := event(fit)) is not None:
         found.append(short)
     return tuple(found)
 
 
-def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:
+def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None], enough: float) -> list[Explained]:
     """All tests of one output."""
     y = fit.outputs[i]
     blocks = [_Block.of(fit, k, i, whole) for k, whole in enumerate(simulated)]
-    lines = _Residual.of(blocks)
+    lines = _Residual.of(blocks, enough)
     found = []
     for k, name in enumerate(fit.inputs):
         found.append(lines.response(name, [b.responses(k) for b in blocks]))
@@ -314,9 +315,10 @@ class _Residual:
     x: F64  # logarithm of the frequency
     ends: NDArray[np.intp]  # of the records
     basis: F64  # of the nuisance, unweighted
+    enough: float  # p-value in white noise above which the slope of the noise is not asked for
 
     @classmethod
-    def of(cls, blocks: Sequence[_Block]) -> _Residual:
+    def of(cls, blocks: Sequence[_Block], enough: float = 1.0) -> _Residual:
         ends = np.cumsum([0, *(2 * b.m.size for b in blocks)])
         nuisance = np.zeros((len(blocks[0].fitted) + sum(len(b.own) for b in blocks), ends[-1]))
         at = len(blocks[0].fitted)
@@ -326,7 +328,7 @@ class _Residual:
             at += len(block.own)
         e = np.concatenate([_real(b.residual) for b in blocks])
         x = np.concatenate([np.tile(np.log(b.m + 1.0), 2) for b in blocks])
-        return cls(blocks[0].output, nuisance, e, x, ends, _basis(nuisance))
+        return cls(blocks[0].output, nuisance, e, x, ends, _basis(nuisance), enough)
 
     def response(self, channel: str, columns: Sequence[C128]) -> Explained:
         """The likelier of any further response and of more delay alone, which is missing most often."""
@@ -361,6 +363,8 @@ class _Residual:
                 worst = max(worst, float(fdtrc(count, free, ratio)))
             if pass_ == 0:
                 share, extra_count = float(part @ part) / float(whole @ whole), count
+            if pass_ == 2 or worst > self.enough:
+                break
             weight = self._weight(rest / weight, 1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1))
         gain = -tall * log(max(1 - share, 1e-300)) - extra_count * log(tall)
         return Explained(what, channel, self.output, worst, gain)

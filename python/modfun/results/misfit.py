@@ -26,7 +26,7 @@ def misfit(fit: Estimates) -> Doubt | None:
     """The first doubt that residuals give, if it is beyond doubt; looked for where cheap tests speak."""
     if fit.df_resid < 2 or not _suspicious(fit) or noise_free(fit) is not None:
         return None
-    found = of_residuals(fit, diagnose(fit), sure_only=True)
+    found = of_residuals(fit, diagnose(fit, PLAUSIBLE), sure_only=True)
     return next((doubt for doubt in found if doubt and doubt.sure), None)
 
 

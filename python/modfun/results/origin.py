@@ -52,14 +52,14 @@ def origin(fit: Estimates) -> str | None:
         driven.append(1 / np.maximum(np.abs(a) ** 2, np.finfo(float).tiny))
         delay.append(np.exp(-1j * m * omega0 * dt))
     k, squares, z = np.concatenate(rows), np.concatenate(power), np.concatenate(delay)
-    shape = np.concatenate(driven)
+    count, shape = float(k.sum()), np.concatenate(driven)
+    shape /= shape.mean()
 
     def deviance(spectrum: F64) -> float:
-        level = np.sum(squares / spectrum) / np.sum(k)
-        return float(np.sum(k * np.log(spectrum)) + np.sum(k) * np.log(level))
+        return float(k @ np.log(spectrum)) + count * float(np.log(squares @ (1 / spectrum) / count))
 
-    process = min(deviance((1 - r) * shape / np.mean(shape) + r) for r in RATIOS)
-    coloured = min(deviance(1 / np.abs(1 - c * z) ** 2) for c in POLES)
+    process = min([deviance((1 - r) * shape + r) for r in RATIOS.tolist()])
+    coloured = min([deviance(1 / np.abs(1 - c * z) ** 2) for c in POLES.tolist()])
     white = deviance(np.ones(k.size))
     if min(process, coloured) > white - WORTH:
         return None

@@ -1,6 +1,7 @@
 """Tests of further columns object to right models as rarely as they promise, and find what is there."""
 
 import re
+import warnings
 from collections import Counter
 
 import modfun as mf
@@ -28,6 +29,20 @@ def test_right_models_are_rejected_at_most_at_the_stated_rate(pole):
     """300 fits, each test at .01: more than 11 of one kind have a chance of 1e-4 at the stated rate."""
     said = Counter(one.what for fit in fits(300, pole) for one in further(fit) if one.p_value < 0.01)
     assert not said or max(said.values()) <= 11
+
+
+@pytest.mark.parametrize("model", [TWO, mf.TransferFunction(poles=1, zeros=0)])
+def test_what_white_noise_explains_is_asked_no_further(model):
+    """P-values up to the limit are the same; those above it are not asked whether a slope explains more."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mf.ModfunWarning)
+        fit = mf.fit(next(iter(fits(1, 0.9))).records[0], model)
+    exact, some = further(fit), further(fit, enough=0.1)
+    low = [one for one in exact if one.p_value <= 0.1]
+    assert low == [one for one in some if one.p_value <= 0.1]
+    assert bool(low) == (model is not TWO)
+    assert all(one.p_value >= other.p_value for one, other in zip(exact, some, strict=True))
+    assert some != exact
 
 
 def test_an_event_has_its_time():
