@@ -303,7 +303,7 @@ def minima(fit: Estimates) -> Doubt | None:
 def unexpected(fit: Estimates) -> Doubt | None:
     """That the records contradict what was known of parameters beforehand."""
     p, name = contradicted_priors(fit)
-    if p > 0.01:
+    if not p <= 0.01:
         return None
     told = {fit.param_names[k]: (mean, sd) for k, mean, sd in fit.layout.priors}
     mean, sd = told[name]

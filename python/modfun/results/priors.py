@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,23 +25,26 @@ def known_beforehand(fit: Estimates) -> list[str]:
 def contradicted_priors(fit: Estimates) -> tuple[float, str]:
     """Probability that records which agree with all priors are so far from them, and the farthest one's name.
 
+    nan where the records say nothing beside the priors, because these are far sharper.
+
     In directions in which the priors have variance 1 and the estimates p, at distances g from the means: the
     records alone have the variance p/(1 − p) and lie g/(1 − p) from the means. Their compromise raises the
     weighted sum of squares by Σ g² p/(1 − p), which does not count as noise.
     """
     if not fit.layout.priors:
-        return 1.0, ""
+        return nan, ""
     from scipy.special import fdtrc
 
     place, means, sds = (np.array(column) for column in zip(*fit.layout.priors, strict=True))
-    gaps: F64 = (fit.params[place] - means) / sds
-    both = fit.cov_nonrobust[np.ix_(place, place)] / np.outer(sds, sds)
+    with np.errstate(all="ignore"):  # of any numbers
+        gaps: F64 = (fit.params[place] - means) / sds
+        both = fit.cov_nonrobust[np.ix_(place, place)] / sds / sds[:, None]
     if not (np.isfinite(both).all() and np.isfinite(gaps).all()):
-        return 1.0, ""
+        return nan, ""
     p, vectors = np.linalg.eigh(both)
     heard = 1 - p > TOLD
     if not heard.any():
-        return 1.0, ""
+        return nan, ""
     p, squares = p[heard], (vectors.T @ gaps)[heard] ** 2
     noise = max(1 - float(np.sum(squares * p / (1 - p))) / fit.df_resid, LEAST)
     statistic = float(np.mean(squares / ((1 - p) * (1 - p + noise * p))))

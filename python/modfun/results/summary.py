@@ -55,8 +55,10 @@ def _start(fit: Estimates) -> str:
 def _prior(fit: Estimates) -> str:
     """What was known of parameters beforehand, and how far the record agrees."""
     p, _ = contradicted_priors(fit)
-    agrees = "agrees" if p > 0.01 else "does not agree"
-    return f"{', '.join(known_beforehand(fit))}; the record {agrees} (p = {p:.2g})"
+    told = f"{', '.join(known_beforehand(fit))}; the record"
+    if not isfinite(p):
+        return f"{told} says nothing beside it"
+    return f"{told} {'agrees' if p > 0.01 else 'does not agree'} (p = {p:.2g})"
 
 
 def _path(fit: Estimates) -> str:

@@ -168,6 +168,10 @@ def test_a_record_that_contradicts_its_prior_is_said() -> None:
     # On a prior a thousand times sharper than the record it is heard all the same.
     with pytest.warns(mf.errors.ModfunWarning, match="beforehand, 1 ±"):
         mf.fit(rec, structure(a1=mf.Free(1.0, sd=1e-4)), band=14.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        held = mf.fit(rec, structure(a1=mf.Free(1.0, sd=1e-9)), band=14.0)
+    assert dict(held.summary().facts)["Prior"] == "a1 = 1 ± 1e-09; the record says nothing beside it"
 
 
 @pytest.mark.statistics
@@ -211,6 +215,20 @@ def test_saved_and_shown(tmp_path: Path) -> None:
     assert repr(mf.Free(3.0, sd=0.1)) == "Free(3, sd=0.1)"
     page = fit.report(tmp_path / "fit.html").read_text(encoding="utf-8")
     assert "Known beforehand, as one measurement more: a1 = 3 ± 0.1." in page
+
+
+@pytest.mark.parametrize(
+    ("mean", "sd"), [(3.0, 1e-300), (3.0, 1e300), (1e300, 1.0), (1e308, 1e-300), (-1e5, 1e-3), (3.0, 1e-15)]
+)
+def test_any_numbers_give_an_answer_or_a_status(mean: float, sd: float) -> None:
+    known = {"a1": mf.Free(mean, sd=sd)}
+    for model in (structure(**known), mf.Equation(EQUATION, params=known)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = mf.fit(record(), model, band=14.0)
+        assert fit.status in ("ok", "maxiter", "rank", "nonfinite")
+        assert not fit.success or fit.bse["a1"] <= 1.01 * sd
+        assert dict(fit.summary().facts)["Prior"]
 
 
 def test_studies() -> None:
