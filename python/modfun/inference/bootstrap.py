@@ -16,6 +16,7 @@ from ..base.student import confidence
 from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
+from ..models.free import refuse_priors
 from ..models.options import Options
 from ..records.batches import Batch
 from ..records.record import Record
@@ -260,6 +261,7 @@ def bootstrap(
     (3, 2)
     """
     records = _records(fit)
+    refuse_priors("bootstrap, which would draw records and no priors", fit.structure)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
     count = whole("bootstrap", "replicates", replicates, 2, 10**9)

@@ -231,6 +231,15 @@ def test_any_numbers_give_an_answer_or_a_status(mean: float, sd: float) -> None:
         assert dict(fit.summary().facts)["Prior"]
 
 
+def test_streams() -> None:
+    rec = record(0.05)
+    live = mf.Stream(mf.Estimator(KNOWN, band=14.0), dt=rec.dt, window=6.0, outputs="y", inputs="u")
+    live.push(y=rec.y, u=rec.u)
+    fit = mf.fit(rec, KNOWN, band=14.0)
+    np.testing.assert_allclose(live.params, fit.params, rtol=1e-6)
+    np.testing.assert_allclose(live.bse, fit.bse, rtol=1e-6)
+
+
 def test_studies() -> None:
     study = mf.MonteCarlo(
         system=SYSTEM, input="sin(t**2/5)", duration=6.0, intervals=128, nsr=0.1, seed=4, model=structure(),
@@ -252,6 +261,7 @@ def test_studies() -> None:
         (lambda: mf.fit(record(), KNOWN, band=14.0).stable(), "the prior of a1"),
         (lambda: mf.fit(mf.frf(record()), KNOWN), "frequency response: the prior of a1"),
         (lambda: mf.rivals.output_error(KNOWN)(record()), "the prior of a1"),
+        (lambda: mf.bootstrap(mf.fit(record(), KNOWN, band=14.0), replicates=8), "and no priors: the prior"),
         (lambda: mf.fit(record(), KNOWN, robust=True), "robust=True: the prior of a1"),
     ],
 )  # fmt: skip
