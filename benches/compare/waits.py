@@ -42,6 +42,7 @@ def calls(scratch: Path) -> dict[str, Callable[[], object]]:
     system = mf.tf([5], [1, 3, 8])
     rec = record(system, "sin(t**2/5)", DURATION)
     short = mf.simulate(system, input="sin(t**2/5)", duration=20.0, intervals=256, nsr=NSR, seed=0)
+    stepped = record(system, "sign(sin(2*t) + 0.2)", DURATION)
     late = record(mf.tf([5], [1, 3, 8], delay=0.2), "sin(t**2/5)", DURATION)
     duffing = mf.Equation("y'' + d*y' + a*y + b*y**3 = u")
     truth = duffing.model({"d": 0.3, "a": 1.0, "b": 0.5})
@@ -63,6 +64,7 @@ def calls(scratch: Path) -> dict[str, Callable[[], object]]:
         "`mf.fit`, 16 harmonics, no trend": lambda: mf.fit(rec, TF2, harmonics=16, trend=None),
         "`mf.fit`, all defaults": lambda: mf.fit(rec, TF2),
         "`mf.fit`, all defaults, 256 intervals": lambda: mf.fit(short, TF2),
+        "`mf.fit`, all defaults, an input of steps": lambda: mf.fit(stepped, TF2),
         "`mf.fit`, one free delay": lambda: mf.fit(late, LATE),
         "`mf.fit` of an equation": lambda: mf.fit(bent, duffing),
         "`mf.bootstrap`, 1,000 replicates": lambda: mf.bootstrap(fit, replicates=1000, **alone),
