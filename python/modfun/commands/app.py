@@ -314,7 +314,10 @@ def terms(
     write_json(json_to, answer | tables | {"fit": found.fit.to_dict()})
     if plot is not None:
         _save(plot, lambda pyplot: _figure(found.plot()))
-    if not found.fit.success:
+    chosen = any(found.terms.values())
+    if not chosen:
+        say("terms: no candidate explains a derivative beyond the noise, so nothing is chosen; give others")
+    if not (chosen and found.fit.success):
         raise typer.Exit(1)
 
 

@@ -1,7 +1,7 @@
 """The `modfun` command: exit codes, and where output goes. The commands are in `commands.py`.
 
-Exit code 0 success, 1 a fit or a study failed, 2 bad use or bad input. Data go to standard output,
-everything else to standard error.
+Exit code 0 success, 1 a fit or a study failed or no term was found, 2 bad use or bad input. Data go to
+standard output, everything else to standard error.
 """
 
 from __future__ import annotations

@@ -373,9 +373,15 @@ def _inverse(factor: F64, size: F64, known: Known) -> F64:
     """A root of the covariance, from a root of the information and the sizes of the parameters' effects."""
     names = np.array(known.names)
     if bad := names[~(np.isfinite(size) & (size > 0))].tolist():
+        several = len(bad) > 1
         raise DataError(
-            f"crlb: {', '.join(bad)} does not move the output, or moves it without bound; shorten the record "
-            "or give every input a signal"
+            f"crlb: {', '.join(bad)} {'do' if several else 'does'} not move the output, or "
+            f"{'move' if several else 'moves'} it without bound; "
+            + (
+                "shorten the record or give every input a signal"
+                if known.shape[1]
+                else "free motion begins somewhere: give start=, the initial state (y, y', ...)"
+            )
         )
     _, singular, right = np.linalg.svd(factor / size, full_matrices=False)
     if factor.shape[0] < size.size or singular[-1] <= known.accuracy * singular[0]:

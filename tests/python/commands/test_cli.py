@@ -263,6 +263,10 @@ def test_terms_are_selected(tmp_path, capsys):
     assert "Probability" in capsys.readouterr().out
     assert main(words) == 2
     assert "--library" in capsys.readouterr().err
+    noise = np.random.default_rng(0).standard_normal((2, 200))
+    mf.Record(y=noise[0], u=noise[1], dt=0.05, intersample="smooth").to_csv(tmp_path / "noise.csv")
+    assert main(["terms", str(tmp_path / "noise.csv"), "--output", "y", "--library", "y**3"]) == 1
+    assert "nothing is chosen; give others" in capsys.readouterr().err
 
 
 def test_fits_are_compared_on_a_record(table, tmp_path, capsys):

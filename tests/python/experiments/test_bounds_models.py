@@ -361,4 +361,23 @@ def test_parameters_that_cannot_be_told_apart_are_named():
     values = {name: value for name, value in VALUES.items() if name != "Zd"}
     assert np.all(np.isfinite(mf.crlb(held, DE, params=values, sigma=0.001).sd))
     still = mf.signals.Signals(np.zeros(100), 0.05, "de")
-    refused("does not move the output", SHORT_PERIOD, still, params=VALUES, sigma=0.1, error=mf.DataError)
+    refused("not move the output", SHORT_PERIOD, still, params=VALUES, sigma=0.1, error=mf.DataError)
+
+
+def test_free_motion_begins_at_start():
+    """Of an equation, as by derivatives of the damped cosine; without start the message asks for it."""
+    t, p = 0.05 * np.arange(401), np.array([0.4, 1.04, 1.0, 0.0])
+
+    def motion(a1, a2, y0, v0):
+        d = np.sqrt(a2 - a1**2 / 4)
+        return np.exp(-a1 / 2 * t) * (y0 * np.cos(d * t) + (v0 + a1 / 2 * y0) / d * np.sin(d * t))
+
+    slopes = np.array([(motion(*(p + e)) - motion(*(p - e))) / 2e-6 for e in 1e-6 * np.eye(4)])
+    exact = 0.02 * np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    equation, rec = mf.Equation("y'' + a1*y' + a2*y = 0"), mf.Record(y=motion(*p), dt=0.05)
+    values = {"a1": 0.4, "a2": 1.04}
+    bound = mf.crlb(equation, rec, params=values, sigma=0.02, start=[1.0, 0.0])
+    np.testing.assert_allclose(bound.sd, exact[:2], rtol=1e-5)
+    np.testing.assert_allclose(mf.crlb(mf.fit(rec, equation), sigma=0.02).sd, exact[:2], rtol=1e-3)
+    with pytest.raises(mf.DataError, match=r"a1, a2 do not move .* give start=, the initial state"):
+        mf.crlb(equation, rec, params=values, sigma=0.02)
