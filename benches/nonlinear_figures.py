@@ -47,7 +47,7 @@ def main(folder, data):
     found = silverbox.simulated(fit, u[start:])[: y[start:].size]
     shown = slice(4450, 4634)  # .3 s
     t = silverbox.DT * np.arange(start, y.size)[shown]
-    title = "Silverbox: .3 s of the 25 s after the fit"
+    title = "Silverbox: 0.3 s of the 25 s after the fit"
     figure(folder / "silverbox.png", title, "y (V)", t, y[start:][shown], found[shown])
     q, velocity, force = emps.read(data)
     fit, _ = emps.main(data)

@@ -24,8 +24,8 @@ SHOWN = {"ml": ("C3", "o"), "awls": ("C0", "s"), "HOYW": ("0.6", "v"), "ESPRIT":
 def accuracy(path, replicates):
     """Root mean square errors over the bound against noise, two problems."""
     problems = {
-        "64 samples, .20 and .22": (64, (0.20, 0.22)),
-        "256 samples, .10 and .12": (256, (0.10, 0.12)),
+        "64 samples, 0.20 and 0.22": (64, (0.20, 0.22)),
+        "256 samples, 0.10 and 0.12": (256, (0.10, 0.12)),
     }
     fig, axes = plt.subplots(1, 2, figsize=(8.4, 3.4), sharey=True, layout="constrained")
     for ax, (title, (n, frequencies)) in zip(axes, problems.items(), strict=True):

@@ -120,7 +120,7 @@ def draw(
     """Errors of the yaw rate, and how far estimates lie from the published entries."""
     figure, (left, right) = common.panels(1, 2, size=(9.0, 3.8))
     left.plot(rec.t, found["published, smooth"][1][2], label="published matrices")
-    left.plot(rec.t, found["published, Nda 0.9 % larger"][1][2], label="with Nδa .9 % larger")
+    left.plot(rec.t, found["published, Nda 0.9 % larger"][1][2], label="with Nδa 0.9 % larger")
     left.plot(rec.t, fit.errors()[2], label="fit")
     left.set(xlabel="t, s", ylabel="error of r, deg/s")
     for shift, name in ((-0.12, "all"), (0.12, "two known")):

@@ -76,7 +76,7 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     gain = fit.frequency_response(response.omega)[0][0]
     apart = np.abs(response.response[0, 0] - gain)
     out["apart"] = np.sqrt(np.mean(apart**2) / np.mean(np.abs(gain) ** 2))
-    print(f"\nGains without a model, .3 to 12 rad/s: {100 * out['apart']:.1f} % from those of the fit")
+    print(f"\nGains without a model, 0.3 to 12 rad/s: {100 * out['apart']:.1f} % from those of the fit")
     if figures:
         draw(fit, rec, response, figures)
     return out

@@ -3,6 +3,7 @@
 Left out are blocks of code, code type and pages that programs write.
 """
 
+import ast
 import re
 
 import pytest
@@ -43,6 +44,28 @@ def faults(text):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_prose_has_no_bare_decimal_and_no_telegraphic_phrase(page):
     assert faults(page.read_text(encoding="utf-8")) == []
+
+
+DRAWN = [*(ROOT / "examples").rglob("*.py"), *(ROOT / "benches").glob("*_figures.py")]
+
+
+def texts(source):
+    """Texts of a program, without docstrings and without the formats of numbers."""
+    nodes = list(ast.walk(ast.parse(source)))
+    left_out = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    specs = [node.format_spec for node in nodes if isinstance(node, ast.FormattedValue)]
+    left_out |= {id(part) for spec in specs if spec is not None for part in ast.walk(spec)}
+    return [
+        node.value
+        for node in nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in left_out
+    ]
+
+
+@pytest.mark.parametrize("program", sorted(DRAWN), ids=lambda path: path.stem)
+def test_labels_of_figures_and_what_examples_print_have_no_bare_decimal(program):
+    written = [re.sub(r"\{[^{}]*\}|%[.\d]+[efg]", "x", text) for text in texts(program.read_text("utf-8"))]
+    assert [text for text in written if BARE.search(text)] == []
 
 
 def test_faults_are_found_in_prose_and_nowhere_else():
