@@ -369,6 +369,30 @@ pub fn set_levels(out: &Bound<'_, PyDict>, levels: Option<Levels>) -> PyResult<(
     out.set_item("process_shares", matrix(py, both, count)?)
 }
 
+/// The same for many fits: values, their standard errors and shares with errors, one row a fit.
+fn set_levels_of_many(out: &Bound<'_, PyDict>, many: &[Levels], parameters: usize) -> PyResult<()> {
+    let count = many.iter().map(|own| own.values.len()).max().unwrap_or(0);
+    let shares = many.iter().map(|own| own.shares.len()).max().unwrap_or(0);
+    let size = parameters + count;
+    let (mut values, mut errors, mut parts) = (Vec::new(), Vec::new(), Vec::new());
+    for own in many {
+        let whole = own.values.len() == count && own.cov.len() == size * size;
+        for k in 0..count {
+            values.push(if whole { own.values[k] } else { f64::NAN });
+            let at = (parameters + k) * (size + 1);
+            errors.push(if whole { own.cov[at].sqrt() } else { f64::NAN });
+        }
+        for k in 0..shares {
+            let (share, error) = own.shares.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
+            parts.extend([share, error]);
+        }
+    }
+    let (py, rows) = (out.py(), many.len());
+    out.set_item("process_levels", matrix(py, values, rows)?)?;
+    out.set_item("bse_process_levels", matrix(py, errors, rows)?)?;
+    out.set_item("process_shares", matrix(py, parts, rows)?)
+}
+
 /// What a fit of one output answers.
 pub fn dictionary(py: Python<'_>, f: Fit) -> PyResult<Bound<'_, PyDict>> {
     let out = answered(py, f.answer)?;
@@ -405,6 +429,9 @@ pub fn many_dictionary(
 ) -> PyResult<Bound<'_, PyDict>> {
     let rows = many.status.len();
     let out = PyDict::new(py);
+    if !many.levels.is_empty() {
+        set_levels_of_many(&out, &many.levels, many.theta.len() / rows)?;
+    }
     out.set_item("theta", matrix(py, many.theta, rows)?)?;
     out.set_item("bse_nonrobust", matrix(py, many.bse_nonrobust, rows)?)?;
     out.set_item("bse_hc3", matrix(py, many.bse_hc3, rows)?)?;

@@ -61,7 +61,7 @@ def fit_batch(
     look = None
     if isinstance(made.layout, Layout) and may_change(made.layout, options, made.intervals[0]):
         look = Changes(data, made.layout, made.intervals[0], found["lines"][0], found["omega0"][0], fit_one)
-    return FitMany.of_core(found, made.layout.param_names, structure, options, look)
+    return FitMany.of_core(found, made.layout, structure, options, look)
 
 
 def fit_each(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..errors import SpecError
 from ..models.options import Options
 from .estimates import Estimates
 from .fit import Fit
+from .process_noise import level_names, levels_of, of_many
 
 __all__ = ["FitMany"]
 
@@ -56,6 +57,11 @@ class FitMany:
     options : Options
     degrees : int or (replicate, p) array
         Degrees of freedom of the intervals params ± t·bse.
+    levels : tuple of two (replicate, level) arrays, or None
+        With ``noise="process"`` or a `ProcessNoise`: the levels of `Fit.process_noise` and their
+        standard errors.
+    level_names : tuple of str
+        What each of them is of, such as "measurement of y" and "process of y".
     """
 
     params: F64
@@ -69,6 +75,8 @@ class FitMany:
     structure: Any
     options: Options
     degrees: Any
+    levels: tuple[F64, F64] | None = None
+    level_names: tuple[str, ...] = ()
     look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None = None
 
     @cached_property
@@ -136,10 +144,16 @@ class FitMany:
             + (f"; the noise of {int(changes)} changes over the record" if changes else ""),
         )
 
+    def process_noise(self) -> Table:
+        """Levels of noise="process" over the `usable` fits: mean, standard deviation, median, mean error."""
+        return of_many(self.levels, self.usable, self.level_names, self.options.noise)
+
     def to_pandas(self) -> Any:
         """A pandas.DataFrame (extra ``pandas``): one row per replicate, bse of a1 as column "a1_bse"."""
         columns: dict[str, Any] = dict(zip(self.param_names, self.params.T, strict=True))
         columns |= {f"{name}_bse": bse for name, bse in zip(self.param_names, self.bse.T, strict=True)}
+        if self.levels is not None:
+            columns |= dict(zip(self.level_names, self.levels[0].T, strict=True))
         columns |= {"status": self.status, "cost": self.cost, "nit": self.nit}
         return optional("pandas", "pandas", "FitMany.to_pandas").DataFrame(columns)
 
@@ -184,6 +198,7 @@ class FitMany:
             band=first.band,
             structure=structure,
             options=options,
+            **_driven([_of_fit(f) for f in fits], first.layout, options),
         )
         made.__dict__["_looked"] = np.array([f.changing for f in fits]), np.array([f.bse for f in fits])
         return made
@@ -191,7 +206,7 @@ class FitMany:
     @staticmethod
     def of_core(
         found: Mapping[str, Any],
-        names: tuple[str, ...],
+        layout: Any,
         structure: Any,
         options: Options,
         look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None,
@@ -204,11 +219,35 @@ class FitMany:
             status=np.array(STATUS).take(found["status"]),
             cost=found["cost"],
             nit=found["nit"],
-            param_names=names,
+            param_names=layout.param_names,
             df_resid=found["df_resid"],
             degrees=found.get(f"df_{options.cov_type.lower()}", found["df_resid"]),
             band=(low * omega0, high * omega0),
             structure=structure,
             options=options,
             look=look,
+            **_driven(
+                zip(found["process_levels"], found["bse_process_levels"], strict=True)
+                if "process_levels" in found
+                else [],
+                layout,
+                options,
+            ),
         )
+
+
+def _of_fit(fit: Fit) -> tuple[F64, F64] | None:
+    """Levels of a fit and their standard errors, as the core has them."""
+    if fit.process_levels is None:
+        return None
+    values, cov, _ = fit.process_levels
+    return values, root(np.diag(cov)[-values.size :])
+
+
+def _driven(found: Iterable[tuple[F64, F64] | None], layout: Any, options: Options) -> dict[str, Any]:
+    """Fields of the levels of noise, one row a fit; none where there are no such levels."""
+    each = [own for own in found if own is not None]
+    if not each or not options.drives:
+        return {}
+    levels = levels_of(np.array([values for values, _ in each]), np.array([errors for _, errors in each]))
+    return {"levels": levels, "level_names": level_names(layout, options, levels[0].shape[1])}

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.student import confidence, normal_factor, root
 from ..base.tables import Table
 from ..errors import SpecError
+from ..models.options import Options
 from ..models.process import ProcessNoise
 
 if TYPE_CHECKING:
     from .estimates import Estimates
 
-__all__ = ["in_words", "process_noise"]
+__all__ = ["in_words", "level_names", "levels_of", "of_many", "process_noise"]
 
 
 def process_noise(fit: Estimates, level: float) -> Table:
@@ -32,25 +36,19 @@ def process_noise(fit: Estimates, level: float) -> Table:
     """
     level = confidence("process_noise", level)
     if fit.process_levels is None:
-        raise SpecError(
-            f"process_noise: with noise={fit.options.noise!r} all noise is that of the samples; fit "
-            'with noise="process"'
-        )
+        raise _of_samples(fit.options.noise)
     values, cov, shares = fit.process_levels
     count = len(shares)
+    sizes, errors = levels_of(values, root(np.diag(cov)[-values.size :]))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        sizes = np.sqrt(values)
-        errors = np.where(values > 0, root(np.diag(cov)[-values.size :]) / (2 * sizes), np.nan)
         half = normal_factor(level) * errors / sizes
         low, high = sizes * np.exp(-half), sizes * np.exp(half)
-    noise, driving = fit.options.noise, values.size - count
-    names = noise.names if isinstance(noise, ProcessNoise) else fit.row_names
+    driving = values.size - count
     # Of one output both parts are told; which of several noises moves an output is not told apart.
     alone = count == driving == 1
     nothing = np.full(driving, np.nan)
     columns = {
-        "noise": np.repeat(["measurement", "process"], [count, driving]),
-        "of": np.array([*fit.outputs[:count], *names]),
+        **_whose(fit.layout, fit.options, count, driving),
         "level": sizes,
         "se": errors,
         "low": low,
@@ -63,6 +61,65 @@ def process_noise(fit: Estimates, level: float) -> Table:
         {name: column[told] for name, column in columns.items()},
         title="Standard deviation on a sample, and root of the density of what drives the system",
     )
+
+
+def of_many(levels: tuple[F64, F64] | None, usable: Any, names: Sequence[str], noise: Any) -> Table:
+    """Levels and their errors, (fit, level), over the usable fits of many; see `FitMany.process_noise`.
+
+    Raises
+    ------
+    SpecError
+        For fits that take all noise as that of the samples.
+    """
+    if levels is None:
+        raise _of_samples(noise)
+    sizes, errors = (own[usable] for own in levels)
+    some, two = bool(len(sizes)), len(sizes) > 1
+    nothing = np.full(sizes.shape[1], np.nan)
+    found = errors > 0  # a level of 0 has no error
+    with np.errstate(invalid="ignore", divide="ignore"):
+        usual = np.sum(np.where(found, errors, 0.0), axis=0) / np.sum(found, axis=0)
+    whose = [name.split(" of ", 1) for name in names]
+    return Table(
+        {
+            "noise": [kind for kind, _ in whose],
+            "of": [of for _, of in whose],
+            "mean": sizes.mean(axis=0) if some else nothing,
+            "sd": sizes.std(axis=0, ddof=1) if two else nothing,
+            "median": np.median(sizes, axis=0) if some else nothing,
+            "mean_se": usual,
+        },
+        title="Standard deviation on a sample, and root of the density of what drives the system",
+    )
+
+
+def _of_samples(noise: Any) -> SpecError:
+    return SpecError(
+        f'process_noise: with noise={noise!r} all noise is that of the samples; fit with noise="process"'
+    )
+
+
+def levels_of(values: F64, errors: F64) -> tuple[F64, F64]:
+    """Roots of levels, and their standard errors, from levels and theirs; nan beside a level of 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sizes = np.sqrt(values)
+        return sizes, np.where(values > 0, errors / (2 * sizes), np.nan)
+
+
+def level_names(layout: Any, options: Options, count: int) -> tuple[str, ...]:
+    """What each of so many levels is of, in words."""
+    whose = _whose(layout, options, len(layout.outputs), count - len(layout.outputs))
+    return tuple([f"{noise} of {of}" for noise, of in zip(whose["noise"], whose["of"], strict=True)])
+
+
+def _whose(layout: Any, options: Options, count: int, driving: int) -> dict[str, NDArray[np.str_]]:
+    """Kind of the levels, and the outputs, equations or inputs that they are of."""
+    rows = layout.outputs if layout.rational else [f"equation {k + 1}" for k in range(len(layout.orders))]
+    names = options.noise.names if isinstance(options.noise, ProcessNoise) else rows
+    return {
+        "noise": np.repeat(["measurement", "process"], [count, driving]),
+        "of": np.array([*layout.outputs[:count], *names]),
+    }
 
 
 def in_words(fit: Estimates) -> str:

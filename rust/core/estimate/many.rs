@@ -1,6 +1,7 @@
 //! Results of many fits.
 
 use super::design::Design;
+use super::driven::output::Levels;
 use super::outcome::Outcome;
 use super::workspace::Workspace;
 use crate::error::Status;
@@ -26,6 +27,8 @@ pub struct Many {
     pub nit: Vec<u32>,
     /// Degrees of freedom of each HC3 standard error, of equations alone.
     pub hc3_degrees: Vec<f64>,
+    /// Levels of noise that drives the system and of the samples, where they are estimated.
+    pub levels: Vec<Levels>,
 }
 
 impl Many {
@@ -39,6 +42,7 @@ impl Many {
         self.status.push(outcome.status[lane]);
         self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
         self.nit.push(outcome.nit[lane]);
+        self.levels.extend(w.refined.as_ref().map(|refined| refined.levels(d, lane)));
     }
 
     pub(super) fn append(&mut self, mut other: Many) {
@@ -51,5 +55,6 @@ impl Many {
         self.cost.append(&mut other.cost);
         self.nit.append(&mut other.nit);
         self.hc3_degrees.append(&mut other.hc3_degrees);
+        self.levels.append(&mut other.levels);
     }
 }

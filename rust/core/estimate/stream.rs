@@ -213,6 +213,7 @@ impl<F: Slider> Stream<F> {
             cost: vec![f64::NAN],
             nit: vec![0],
             hc3_degrees: Vec::new(),
+            levels: Vec::new(),
         });
     }
 
@@ -335,6 +336,7 @@ impl Slider for JointFitter {
                 cost: vec![f.cost],
                 nit: vec![f.nit],
                 hc3_degrees: Vec::new(),
+                levels: Vec::new(),
             });
         }
         Ok(many)

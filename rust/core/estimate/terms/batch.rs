@@ -97,5 +97,6 @@ impl Many {
         self.cost.push(own.cost);
         self.nit.push(own.nit);
         self.hc3_degrees.extend(&fit.hc3_degrees);
+        self.levels.extend(fit.driven.clone());
     }
 }
