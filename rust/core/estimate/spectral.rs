@@ -11,7 +11,10 @@
 //! freedom, with normal priors that leave c₀ free and let the spectrum fall or rise by many powers of ten, but not from
 //! line to line. The curvature of its likelihood does not depend on c: half the degrees of freedom of each line times
 //! T Tᵀ. So four scoring steps with one factor suffice from where the logarithms of the squares lead, and the
-//! variance of log(g s gᵀ) follows: it makes the degrees of freedom of Student's t, ν = 2/var, for each parameter.
+//! variance of log(g s gᵀ) follows: it makes the degrees of freedom of Student's t, ν = 2/var, for each parameter. ν is
+//! at least 2, since the prior is wider than real spectra: the constant of an equation hangs on line 0 alone, which leaves
+//! no residual, and would have ν = 0.1; its error lies within 3.2 to 4.7 standard errors in 95 % of records, in noise
+//! from white to AR(0.95), and t with ν = 2 allows 4.3.
 //!
 //! Lines are put together in bins no wider than an eighth of their frequency. A line of the spectrum that stands alone,
 //! a hum, is smoothed over; HC3 allows for it where enough lines carry the information.
@@ -38,6 +41,8 @@ const STEPS: usize = 4;
 const LONGEST: f64 = 1.5 / LN_2;
 /// Least level of a bin over that of all that the start believes.
 const LEAST: f64 = 1e-3;
+/// Least degrees of freedom of a variance.
+const FEWEST: f64 = 2.0;
 /// Width of a bin over its frequency.
 const WIDTH: f64 = 0.125;
 
@@ -241,6 +246,7 @@ impl Spectral {
     fn covariance<L: Lanes>(&mut self, bins: &[Terms], variance: L) {
         let p = self.parameters;
         let size = p * (p + 1) / 2;
+        let fewest = L::splat(FEWEST);
         let mut at = 0;
         for i in 0..p {
             // The variance of a sum of spectra, and its own variance.
@@ -256,7 +262,7 @@ impl Spectral {
             }
             // A parameter on its bound has no influence.
             let scale = L::splat(1.0) / sum.max(L::splat(f64::MIN_POSITIVE));
-            (L::splat(2.0) / (var * scale * scale)).store(&mut self.degrees[i]);
+            (L::splat(2.0) / (var * scale * scale)).max(fewest).store(&mut self.degrees[i]);
             (sum * variance).store(&mut self.cov[i * p + i]);
             for j in i + 1..p {
                 let mut sum = L::splat(0.0);

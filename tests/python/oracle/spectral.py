@@ -43,4 +43,4 @@ def spectral(estimator, e, left, place):
     cov = (estimator * s) @ estimator.T
     share = estimator**2 * s / np.diag(cov)[:, None] @ terms[own]
     inverse = np.linalg.inv((terms.T * freedom) @ terms / 2 + np.diag(PRECISION))
-    return cov, 2 / np.einsum("ka,ab,kb->k", share, inverse, share)
+    return cov, np.maximum(2 / np.einsum("ka,ab,kb->k", share, inverse, share), 2)
