@@ -210,10 +210,10 @@ def test_parameters_and_states_are_known_beforehand(table, capsys):
     rec = mf.read(table, outputs=["q"], inputs=["de"])
     told = mf.TransferFunction(poles=2, zeros=0, params={"a1": mf.Free(2.5, sd=0.2)})
     assert printed["params"] == mf.fit(rec, told, band=8.0).params.tolist()
-    state = ["--initial-state", "0.1,-0.2", "--band", "8", "--json", "-"]
+    state = ["--initial-state", "1,0.5", "--band", "8", "--json", "-"]
     assert main(["fit", str(table), *FIT, *state]) == 0
     printed = json.loads(capsys.readouterr().out)
-    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), band=8.0, initial_state=[0.1, -0.2])
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), band=8.0, initial_state=[1.0, 0.5])
     assert printed["params"] == fit.params.tolist()
 
 
