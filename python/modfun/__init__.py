@@ -3,6 +3,7 @@
 Units are seconds and rad/s, arrays are (channel, time).
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -118,6 +119,8 @@ if not TYPE_CHECKING:  # type checkers read the imports above
         if name in _MODULES:
             return import_module(f".{name}", __name__)
         if name not in _PLACES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            # With name and obj, Python itself adds what may have been meant.
+            text = f"module {__name__!r} has no attribute {name!r}"
+            raise AttributeError(text, name=name, obj=sys.modules[__name__])
         value = globals()[name] = getattr(import_module(_PLACES[name], __name__), name)
         return value

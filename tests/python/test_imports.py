@@ -112,3 +112,10 @@ def test_names_load_from_where_type_checkers_see_them():
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'modfun' has no attribute 'fitt'"):
         modfun.fitt  # noqa: B018
+    told = subprocess.run(
+        [sys.executable, "-c", "import modfun; modfun.TransferFuncton"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Did you mean: 'TransferFunction'?" in told.stderr

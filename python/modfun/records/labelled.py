@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.optional import optional
 from ..errors import DataError, SpecError
-from .columns import Columns, Told, from_arrays
+from .columns import Columns, Told, from_arrays, time_candidates
 from .samples import Samples
 
 __all__ = ["open_frame", "open_xarray", "to_pandas", "to_xarray", "told_of_frame"]
@@ -80,9 +80,13 @@ def _sigma_names(rec: Samples) -> dict[str, str]:
 def open_frame(frame: Any, label: str, attrs: Any) -> Columns:
     """Return the columns of a pandas or polars frame; `attrs` is what it knows beside them."""
     arrays = {str(name): frame[name] for name in frame.columns}
-    name = getattr(getattr(frame, "index", None), "name", None)
+    index = getattr(frame, "index", None)
+    name = getattr(index, "name", None)
+    if name is None and getattr(getattr(index, "dtype", None), "kind", "") in ("f", "M", "m"):
+        # Nobody numbers rows by these.
+        name = None if time_candidates(from_arrays(arrays, label)) else "t"
     if isinstance(name, str) and name not in arrays:  # pandas often keeps the times there
-        arrays = {name: frame.index, **arrays}
+        arrays = {name: index, **arrays}
     return from_arrays(arrays, label, told_of_frame(attrs, arrays))
 
 

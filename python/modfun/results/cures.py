@@ -12,7 +12,7 @@ from ..models.free import Free
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from .diagnosis import level_p
+from .diagnosis import growth, level_p
 from .estimates import Estimates
 
 __all__ = ["Cure", "best_cure", "bic_beside", "on_band", "with_drift"]
@@ -51,12 +51,11 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
     for words, records, structure in near:
         other = _again(fit, records, structure, options)
-        if other is None:
+        if other is None or growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
         after = bic_beside(other, fit)
-        # Poles can do what a delay does, so they have to do more than one that leaves noise alone.
-        delayed = found is not None and "a delay" in found.words and found.level_p > ENOUGH
-        margin = WORTH if found is None or delayed else CLOSE
+        # Poles can do what a delay does, or a zero: they have to do more than one that leaves noise alone.
+        margin = CLOSE if found and found.level_p < ENOUGH else WORTH
         if isfinite(after) and after < (found.after if found else before) - margin:
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""

@@ -150,6 +150,11 @@ def test_pandas_frames_also_with_times_in_the_index():
     assert read(frame.set_index("t"), outputs="q", inputs="de") == expected()
     rec = expected(keep={"event": Q})
     assert read(rec.to_pandas(), outputs="q", inputs="de", keep="event") == rec
+    unnamed = frame.set_index("t").rename_axis(None)
+    assert read(unnamed, outputs="q", inputs="de") == expected()
+    assert read(unnamed.assign(time=frame["t"].to_numpy()), outputs="q", inputs="de") == expected()
+    with pytest.raises(SpecError, match="no column is named t or time"):
+        read(frame.drop(columns="t"), outputs="q", inputs="de")  # row numbers are no times
 
 
 def test_pandas_dates_and_nullable_columns():

@@ -136,3 +136,12 @@ def test_a_prbs_through_a_delay_is_cured_by_the_delay(system, zeros, dt, hold, l
             mf.fit(made, mf.TransferFunction(poles=len(system[1]) - 1, zeros=zeros))
         told = re.findall(r"[\d.]*\d", str(said[0].message).split("delay=")[1].split(":")[0])
         assert min(map(float, told)) - 1e-9 <= late * dt <= max(map(float, told)) + 1e-9
+
+
+def test_no_unstable_structure_is_the_cure_of_a_stable_fit():
+    t = np.arange(0, 20, 0.05)
+    u = np.where((t > 2) & (t < 6), 1.0, 0.0)
+    y = PLANT.simulate(u=u, dt=0.05, intersample="zoh").ravel()
+    y += 0.02 * np.random.default_rng(0).standard_normal(t.size)
+    with pytest.warns(mf.ModfunWarning, match="First try one more pole, poles=2, zeros=0"):
+        mf.fit(mf.Record(y=y, u=u, dt=0.05), mf.TransferFunction(poles=1, zeros=0))
