@@ -189,6 +189,11 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
     missing = [key for key in missing if key not in placed[: len(args)]]
     if missing:
         raise SpecError(f"{name}: {', '.join(missing)} is missing; give {missing[0]}=...") from None
+    if twice := [key for key in placed[: len(args)] if key in given]:
+        raise SpecError(
+            f"{name}: {twice[0]} is given by its name, and is what {shown(args[placed.index(twice[0])])} is "
+            f"without a name; write {name}({', '.join(f'{key}=...' for key in options[: len(args) + 1])})"
+        ) from None
 
 
 def _meant(key: str, options: Sequence[str]) -> str:

@@ -386,7 +386,8 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not isinstance(structure, TransferFunction):
         return fit_equation(records, structure, options, fit_quietly)
     made = prepare(structure, options, records)
-    refuse_standing(made.layout, [rec.y for rec in records], [rec.u for rec in records])
+    sides = [rec.y for rec in records], [rec.u for rec in records]
+    refuse_standing(made.layout, *sides, options.initial_state)
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
     return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
 

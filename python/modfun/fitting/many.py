@@ -46,7 +46,7 @@ def fit_batch(
     if isinstance(structure, TransferFunction):
         made = prepare(structure, options, sample)
         y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
-        refuse_standing(made.layout, [y[0]], [u[0]])
+        refuse_standing(made.layout, [y[0]], [u[0]], options.initial_state)
     else:
         made = prepare_equation(structure, options, sample)
         y, u = batch_of(made, data)

@@ -165,8 +165,12 @@ def refuse_open_periods(names: tuple[str, ...], us: Sequence[F64]) -> None:
             )
 
 
-def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> None:
+def refuse_standing(
+    layout: Layout, ys: Sequence[F64], us: Sequence[F64], initial_state: Any = "unknown"
+) -> None:
     """Refuse records (outputs and inputs (channel, time)) in which a channel that counts never moves.
+
+    From an initial state that is known, an input that stands tells its gain all the same.
 
     Raises
     ------
@@ -178,13 +182,16 @@ def refuse_standing(layout: Layout, ys: Sequence[F64], us: Sequence[F64]) -> Non
                 f"fit: output {name!r} stands at {ys[0][k, 0]:g} throughout, so nothing can be learnt "
                 "from it: take a record in which it moves"
             )
+    if initial_state == "zero" or not isinstance(initial_state, str):
+        return
     for k, name in enumerate(layout.inputs):
         used = any([row[k] is not None for row in layout.numerators])
         if used and all([_stands(u[k]) for u in us]):
             raise DataError(
                 f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
                 "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
-                "it moves (of a step test, from before the step)"
+                "it moves (of a step test, from before the step; if the step came at the first sample, at "
+                'rest, give initial_state="zero")'
             )
 
 

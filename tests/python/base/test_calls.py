@@ -11,6 +11,7 @@ SLIPS = {
     "dt": (lambda: mf.simulate(mf.tf([1], [1, 1]), dt=0.1), "'dt'; give intervals=.*duration/dt"),
     "step without a name": (lambda: mf.Record([0.0] * 20, 0.1), "sampling interval by its name, dt="),
     "x0": (lambda: mf.tf([1], [1, 1]).simulate(u="t", dt=0.1, x0=[1.0]), "'x0'; give initial_state="),
+    "twice": (lambda: mf.rivals.output_error(1, model=2), "output_error: model is given by its name, and is"),
     "nearest": (lambda: mf.read("x.csv", output="y"), "no option 'output'; did you mean 'outputs'"),
     "missing": (lambda: mf.MonteCarlo(system=mf.tf([1], [1, 1])), "estimators is missing"),
     "method": (lambda: mf.signals.chirp("u", band=(1, 2), dt=0.1, duration=1).plot(axes=0), "mean 'ax'"),

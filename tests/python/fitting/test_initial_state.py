@@ -293,3 +293,23 @@ def test_records_that_cannot_be_counted_are_refused() -> None:
         mf.fit(free, MODEL, initial_state="zero")
     with pytest.raises(mf.SpecError, match="offset"):
         mf.crlb(SYSTEM, rec.assign(u=rec["u"] + 1), sigma=0.1, initial_state="rest")
+
+
+def test_a_step_at_the_first_sample_tells_the_system_from_rest() -> None:
+    """Means of 30 errors in units of their standard errors scatter by 0.18; the limit is 3.9 times that."""
+    y = SYSTEM.simulate(u=np.ones(401), dt=0.02, intersample="zoh").ravel()
+    noise = 0.01 * np.random.default_rng(0).standard_normal((30, y.size))
+    records = [mf.Record(y=y + own, u=np.ones(401), dt=0.02) for own in noise]
+    errors = np.array(
+        [
+            (fit.params - TRUTH) / fit.bse
+            for fit in (mf.fit(rec, MODEL, initial_state="zero") for rec in records)
+        ]
+    )
+    assert np.max(np.abs(errors.mean(axis=0))) < 0.7
+    assert np.all((errors.std(axis=0) > 0.6) & (errors.std(axis=0) < 1.5))
+    many = mf.fit_many(records[:2], MODEL, initial_state="zero", progress=False)
+    assert np.all(np.isfinite(many.params))
+    for told in ("unknown", "rest"):
+        with pytest.raises(mf.DataError, match='from before the step; .* give initial_state="zero"'):
+            mf.fit(records[0], MODEL, initial_state=told)
