@@ -86,9 +86,9 @@ mod tests {
 
     #[test]
     fn the_criterion_stays_a_number() {
-        let one = [Prior { parameter: 1, mean: 2.0, sd: 1e-9 }];
+        let one = [Prior { parameter: 1, mean: 2.0, sd: 1.0 / f64::from(1 << 30) }];
         let far = distance(&one, |k| k as f64);
-        assert_eq!(far, 1e18);
+        assert_eq!(far, (1u64 << 60) as f64);
         assert!(factor(far, 10.0).is_finite());
         assert_eq!(factor(0.0, 10.0), 1.0);
     }
