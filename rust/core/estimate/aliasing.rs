@@ -28,7 +28,9 @@ const IMAGES: usize = 2 * FOLDS;
 /// Rounds of taking it out and of the estimate that follows.
 pub(crate) const ROUNDS: usize = 2;
 /// A correction above this part of the output's power is none: the estimate is far off.
-const LARGE: f64 = 0.1;
+pub(crate) const LARGE: f64 = 0.1;
+/// The same where an input acts at once: at half the sampling rate what is folded is 1.4 of the power.
+pub(crate) const LARGE_AT_ONCE: f64 = 1.5;
 
 /// The rule of the output's sums: where all is known that plain sums fold into it, they need no end weights.
 pub(crate) fn output_rule(given: Rule, inputs: &[Option<Hold>], even: bool) -> Rule {
@@ -43,6 +45,8 @@ pub(crate) fn output_rule(given: Rule, inputs: &[Option<Hold>], even: bool) -> R
 #[derive(Debug, Clone)]
 pub(crate) struct Fold {
     pub hold: Hold,
+    /// Steps that the samples come after the middle of the hold.
+    pub behind: f64,
     /// e^{−2πijf} of j = 1, 2, …, f the part of a step by which the input changes after a sample.
     phases: [[Wide; 2]; FOLDS],
     /// Σ 2 cos(2πjf)/j² of the others.
@@ -94,8 +98,13 @@ impl Aliasing {
 impl Fold {
     /// Of an input that is late by so many steps.
     pub fn new(hold: Hold, delay: [f64; LANES]) -> Fold {
-        let mut fold =
-            Fold { hold, phases: [[Wide::ZERO; 2]; FOLDS], far: Wide::ZERO, jump: Wide::ZERO };
+        let mut fold = Fold {
+            hold,
+            behind: 0.0,
+            phases: [[Wide::ZERO; 2]; FOLDS],
+            far: Wide::ZERO,
+            jump: Wide::ZERO,
+        };
         for (lane, delay) in delay.into_iter().enumerate() {
             let late = delay - delay.floor();
             // A delay of whole steps, but for rounding.
@@ -111,6 +120,9 @@ impl Fold {
             }
             fold.far.0[lane] = far;
             fold.jump.0[lane] = if late == 0.0 { PI } else { jump };
+            if lane == 0 {
+                fold.behind = if late == 0.0 { -0.5 } else { 0.5 - late };
+            }
         }
         fold
     }
@@ -270,11 +282,11 @@ impl Measured {
         }
     }
 
-    /// Puts back the lanes in which what was taken out has too much of the output's power.
-    pub fn judge(&self, re: &mut [Wide], im: &mut [Wide], [taken, all]: &[Wide; 2]) {
+    /// Puts back the lanes in which what was taken out has more than this part of the output's power.
+    pub fn judge(&self, re: &mut [Wide], im: &mut [Wide], [taken, all]: &[Wide; 2], large: f64) {
         for lane in 0..LANES {
             // NaN is not little, either.
-            let little = taken.0[lane] <= LARGE * all.0[lane];
+            let little = taken.0[lane] <= large * all.0[lane];
             if !little {
                 self.put_back(re, im, lane);
             }

@@ -2,6 +2,7 @@
 
 mod aliasing;
 mod answer;
+mod at_once;
 mod awls;
 mod band;
 pub(crate) mod batch;

@@ -14,7 +14,7 @@ use super::rule::Rule;
 use super::second_start::go_again;
 use super::unalias::unalias;
 use super::workspace::Workspace;
-use super::{ls, straight, uncertainty};
+use super::{at_once, ls, straight, uncertainty};
 use crate::error::Status;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -54,7 +54,9 @@ pub fn estimate(
         Method::Ml if d.adapts() => Some(Rule::Ml),
         _ => None,
     };
+    let at_once = d.acts_at_once();
     match rule {
+        _ if at_once => at_once::settle(isa, d, w, live, rule, o),
         Some(rule) => {
             iterate(isa, d, w, rule, o);
             if start == Start::Wls {
@@ -66,7 +68,13 @@ pub fn estimate(
     let asked = o.wanted == Wanted::Covariance;
     if o.wanted != Wanted::Cost {
         match &d.known_start {
-            Some(known) if !periodic => start_known(isa, d, w, known, live, rule, o),
+            Some(known) if !periodic => {
+                if at_once {
+                    w.records.iter_mut().for_each(|r| r.measured.give_back(&mut r.re, &mut r.im));
+                }
+                start_known(isa, d, w, known, live, rule, o);
+            }
+            _ if at_once => {}
             _ => unfold(isa, d, w, live, rule, o),
         }
     }
@@ -135,15 +143,18 @@ fn start_known(
             // `wls` under output noise does not make the cost small.
             let lower = round == 0 || rule.is_none() || own <= cost[lane] * (1.0 + SAME);
             let now = w.iterates.theta.now.iter_mut().zip(&mut best);
-            let moved = rest::moved(now.map(|(now, best)| {
-                let before = best.0[lane];
-                match lower {
-                    true => best.0[lane] = now.0[lane],
-                    // Too far for what was linear there.
-                    false => now.0[lane] = 0.5 * (now.0[lane] + before),
-                }
-                (before, now.0[lane])
-            }));
+            let moved = rest::moved(
+                rest::SETTLED,
+                now.map(|(now, best)| {
+                    let before = best.0[lane];
+                    match lower {
+                        true => best.0[lane] = now.0[lane],
+                        // Too far for what was linear there.
+                        false => now.0[lane] = 0.5 * (now.0[lane] + before),
+                    }
+                    (before, now.0[lane])
+                }),
+            );
             left[lane] = round == 0 || moved;
             if lower {
                 cost[lane] = own;
@@ -197,7 +208,7 @@ impl Kernel for Ties<'_> {
 }
 
 /// The estimate once more, from where it stands, of an output that has changed a little.
-fn again(
+pub(super) fn again(
     isa: Isa,
     d: &Design,
     w: &mut Workspace,

@@ -23,7 +23,7 @@ use crate::structure::Structure;
 const STENCIL: usize = 6;
 /// Most rounds of the transient and of the estimate that follows, and the relative change of θ that ends them.
 pub(crate) const ROUNDS: usize = 20;
-const SETTLED: f64 = 1e-4;
+pub(crate) const SETTLED: f64 = 1e-4;
 /// Degree of the Taylor polynomial of a matrix exponential: its remainder at norm 1 is 1/19! = 8e-18.
 const DEGREE: usize = 18;
 /// Squarings of one; more overflow.
@@ -99,14 +99,14 @@ pub(crate) struct Tie {
     pub active: bool,
 }
 
-/// Whether parameters have moved, from what they were and what they are.
-pub(crate) fn moved(theta: impl Iterator<Item = (f64, f64)>) -> bool {
+/// Whether parameters have moved by more than this part of them, from what they were and what they are.
+pub(crate) fn moved(settled: f64, theta: impl Iterator<Item = (f64, f64)>) -> bool {
     let (mut change, mut size) = (0.0, 0.0);
     for (before, now) in theta {
         change += (now - before) * (now - before);
         size += now * now;
     }
-    change > SETTLED * SETTLED * size
+    change > settled * settled * size
 }
 
 impl KnownStart {

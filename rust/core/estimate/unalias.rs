@@ -1,6 +1,6 @@
 //! Takes what sampling folds into the output's sums under held inputs out of them, at the estimate that stands.
 
-use super::aliasing::{Aliasing, Images};
+use super::aliasing::{Aliasing, Images, LARGE, LARGE_AT_ONCE};
 use super::design::Design;
 use super::workspace::Workspace;
 use crate::simd::{Isa, Kernel, Lanes, Wide};
@@ -10,8 +10,9 @@ use crate::structure::Structure;
 pub(crate) fn unalias(isa: Isa, d: &Design, w: &mut Workspace) {
     let Some(aliasing) = &d.aliasing else { return };
     let power = isa.run(Unalias { structure: &d.structure, aliasing, design: d, space: w });
+    let large = if d.acts_at_once() { LARGE_AT_ONCE } else { LARGE };
     for r in &mut w.records {
-        r.measured.judge(&mut r.re, &mut r.im, &power);
+        r.measured.judge(&mut r.re, &mut r.im, &power, large);
     }
 }
 

@@ -110,7 +110,11 @@ impl Workspace {
                     re
                 },
                 im: wide((2 + inputs) * r.x.len()),
-                measured: Measured::new(d.aliasing.as_ref(), r.x.len()),
+                // Inputs that act at once are turned for a while.
+                measured: Measured::new(
+                    d.aliasing.as_ref(),
+                    if d.acts_at_once() { (1 + inputs) * r.x.len() } else { r.x.len() },
+                ),
                 tie: Tie::new(d.tied(), p),
                 products: wide(d.products.count * r.x.len().min(tile)),
                 rows: r.x.len().min(tile),

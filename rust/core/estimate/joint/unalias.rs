@@ -3,7 +3,7 @@
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointSpace;
-use crate::estimate::aliasing::{Aliasing, Fold, Images};
+use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
@@ -17,7 +17,7 @@ pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
         Across::Lines => power.map(|p| Wide::splat(p.0.iter().sum())),
     };
     for r in &mut w.records {
-        r.measured.judge(&mut r.re, &mut r.im, &power);
+        r.measured.judge(&mut r.re, &mut r.im, &power, LARGE);
     }
 }
 
