@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.tables import Findings
+from .band_end import beyond
 from .diagnosis import diagnose
 from .doubts import (
     SURE,
@@ -95,7 +96,7 @@ def check(fit: Estimates, line: str) -> Findings:
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
             found += [*residual, of_colour(fit, d), of_time(fit)]
-        found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit)]
+        found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit), beyond(fit)]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""

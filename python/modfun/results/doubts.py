@@ -196,9 +196,13 @@ def repeated(fit: Estimates) -> Doubt | None:
 
 
 def few_samples(fit: Estimates) -> Doubt | None:
-    """That the highest lines are sampled too slowly for the quadrature; held inputs need none."""
+    """That the highest lines are sampled too slowly for the quadrature; held inputs need none.
+
+    The default rule goes there only where the residuals stay at their level.
+    """
     samples = fewest_samples(fit)
-    if samples >= FEW_SAMPLES or fit.exact_lines:
+    chosen = fit.band_rule is not None and fit.layout.rational
+    if samples >= FEW_SAMPLES or fit.exact_lines or chosen:
         return None
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "

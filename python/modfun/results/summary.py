@@ -14,6 +14,7 @@ from ..base.student import root, student_p
 from ..base.tables import Findings, Table
 from ..errors import SpecError
 from ..models.noise import Noise
+from .band_end import end_in_words
 from .diagnosis import level_p, level_ratio
 from .doubts import numbers
 from .estimates import Estimates
@@ -175,12 +176,10 @@ def _band(fit: Estimates) -> str:
     text = f"{low:.4g} to {high:.4g} rad/s (lines {lines})"
     rule = fit.band_rule
     if rule is not None:
-        more = ""
-        if fit.exact_lines and max(hi for _, hi in fit.lines) >= rule["k_max"] - 1:
-            more = "; errors still fall there, and with held inputs a wider band= is exact"
         return (
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
-            f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}{more}"
+            f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
+            f"{end_in_words(fit)}"
         )
     if fit.options.band is not None:
         return f"{text}: given as band"

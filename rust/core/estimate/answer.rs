@@ -39,6 +39,11 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// Classical variances.
+    pub(crate) fn variances(&self) -> Vec<f64> {
+        self.cov_nonrobust.iter().step_by(self.theta.len() + 1).copied().collect()
+    }
+
     /// At least the condition number of the columns; infinite where they are dependent.
     #[must_use]
     pub fn condition_bound(&self) -> f64 {

@@ -15,12 +15,12 @@
 
 use std::f64::consts::TAU;
 
+use super::again::again;
 use super::aliasing::Fold;
 use super::design::Design;
 use super::iterate::iterate;
 use super::options::Options;
 use super::pass::prepare;
-use super::replicates::again;
 use super::rest::moved;
 use super::rule::Rule;
 use super::unalias::unalias;

@@ -5,6 +5,9 @@ use crate::structure::Method;
 /// Standard errors may grow by this factor when the default band is narrowed.
 const TOLERANCE: f64 = 1.01;
 
+/// Part of the wide band, in tenths, from which on a choice meets its end: errors may fall beyond.
+const END: usize = 9;
+
 /// Costs that differ by less, in parts of themselves, are those of one minimum.
 pub(crate) const SAME: f64 = 1e-9;
 
@@ -38,6 +41,14 @@ pub struct BandRule {
     pub chosen: usize,
 }
 
+impl BandRule {
+    /// Whether the choice ends where the wide band does, so that errors may fall beyond.
+    #[must_use]
+    pub fn meets_end(&self) -> bool {
+        10 * self.chosen >= END * self.wide
+    }
+}
+
 /// Which lines a fit uses.
 pub(crate) struct Choice {
     /// First and last of each record.
@@ -62,7 +73,8 @@ pub(crate) fn narrow_lines(unknowns: usize, order: usize) -> usize {
     unknowns.saturating_mul(3).saturating_add(order)
 }
 
-/// Highest lines of the default rule, wide and narrow, for so many unknowns an output.
+/// Highest lines of the default rule, wide and narrow, for so many unknowns an output; the wide one doubled so many
+/// times, up to the last line below the fastest that samples show.
 ///
 /// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20).
 pub(crate) fn default_lines(
@@ -70,9 +82,10 @@ pub(crate) fn default_lines(
     unknowns: usize,
     order: usize,
     intervals: usize,
+    doublings: u32,
 ) -> (usize, usize) {
     let narrow = narrow_lines(unknowns, order);
-    let wide = (intervals / 8).max((intervals / 4).min(16));
+    let wide = ((intervals / 8).max((intervals / 4).min(16)) << doublings).min((intervals - 1) / 2);
     match method {
         Method::Ls | Method::Wls => {
             let only = narrow.min(intervals / 2);

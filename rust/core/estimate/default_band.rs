@@ -7,6 +7,9 @@
 //! chosen  k* = min { k : se_i(k) ≤ 1.01 se_i(K) for every parameter i, at equal σ }.
 //! ```
 //!
+//! Where k* ≥ 0.9 K, errors may fall beyond: the rule is asked again with 2K, up to the last line that even samples
+//! show, and its answer taken where it is surer and says the same of the record (`wider.rs`).
+//!
 //! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
 //! is the report's guideline (eq. 20).
 
@@ -20,13 +23,27 @@ use crate::structure::{Method, Noise};
 impl Fitter {
     /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
     /// fewest lines that keep every standard error within 1 % of the wide one's at equal σ.
-    pub(crate) fn default_band(&self, desk: &mut Desk, wide: Vec<Range>) -> Result<Choice, Error> {
+    /// `before`: the estimate over a narrower band that such a rule chose, which is a third start.
+    pub(crate) fn default_band(
+        &self,
+        desk: &mut Desk,
+        wide: Vec<Range>,
+        before: Option<&[f64]>,
+    ) -> Result<Choice, Error> {
         let narrow = self.narrow(&wide);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let second = self.narrow_estimate(desk, &wide);
         let mut all = self.problem(desk, &wide)?;
-        let costs = all.trial(self, second.as_slice());
-        let lane = usize::from(costs[1] < costs[0] * (1.0 + SAME));
+        let starts: Vec<Vec<f64>> = match before {
+            // The narrow start keeps its place in the account.
+            Some(before) => vec![second.unwrap_or_else(|| before.to_vec()), before.to_vec()],
+            None => second.into_iter().collect(),
+        };
+        let costs = all.trial(self, &starts);
+        let mut lane = usize::from(costs[1] < costs[0] * (1.0 + SAME));
+        if costs[2] < costs[lane] * (1.0 - SAME) {
+            lane = 2;
+        }
         let theta = costs[lane].is_finite().then(|| all.space.theta(&all.design, lane).collect());
         let (most, few) = (last(&wide), last(&narrow));
         let ranges = match theta {

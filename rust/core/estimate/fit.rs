@@ -6,6 +6,7 @@ use super::band::{Band, default_lines};
 use super::driven::output::Levels;
 use super::options::Options;
 use super::rest::Initial;
+use super::wider::Candidate;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
@@ -76,6 +77,17 @@ pub struct Fit {
     pub free_cost: Option<f64>,
     /// Residuals on the lines of each record over its noise: unit variance in Re and Im.
     pub residuals: Vec<Vec<(f64, f64)>>,
+}
+
+impl Fit {
+    /// With the denominator's degree.
+    pub(crate) fn candidate(&self, order: usize) -> Candidate<'_> {
+        Candidate {
+            answer: &self.answer,
+            levels: vec![self.sigma * self.sigma],
+            denominators: vec![self.answer.theta[..order].to_vec()],
+        }
+    }
 }
 
 impl FitOptions {
@@ -173,8 +185,8 @@ impl FitOptions {
         self.band == Band::Default && self.noise == Noise::Output && adapts
     }
 
-    /// Highest lines of the default rule for a window of `intervals`: wide, narrow.
-    pub(crate) fn default_lines(&self, intervals: usize) -> (usize, usize) {
-        default_lines(self.method, self.unknowns(), self.structure.order, intervals)
+    /// Highest lines of the default rule for a window of `intervals`: wide, doubled so many times, and narrow.
+    pub(crate) fn default_lines(&self, intervals: usize, doublings: u32) -> (usize, usize) {
+        default_lines(self.method, self.unknowns(), self.structure.order, intervals, doublings)
     }
 }

@@ -1,7 +1,7 @@
 //! A structure, a method and a way of sampling made ready: what the samples do not change is made once, for
 //! any number of fits.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::aliasing::Aliasing;
 use super::answer::{Answer, unit_diagonal};
@@ -54,6 +54,10 @@ pub struct Fitter {
     pub(crate) records: Vec<RecordPlan>,
     desks: Spare<Desk>,
     shared: Mutex<Vec<Arc<Shared>>>,
+    /// How often the wide band of the default rule was doubled.
+    doublings: u32,
+    /// The same with a band twice as wide, made when a record asks for it; none where samples show no more.
+    wider: OnceLock<Option<Box<Fitter>>>,
 }
 
 /// Memory of one fit.
@@ -111,6 +115,16 @@ impl Fitter {
         sampling: &[(usize, Time<'_>)],
         isa: Isa,
     ) -> Result<Fitter, Error> {
+        Fitter::doubled(0, other, o, sampling, isa)
+    }
+
+    fn doubled(
+        doublings: u32,
+        other: Option<&Fitter>,
+        o: FitOptions,
+        sampling: &[(usize, Time<'_>)],
+        isa: Isa,
+    ) -> Result<Fitter, Error> {
         o.check()?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
@@ -131,7 +145,7 @@ impl Fitter {
             .map_or(&[][..], |f| &f.records);
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, o.longest_delay())?;
-            let (wide, narrow) = o.default_lines(window.resolved);
+            let (wide, narrow) = o.default_lines(window.resolved, doublings);
             let range = window.given(o.band, o.structure.order)?.unwrap_or((0, wide));
             let dt = if let Time::Even(dt) = time { Some(*dt) } else { None };
             let same = |r: &&RecordPlan| {
@@ -144,7 +158,35 @@ impl Fitter {
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
-        Ok(Fitter { o, isa, records, desks: Spare::new(), shared: Mutex::new(Vec::new()) })
+        Ok(Fitter {
+            o,
+            isa,
+            records,
+            desks: Spare::new(),
+            shared: Mutex::new(Vec::new()),
+            doublings,
+            wider: OnceLock::new(),
+        })
+    }
+
+    /// The fitter with a band twice as wide, where the rule's choice met the end of this one.
+    fn wider(&self, rule: Option<BandRule>) -> Option<&Fitter> {
+        rule.filter(BandRule::meets_end)?;
+        let make = || {
+            let even = |r: &RecordPlan| Some((r.samples, Time::Even(r.dt?)));
+            let sampling: Vec<_> = self.records.iter().map(even).collect::<Option<_>>()?;
+            let wider =
+                Fitter::doubled(self.doublings + 1, None, self.o.clone(), &sampling, self.isa);
+            let goes_on = |wider: &Fitter| {
+                wider
+                    .records
+                    .iter()
+                    .zip(&self.records)
+                    .any(|(wider, own)| wider.range.1 > own.range.1)
+            };
+            wider.ok().filter(goes_on).map(Box::new)
+        };
+        self.wider.get_or_init(make).as_deref()
     }
 
     /// Fits one structure to one record, or to several as one problem.
@@ -233,9 +275,33 @@ impl Fitter {
                 theta.len()
             )));
         }
+        self.fit_on(records, starts, None)
+    }
+
+    /// The same, and where errors fall beyond the end of the default band, on more lines. `before`: the estimate on
+    /// fewer.
+    fn fit_on(
+        &self,
+        records: &[RecordView<'_>],
+        starts: &[Vec<f64>],
+        before: Option<&[f64]>,
+    ) -> Result<Fit, Error> {
+        let fit = self.fit_here(records, starts, before)?;
+        let Some(wider) = self.wider(fit.answer.band_rule) else { return Ok(fit) };
+        let other = wider.fit_on(records, &[], Some(&fit.answer.theta))?;
+        let order = self.o.structure.order;
+        Ok(if fit.candidate(order).yields_to(&other.candidate(order)) { other } else { fit })
+    }
+
+    fn fit_here(
+        &self,
+        records: &[RecordView<'_>],
+        starts: &[Vec<f64>],
+        before: Option<&[f64]>,
+    ) -> Result<Fit, Error> {
         let mut desk = self.desks.lend();
         let desk = desk.get_or(|| self.desk());
-        let Choice { ranges, rule, theta } = self.choose(desk, records)?;
+        let Choice { ranges, rule, theta } = self.choose(desk, records, before)?;
         if let Some(theta) = theta {
             return self.finish(desk, &ranges, Start::Theta(&theta), rule);
         }
@@ -271,13 +337,18 @@ impl Fitter {
     }
 
     /// Loads the records and says which lines to use: as given, or by the default rule.
-    fn choose(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<Choice, Error> {
+    fn choose(
+        &self,
+        desk: &mut Desk,
+        records: &[RecordView<'_>],
+        before: Option<&[f64]>,
+    ) -> Result<Choice, Error> {
         self.load(desk, records)?;
         let ranges: Vec<Range> = self.records.iter().map(|r| r.range).collect();
         match self.o.band_is_sought() {
             true => {
                 self.find_levels(desk, &self.narrow(&ranges), Start::Wls);
-                let choice = self.default_band(desk, ranges.clone())?;
+                let choice = self.default_band(desk, ranges.clone(), before)?;
                 if let Some(theta) = &choice.theta {
                     // More lines than the fit needs know the levels better.
                     self.find_levels(desk, &ranges, Start::Theta(theta));
@@ -336,7 +407,13 @@ impl Fitter {
             true => {
                 let mut desk = self.desks.lend();
                 let desk = desk.get_or(|| self.desk());
-                self.choose(desk, std::slice::from_ref(record))?.ranges[0]
+                let records = std::slice::from_ref(record);
+                let Choice { ranges, rule, .. } = self.choose(desk, records, None)?;
+                let rule = match self.wider(rule) {
+                    Some(_) => self.fit(records)?.answer.band_rule,
+                    None => rule,
+                };
+                (ranges[0].0, rule.map_or(ranges[0].1, |rule| rule.chosen))
             }
             false => own.range,
         };

@@ -1,5 +1,6 @@
 //! Estimators of θ for eight replicates at once; a single fit is the same kernel with one live lane.
 
+mod again;
 mod aliasing;
 mod answer;
 mod at_once;
@@ -29,6 +30,7 @@ mod record_space;
 mod refine;
 mod replicates;
 mod rest;
+mod routh;
 mod rule;
 mod second_start;
 mod shared;
@@ -40,6 +42,7 @@ mod sums;
 pub mod terms;
 mod unalias;
 mod uncertainty;
+mod wider;
 mod window;
 mod wls;
 pub(crate) mod workspace;

@@ -1,5 +1,6 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
+use super::again::again;
 use super::aliasing::ROUNDS;
 use super::band::SAME;
 use super::completion::{complete, status};
@@ -204,38 +205,6 @@ impl Kernel for Ties<'_> {
             r.tie.set::<L>(&d.structure, &d.columns, course, theta);
             r.tie.at::<L>(theta, &mut t.now);
         }
-    }
-}
-
-/// The estimate once more, from where it stands, of an output that has changed a little.
-pub(super) fn again(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    let nit = w.progress.nit;
-    w.begin(live);
-    match (rule, d.method) {
-        (Some(rule), _) => {
-            prepare(isa, d, w);
-            isa.run(uncertainty::Transients { design: d, space: w });
-            iterate(isa, d, w, rule, o);
-        }
-        (None, Method::Ls) => {
-            if !straight::ls(isa, d, w) {
-                isa.run(ls::LsStep { design: d, space: w });
-            }
-        }
-        (None, _) => iterate(isa, d, w, Rule::Wls, o),
-    }
-    if rule.is_none() {
-        w.progress.active = Wide::ZERO;
-    }
-    for lane in 0..LANES {
-        w.progress.nit.0[lane] += nit.0[lane];
     }
 }
 

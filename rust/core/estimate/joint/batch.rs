@@ -64,6 +64,15 @@ impl JointBatch<'_> {
 impl JointFitter {
     /// What the records of a batch share: lines as given, or as found on one record.
     pub(crate) fn shared(&self, record: &JointRecord<'_>) -> Result<JointShared, Error> {
+        self.shared_after(record, None)
+    }
+
+    /// The same after the estimate `before` over a narrower band.
+    fn shared_after(
+        &self,
+        record: &JointRecord<'_>,
+        before: Option<&[f64]>,
+    ) -> Result<JointShared, Error> {
         let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.whiteners.is_empty();
         let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
@@ -75,7 +84,14 @@ impl JointFitter {
         }
         let own = &self.records[0];
         let loaded = self.load(std::slice::from_ref(record))?;
-        let Choice { ranges, theta, .. } = self.choose(&loaded, std::slice::from_ref(record))?;
+        let records = std::slice::from_ref(record);
+        let Choice { ranges, theta, rule } = self.choose(&loaded, records, before)?;
+        if let Some(wider) = self.wider(rule) {
+            let fit = self.fit_on(records, before)?;
+            if fit.answer.band_rule.map(|rule| rule.wide) > rule.map(|rule| rule.wide) {
+                return wider.shared_after(record, theta.as_deref());
+            }
+        }
         let design = self.design(&ranges, &loaded.scales, &self.o.noise, false)?;
         let start = theta.filter(|_| !design.free_delays.is_empty());
         Ok(JointShared {

@@ -22,11 +22,13 @@ const GLANCE: usize = 6;
 const TRIALS: usize = 128;
 
 impl JointFitter {
-    /// Lines, the default rule's account, and where to start from.
+    /// Lines, the default rule's account, and where to start from. `before`: the estimate over a narrower band that
+    /// such a rule chose, which is a third start.
     pub(crate) fn choose(
         &self,
         loaded: &Loaded,
         records: &[JointRecord<'_>],
+        before: Option<&[f64]>,
     ) -> Result<Choice, Error> {
         let given = self.ranges();
         let sought = self.o.band == Band::Default && self.adapts();
@@ -48,20 +50,23 @@ impl JointFitter {
             costs: [first_cost, f64::INFINITY],
             chosen: last(&given),
         };
-        let mut found = first_cost.is_finite();
+        let mut least = first_cost;
         let second = self.narrow_estimate(loaded, records, &given)?;
-        if let Some(start) = second {
+        for (at, start) in [second.as_deref(), before].into_iter().enumerate() {
+            let Some(start) = start else { continue };
             let mut other = self.single(&d, loaded);
-            let near = found.then(|| best.estimates());
-            let (cost, same) = self.trial(&mut other, records, Some(&start), near.as_deref())?;
-            rule.costs[1] = if same { first_cost } else { cost };
-            if same {
-                // What it would come to stands already.
-            } else if cost < first_cost - SAME * first_cost.abs() || !found {
-                found |= cost.is_finite();
-                best = other;
+            let near = least.is_finite().then(|| best.estimates());
+            let (cost, same) = self.trial(&mut other, records, Some(start), near.as_deref())?;
+            // Where it is the same, what it would come to stands already.
+            let cost = if same { least } else { cost };
+            if at == 0 {
+                rule.costs[1] = cost;
+            }
+            if !same && (cost < least - SAME * least.abs() || !least.is_finite()) {
+                (best, least) = (other, cost);
             }
         }
+        let found = least.is_finite();
         let (ranges, theta) = match found {
             true => (self.narrowest(&mut best, &given), Some(best.w.theta(&d, 0).collect())),
             false => (given, None),

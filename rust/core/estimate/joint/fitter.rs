@@ -1,5 +1,7 @@
 //! A joint structure and a way of sampling made ready, and a fit of its records with everything a user sees.
 
+use std::sync::OnceLock;
+
 use super::delays::{self, Delayed};
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
 use super::iterate::JointStart;
@@ -16,6 +18,7 @@ use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
 use crate::estimate::prior::{self, Prior};
 use crate::estimate::record_levels::{misfits, settle};
+use crate::estimate::wider::Candidate;
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
@@ -49,6 +52,9 @@ pub struct JointOptions {
     /// Iteration.
     pub options: Options,
 }
+
+/// Most lines of a band that is doubled where samples are uneven in variance: time grows with their cube.
+const DENSE: usize = 512;
 
 impl JointOptions {
     /// Checks what does not depend on data.
@@ -106,6 +112,16 @@ pub struct JointFit {
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
 }
 
+impl JointFit {
+    fn candidate(&self, structure: &JointStructure) -> Candidate<'_> {
+        Candidate {
+            answer: &self.answer,
+            levels: self.noise.iter().step_by(structure.orders.len() + 1).copied().collect(),
+            denominators: structure.denominators(&self.answer.theta),
+        }
+    }
+}
+
 /// How one record becomes coefficients.
 pub(crate) struct JointRecordPlan {
     pub samples: usize,
@@ -126,6 +142,12 @@ pub struct JointFitter {
     pub(crate) isa: Isa,
     pub(crate) records: Vec<JointRecordPlan>,
     pub(crate) kinds: Vec<Kind>,
+    /// Variances of the samples, where they are uneven.
+    variances: Vec<Vec<Vec<f64>>>,
+    /// How often the wide band of the default rule was doubled.
+    doublings: u32,
+    /// The same with a band twice as wide, made when a record asks for it; none where samples show no more.
+    wider: OnceLock<Option<Box<JointFitter>>>,
 }
 
 /// Coefficients of all records and signals (outputs, then paths), and what they are measured in.
@@ -162,6 +184,16 @@ impl JointFitter {
     /// # Errors
     /// [`Error::Spec`] and [`Error::Data`] where options and lengths do not go together.
     pub fn new(
+        o: JointOptions,
+        sampling: &[(usize, Time<'_>)],
+        variances: &[Vec<Vec<f64>>],
+        isa: Isa,
+    ) -> Result<JointFitter, Error> {
+        JointFitter::doubled(0, o, sampling, variances, isa)
+    }
+
+    fn doubled(
+        doublings: u32,
         o: JointOptions,
         sampling: &[(usize, Time<'_>)],
         variances: &[Vec<Vec<f64>>],
@@ -208,7 +240,7 @@ impl JointFitter {
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
-            let (wide, narrow) = default_lines(o.method, each, order, window.resolved);
+            let (wide, narrow) = default_lines(o.method, each, order, window.resolved, doublings);
             let range = window.given(o.band, order)?.unwrap_or((0, wide));
             // The colour of the noise is read from a wide band even where the fit's is narrow.
             let highest = match o.noise.colour {
@@ -240,7 +272,31 @@ impl JointFitter {
             Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, whiteners })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
-        Ok(JointFitter { o, isa, records, kinds })
+        let (variances, wider) = (variances.to_vec(), OnceLock::new());
+        Ok(JointFitter { o, isa, records, kinds, variances, doublings, wider })
+    }
+
+    /// The fitter with a band twice as wide, where the rule's choice met the end of this one.
+    pub(crate) fn wider(&self, rule: Option<BandRule>) -> Option<&JointFitter> {
+        rule.filter(BandRule::meets_end)?;
+        let make = || {
+            let even = |r: &JointRecordPlan| {
+                (r.dt.is_finite() && (r.whiteners.is_empty() || 2 * r.range.1 <= DENSE))
+                    .then_some((r.samples, Time::Even(r.dt)))
+            };
+            let sampling: Vec<_> = self.records.iter().map(even).collect::<Option<_>>()?;
+            let (doublings, o) = (self.doublings + 1, self.o.clone());
+            let wider = JointFitter::doubled(doublings, o, &sampling, &self.variances, self.isa);
+            let goes_on = |wider: &JointFitter| {
+                wider
+                    .records
+                    .iter()
+                    .zip(&self.records)
+                    .any(|(wider, own)| wider.range.1 > own.range.1)
+            };
+            wider.ok().filter(goes_on).map(Box::new)
+        };
+        self.wider.get_or_init(make).as_deref()
     }
 
     /// Fits one structure to one record, or to several as one problem.
@@ -248,12 +304,35 @@ impl JointFitter {
     /// # Errors
     /// [`Error::Data`] for what the caller can mend; failures of the numbers are a [`Status`].
     pub fn fit(&self, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
+        self.fit_on(records, None)
+    }
+
+    /// The same, and where errors fall beyond the end of the default band, on more lines. `before`: the estimate on
+    /// fewer.
+    pub(crate) fn fit_on(
+        &self,
+        records: &[JointRecord<'_>],
+        before: Option<&[f64]>,
+    ) -> Result<JointFit, Error> {
+        let fit = self.fit_here(records, before)?;
+        let Some(wider) = self.wider(fit.answer.band_rule) else { return Ok(fit) };
+        let other = wider.fit_on(records, Some(&fit.answer.theta))?;
+        let structure = &self.o.structure;
+        let is_taken = fit.candidate(structure).yields_to(&other.candidate(structure));
+        Ok(if is_taken { other } else { fit })
+    }
+
+    fn fit_here(
+        &self,
+        records: &[JointRecord<'_>],
+        before: Option<&[f64]>,
+    ) -> Result<JointFit, Error> {
         let mut loaded = self.load(records)?;
         if records.len() == 1 || !(self.o.own_levels && self.adapts()) {
-            return self.fit_loaded(&loaded, records);
+            return self.fit_loaded(&loaded, records, before);
         }
         if self.o.band != Band::Default {
-            let first = self.fit_loaded(&loaded, records)?;
+            let first = self.fit_loaded(&loaded, records, None)?;
             return self.levelled(&mut loaded, records, &self.o.noise, first);
         }
         // Lines are chosen with the levels that few of them tell; then all tell them better than those the fit needs.
@@ -264,7 +343,7 @@ impl JointFitter {
             let few = self.fit_from(&loaded, records, &self.narrow(&wide), few)?;
             self.levelled(&mut loaded, records, &white, few)?;
         }
-        let first = self.fit_loaded(&loaded, records)?;
+        let first = self.fit_loaded(&loaded, records, before)?;
         let theta = first.answer.theta.clone();
         let all = (&self.o.noise, JointStart::Theta(&theta));
         let all = self.fit_from(&loaded, records, &wide, all)?;
@@ -332,11 +411,16 @@ impl JointFitter {
                 "fitting coefficients: a delay that is to be found needs the samples".into(),
             ));
         }
-        self.fit_loaded(&Loaded::new(spectra), &[])
+        self.fit_loaded(&Loaded::new(spectra), &[], None)
     }
 
-    fn fit_loaded(&self, loaded: &Loaded, records: &[JointRecord<'_>]) -> Result<JointFit, Error> {
-        let Choice { ranges, rule, theta } = self.choose(loaded, records)?;
+    fn fit_loaded(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        before: Option<&[f64]>,
+    ) -> Result<JointFit, Error> {
+        let Choice { ranges, rule, theta } = self.choose(loaded, records, before)?;
         let d = self.design(&ranges, &loaded.scales, &self.o.noise, true)?;
         let mut delayed = self.delayed(records);
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);

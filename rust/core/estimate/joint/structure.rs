@@ -205,6 +205,16 @@ impl JointStructure {
         (denominators, numerators)
     }
 
+    /// Each denominator that these parameters make, without the leading 1.
+    pub(crate) fn denominators(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut free = theta.iter().copied();
+        let all: Vec<f64> =
+            self.fixed.iter().map_while(|held| held.or_else(|| free.next())).collect();
+        let places = self.places().0.into_iter().zip(&self.orders);
+        let each = places.map(|(from, order)| all[from..from + order].to_vec());
+        each.take(if self.common { 1 } else { self.orders.len() }).collect()
+    }
+
     /// All terms but the leading ones, sⁿY.
     pub(crate) fn terms(&self) -> Vec<Term> {
         let (denominators, numerators) = self.places();
@@ -252,6 +262,16 @@ mod tests {
         assert_eq!((two(true).parameters(), two(false).parameters()), (8, 10));
         assert_eq!(two(true).places(), (vec![0, 0], vec![vec![2, 4], vec![4, 5]]));
         assert_eq!(two(false).places(), (vec![0, 4], vec![vec![2, 4], vec![6, 7]]));
+    }
+
+    #[test]
+    fn denominators_have_their_held_values() {
+        let mut s = two(false);
+        s.fixed[1] = Some(7.0);
+        let theta = [0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 0.2];
+        assert_eq!(s.denominators(&theta), [[0.0, 7.0], [4.0, 5.0]]);
+        let theta = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.2];
+        assert_eq!(two(true).denominators(&theta), [[0.0, 1.0]]);
     }
 
     #[test]

@@ -101,7 +101,7 @@ impl TermsFitter {
                 )));
             }
             let window = Window::new(*samples, *time, e.longest_lag())?;
-            let (wide, few) = default_lines(o.method, unknowns, order, window.resolved);
+            let (wide, few) = default_lines(o.method, unknowns, order, window.resolved, 0);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
             records.push(TermsRecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);

@@ -1,0 +1,90 @@
+"""Where the default band ends: whether its rule chose the end, and what lies beyond."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import ModfunError
+from ..systems.polynomials import roots_of
+from .diagnosis import growth
+from .doubts import Doubt
+from .estimates import Estimates
+
+__all__ = ["beyond", "end_in_words"]
+
+LIGHT = 0.3  # damping below which a mode shows as a peak
+WORTH = 1.25  # factor by which a standard error has to fall for a wider band to be named
+RISES = 1.1  # by which others may rise, and the noise level may fall
+MOVED = 3.0  # standard errors by which an estimate may move
+
+
+def end_in_words(fit: Estimates) -> str:
+    """Why the default rule looked no further, where its choice ends with what it looked at."""
+    rule = fit.band_rule
+    if rule is None or not _meets_end(fit):
+        return ""
+    if rule["k_max"] >= (max(fit.intervals) - 1) // 2:
+        return "; these are all lines that the samples show"
+    if _was_asked(fit):
+        return "; beyond, residuals rise, the estimate changes, or too little is gained"
+    return "; errors may fall beyond: compare a wider band="
+
+
+def beyond(fit: Estimates) -> Doubt | None:
+    """That something lies beyond the end of the default band: a mode, or what lowers the errors."""
+    if not _meets_end(fit):
+        return None
+    return _mode(fit) if _was_asked(fit) else _wider(fit)
+
+
+def _meets_end(fit: Estimates) -> bool:
+    """Whether the default rule chose a band up to where it looked (`BandRule::meets_end` in the core)."""
+    rule = fit.band_rule
+    return rule is not None and 10 * rule["k"] >= 9 * rule["k_max"]
+
+
+def _was_asked(fit: Estimates) -> bool:
+    """Whether the core tried a wider band: of transfer functions and even samples."""
+    return fit.layout.rational and None not in fit.steps
+
+
+def _mode(fit: Estimates) -> Doubt | None:
+    if not fit.has_poles:
+        return None
+    for _, i in fit.denominators():
+        poles = roots_of(fit.polynomials(i)[0])
+        light = poles[(poles.imag > fit.band[1]) & (-poles.real < LIGHT * np.abs(poles))]
+        if light.size:
+            return Doubt(
+                f"The mode at {abs(light[0]):.4g} rad/s lies beyond the band, which ends at "
+                f"{fit.band[1]:.4g} rad/s: only its tail determines it, and the record contradicts it there. "
+                "Sample faster, or compare a wider band=.",
+                sure=False,
+            )
+    return None
+
+
+def _wider(fit: Estimates) -> Doubt | None:
+    """That errors fall in a band twice as wide, by the fit on it."""
+    if fit.again is None or fit.records is None:
+        return None
+    edge = float(f"{2 * fit.band[1]:.3g}")
+    try:
+        other = fit.again(fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))
+    except ModfunError:  # the samples show no more
+        return None
+    if not (other.usable and other.success) or growth(other) > max(growth(fit), 0.0):
+        return None
+    was, now = np.asarray(fit.bse), np.asarray(other.bse)
+    free = (was > 0) & (now > 0)
+    fall = np.where(free, was / np.where(free, now, 1.0), 1.0)
+    moved = np.abs(np.asarray(other.params) - np.asarray(fit.params)) / np.where(free, was, np.inf)
+    quieter = np.diag(fit.noise_cov) / np.diag(other.noise_cov)
+    at = int(np.argmax(fall))
+    if fall[at] < WORTH or fall.min() < 1 / RISES or moved.max() > MOVED or quieter.max() > RISES**2:
+        return None
+    return Doubt(
+        f"Standard errors still fall where the default band ends, at {fit.band[1]:.4g} rad/s: with "
+        f"band={edge:.4g} that of {fit.param_names[at]} is {now[at]:.2g}, not {was[at]:.2g}.",
+        sure=False,
+    )
