@@ -311,5 +311,5 @@ def test_a_step_at_the_first_sample_tells_the_system_from_rest() -> None:
     many = mf.fit_many(records[:2], MODEL, initial_state="zero", progress=False)
     assert np.all(np.isfinite(many.params))
     for told in ("unknown", "rest"):
-        with pytest.raises(mf.DataError, match='from before the step; .* give initial_state="zero"'):
+        with pytest.raises(mf.DataError, match=r'from before the step; .* give initial_state="zero"'):
             mf.fit(records[0], MODEL, initial_state=told)
