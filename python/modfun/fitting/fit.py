@@ -293,7 +293,8 @@ def fit_many(
     ----------
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length or rate are
-        fitted one after the other, with the band of the first.
+        fitted one after the other, with the band of the first. Inputs that nobody declared are held or
+        smooth as their samples look; with a reference, as `fit` reads them.
     model : TransferFunction, Equation or StateSpace
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
