@@ -42,8 +42,8 @@ impl Design {
     /// Whether a held input acts at once in some record.
     pub(crate) fn acts_at_once(&self) -> bool {
         let records = self.aliasing.iter().flat_map(|a| a.records.iter().flatten());
-        let held = records.flat_map(|r| r.inputs.iter().zip(&self.structure.numerators));
-        held.into_iter().any(|(fold, degree)| self.at_once(fold.as_ref(), *degree).is_some())
+        let mut held = records.flat_map(|r| r.inputs.iter().zip(&self.structure.numerators));
+        held.any(|(fold, degree)| self.at_once(fold.as_ref(), *degree).is_some())
     }
 
     /// The folding of an input that acts at once.
@@ -170,12 +170,9 @@ fn turn_back(d: &Design, w: &mut Workspace) {
     let Some(aliasing) = &d.aliasing else { return };
     for r in &mut w.records {
         r.measured.give_back(&mut r.re, &mut r.im);
+        r.inputs_ready = false;
     }
-    let inputs = 0..d.structure.numerators.len();
-    for k in 0..w.records.len() {
-        // Its products are those of the turned ones.
-        inputs.clone().for_each(|input| drop(w.signal_mut(k, 1 + input)));
-    }
+    w.straight.inputs_ready = false;
     let Some(record) = aliasing.records.iter().flatten().next() else { return };
     let (a, b) = w.iterates.theta.now.split_at_mut(d.structure.order);
     let mut from = 0;

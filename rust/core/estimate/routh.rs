@@ -10,7 +10,8 @@ pub(crate) fn unstable_poles(a: &[f64]) -> usize {
     while let Some(first) = lower.first() {
         let ratio = upper[0] / first;
         // NaN is no sign, either.
-        changes += usize::from(!(ratio > 0.0));
+        let same = ratio > 0.0;
+        changes += usize::from(!same);
         let below = lower.iter().skip(1).copied().chain([0.0]);
         let next = upper.iter().skip(1).zip(below).map(|(a, b)| a - ratio * b).collect();
         upper = std::mem::replace(&mut lower, next);
