@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ..errors import SpecError
 from .names import nearest
 
-__all__ = ["Scale", "scale"]
+__all__ = ["Scale", "angle_of", "scale"]
 
 # Size of each unit in rad, m, kg, s, K, A, and its powers of these (a: angle).
 _BASE: dict[str, tuple[float, dict[str, int]]] = {
@@ -85,6 +85,12 @@ def scale(what: str, old: str, new: str) -> Scale:
     if kind != wanted:
         raise SpecError(f"{what}: {old} and {new} differ in kind; give a unit that {old} can become")
     return Scale(size / other, round((zero - origin) / other, 12))
+
+
+def angle_of(text: str) -> str:
+    """The unit of angle in a unit, such as "deg" in "deg/s"; empty where there is none."""
+    parts = (_ALIKE.get(part[2], part[2]) for part in _PART.finditer(text.strip()))
+    return next((part for part in parts if _BASE.get(part, (0, {}))[1] == {"a": 1}), "")
 
 
 def _read(what: str, text: str) -> tuple[float, Counter[str], float]:

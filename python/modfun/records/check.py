@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from ..base.between import LOOP, form_of
 from ..base.tables import Findings
+from ..base.units import angle_of
 from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
@@ -35,7 +36,7 @@ def check_record(record: Samples) -> Findings:
             sentences += _outliers(record, name)
         if name in record.outputs:
             sentences += _trend(record, name)
-    sentences += [*_noise(record), *_alike(record)]
+    sentences += [*_noise(record), *_alike(record), *_angles(record)]
     size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
     return Findings(f"Record, {size}", sentences)
 
@@ -250,8 +251,13 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
 
 def _clipped(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
-    if (~_changes(values)).mean() > 0.5:  # coarse steps or rest; said by _stale
-        return
+    same = ~_changes(values)
+    if same.mean() > 0.5:
+        # Coarse steps or rest, said by _stale; unless it is at both ends that the samples stay.
+        low, high = values == values.min(), values == values.max()
+        between = ~((low[1:] & low[:-1]) | (high[1:] & high[:-1]))
+        if min(low.mean(), high.mean(), between.mean()) < 0.05 or same[between].mean() > 0.1:
+            return
     for end, extreme in (("largest", float(values.max())), ("smallest", float(values.min()))):
         there = (values == extreme) & record._good(name)
         if not there.any():
@@ -338,6 +344,17 @@ def _alike(record: Samples) -> Iterator[str]:
                     f"Inputs {one!r} and {other!r} move together (correlation {r:.3f}): their effects can "
                     "hardly be told apart."
                 )
+
+
+def _angles(record: Samples) -> Iterator[str]:
+    """Say that outputs have angles in two units, which no equation between them can do without a factor."""
+    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
+    if first.keys() >= {"deg", "rad"}:
+        deg, rad = first["deg"], first["rad"]
+        yield (
+            f"Output {deg!r} is in {record.units[deg]} and {rad!r} in {record.units[rad]}: equations between "
+            "them need one unit of angle; rec.convert changes it."
+        )
 
 
 def _kind(record: Samples, name: str) -> str:

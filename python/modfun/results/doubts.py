@@ -49,6 +49,9 @@ CONDITION = 1e6
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
 SURE = 1e-4  # p-value below which a fit warns by itself
+# Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
+# makes them smaller by such a factor, as a logarithm.
+AWAY, BENT = 1.5, math.log(2.0)
 FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 BLOCK = 2**16  # samples
 # Share of the outputs' power below the edge of a band: in the wrong unit at most, in the right at least.
@@ -96,10 +99,13 @@ def _rms(values: NDArray[np.float64], mean: float) -> float:
 
 
 def mean(fit: Estimates) -> Doubt | None:
-    """That line 0, the mean of a record, contradicts equations without a constant."""
-    without = not fit.layout.rational and fit.trend is None and any(low == 0 for low, _ in fit.lines)
+    """That the mean of a record, line 0, contradicts a model without a constant."""
+    without = fit.trend is None and any(low == 0 for low, _ in fit.lines)
     if not without or fit.df_resid < 2 or not fit.records:
         return None
+    if fit.layout.rational:
+        told = _bent(fit)
+        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit)}') if told else None
     from scipy.special import stdtr
 
     cure = 'Fit with trend="constant", or write a constant into the equation.'
@@ -111,6 +117,8 @@ def mean(fit: Estimates) -> Doubt | None:
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
             f"constant, and no parameter is larger than its standard error. {cure}{_both_ways(fit)}"
         )
+    if told := _bent(fit):
+        return Doubt(f"{told} {cure}{_both_ways(fit)}")
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
     if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
         return None
@@ -125,16 +133,44 @@ def mean(fit: Estimates) -> Doubt | None:
     )
 
 
-def _both_ways(fit: Estimates) -> str:
-    """The parameter that a constant changes most, without and with it."""
-    if fit.again is None or fit.records is None or not fit.params.size:
+def _bent(fit: Estimates) -> str:
+    """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
+    moved = [np.concatenate([rec.y, rec.u]) for rec in fit.records or ()]
+    means = np.mean([values.mean(axis=1) for values in moved], axis=0)
+    spread = np.sqrt(np.mean([values.var(axis=1) for values in moved], axis=0))
+    levels = np.sqrt(np.diag(fit.noise_cov))
+    noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
+    if not np.any(np.abs(means) > spread) or np.all(levels < noise):
         return ""
+    other = _with_constant(fit)
+    if other is None:
+        return ""
+    left = np.sqrt(np.diag(other.noise_cov))
+    if float(np.sum(np.log(levels / left))) < BENT:
+        return ""
+    names = ", ".join((*fit.outputs, *fit.inputs))
+    return (
+        f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
+        f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset."
+    )
+
+
+def _with_constant(fit: Estimates) -> Estimates | None:
+    """The fit with a constant in each equation."""
+    if fit.again is None or fit.records is None:
+        return None
     options = on_band(fit, fit.band).replace(trend="constant")
     try:
         other = fit.again(fit.records, fit.structure, options)
     except ModfunError:
-        return ""
-    if not other.usable or other.params.shape != fit.params.shape:
+        return None
+    return other if other.usable and other.params.shape == fit.params.shape else None
+
+
+def _both_ways(fit: Estimates) -> str:
+    """The parameter that a constant changes most, without and with it."""
+    other = _with_constant(fit)
+    if other is None or not fit.params.size:
         return ""
     far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
     at = int(np.argmax(far))

@@ -17,6 +17,7 @@ from ..equations.state_space import StateSpace
 from ..equations.written import Written
 from ..errors import DataError, SpecError
 from ..experiments.bound import crlb
+from ..models.free import priors_of
 from ..models.process import ProcessNoise
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -264,9 +265,10 @@ def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
         found = crlb(system, rec, sigma=sigma, **given)
         return [found[name] for name in names]
 
-    if group.driven is None:  # the bound grows with the noise
+    if group.driven is None and not priors_of(structure):  # the bound grows with the noise
         return np.array(bound(group.unit))[:, None] * levels
-    given["process_noise"] = group.process_noise
+    if group.driven is not None:
+        given["process_noise"] = group.process_noise
     return np.array([bound(level * group.unit) for level in levels]).T
 
 

@@ -242,13 +242,19 @@ def test_streams() -> None:
 
 def test_studies() -> None:
     study = mf.MonteCarlo(
-        system=SYSTEM, input="sin(t**2/5)", duration=6.0, intervals=128, nsr=0.1, seed=4, model=structure(),
+        system=SYSTEM, input="sin(t**2/5)", duration=6.0, intervals=128, nsr=[0.01, 0.1],
+        seed=4, model=structure(),
         estimators={"known": mf.Estimator(KNOWN, band=14.0), "free": mf.Estimator(structure(), band=14.0)},
     )  # fmt: skip
     found = study.run(replicates=100)
-    known, free = (np.squeeze(found.sel(estimator=name).rmse) for name in ("known", "free"))
+    known, free = (np.squeeze(found.sel(estimator=name, nsr=0.1).rmse) for name in ("known", "free"))
     assert known[0] < 0.1 < free[0]
     assert np.all(known[1:] < 0.8 * free[1:])
+    # A prior weighs more, the more noise there is: of a1 alone it adds to the information beside the others.
+    for level in (0.01, 0.1):
+        cell = found.sel(nsr=level).crlb
+        told, plain = np.squeeze(cell)[:, 0]
+        assert told**-2 == pytest.approx(plain**-2 + 0.1**-2, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -397,6 +397,10 @@ def test_what_is_shown():
 REFUSED = {
     "no term": (lambda rec: mf.select_terms(rec, ""), 'no term for "y\'"'),
     "a stranger": (lambda rec: mf.select_terms(rec, "y, z"), "'z', which is not a channel"),
+    "a family in other words": (
+        lambda rec: mf.select_terms(rec, "polynomial of y to 2"),
+        "write a family as",
+    ),
     "no number": (lambda rec: mf.select_terms(rec, 3), "SpecError"),
     "its left side": (lambda rec: mf.select_terms(rec, "y, y'"), "left side of its own equation"),
     "not exact": (

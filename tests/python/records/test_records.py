@@ -350,6 +350,18 @@ def test_check_clipping():
     assert "largest value 0.8" in sentence
     (sentence,) = Record(y=np.maximum(Y, -0.8), u=U, dt=0.02).check()
     assert "smallest value -0.8" in sentence
+    both = Record(y=np.clip(Y, -0.2, 0.2), u=U, dt=0.02)
+    assert (np.abs(both.y) == 0.2).mean() > 0.6
+    largest, smallest = (sentence for sentence in both.check() if "clipped" in sentence)
+    assert "its largest value 0.2" in largest
+    assert "its smallest value -0.2" in smallest
+    assert not any("clipped" in sentence for sentence in Record(y=np.sign(Y), u=U, dt=0.02).check())
+
+
+def test_check_angles_of_outputs_in_two_units():
+    rec = Record(y=[Y, Y], u=U, dt=0.02, outputs=["alpha", "q"], units={"alpha": "deg", "q": "rad/s"})
+    assert "Output 'alpha' is in deg and 'q' in rad/s" in list(rec.check())[-1]
+    assert not any("unit of angle" in sentence for sentence in rec.convert(q="deg/s").check())
 
 
 def test_check_codes_for_missing_values():

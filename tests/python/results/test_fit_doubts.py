@@ -108,3 +108,37 @@ def test_a_fit_tries_no_cure_that_only_check_would_say(monkeypatch):
     assert not asked
     assert "the high band is empty" in str(fit.check())
     assert asked == [fit]
+
+
+@pytest.mark.parametrize("model", ["transfer function", "state space", "equation"])
+def test_an_offset_that_bends_the_estimate_is_told(model):
+    """Trim of five times the motion, records filtered as in flight; line 0's own residual stays small then.
+
+    False alarm: a constant would have to halve residuals of white noise, which no record does.
+    """
+    structure = {
+        "transfer function": mf.TransferFunction(poles=2, zeros=1),
+        "state space": mf.StateSpace(
+            [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"]
+        ),
+        "equation": mf.Equation(
+            ["alpha' = Za*alpha + q + Zd*de", "q' = Ma*alpha + Mq*q + Md*de"],
+            outputs=["alpha", "q"],
+            inputs=["de"],
+        ),
+    }[model]
+    truth = mf.ss([[-0.9, 1], [-5.2, -1.4]], [[-0.12], [-7.5]], np.eye(2), np.zeros((2, 1)))
+    steps = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=2.0, duration=14, before=1)
+    rec = mf.simulate(truth, input=steps, nsr=0.05, outputs=["alpha", "q"], seed=3)
+    rec = rec.assign(**{name: filtfilt(*butter(4, 0.3), rec[name]) for name in rec.outputs})
+    trimmed = rec.assign(alpha=rec["alpha"] + 5.0, q=rec["q"] + 0.4, de=rec["de"] - 1.5)
+
+    def said(data):
+        data = data.select(outputs=["q"]) if model == "transfer function" else data
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            mf.fit(data, structure, trend=None)
+        return " ".join(str(one.message) for one in caught)
+
+    assert 'channels have an offset. Fit with trend="constant"' in said(trimmed)
+    assert "have an offset" not in said(rec)
