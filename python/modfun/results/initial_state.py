@@ -333,9 +333,10 @@ class _Search:
         w = self.weights[:, None, :length]
         jacobian = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1)
         jacobian = jacobian.reshape(y.shape[0] * y.shape[2], z.size)
-        return _Point(
-            z, y[:, 0], jacobian, (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
-        )
+        residual = (self.weights[:, :length] * (rec.y[:, :length] - y[:, 0])).ravel()
+        if not np.isfinite(np.sum(jacobian**2) + residual @ residual):
+            raise DataError("simulating the fit: the response leaves the range of numbers")
+        return _Point(z, y[:, 0], jacobian, residual)
 
     def refine(self, z: F64, length: int, rounds: int, tol: float) -> tuple[F64, float]:
         """Levenberg–Marquardt steps until one gains less than `tol`; cost inf where there is no response."""

@@ -82,3 +82,14 @@ def test_what_is_known_has_no_error_and_files_have_no_records(tmp_path: Path) ->
     back = mf.load(tmp_path / "fit.json")
     with pytest.raises(mf.SpecError, match="loaded without"):
         back.table(initial=True)
+
+
+def test_a_response_beyond_all_numbers_is_left_in_silence(capfd):
+    """An unstable estimate, of an equation without the constant: LAPACK wrote to the terminal."""
+    clean = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=20.0, intervals=512)
+    equation = mf.Equation("y'' + a1*y' + a2*y = b0*u")
+    for seed in range(3):
+        noise = 0.05 * clean.y.std() * np.random.default_rng(seed).standard_normal(713)[200:]
+        with pytest.warns(mf.ModfunWarning, match="no constant"):
+            mf.fit(clean.assign(y=clean["y"] + noise + 2.0), equation).check()
+    assert capfd.readouterr().err == ""
