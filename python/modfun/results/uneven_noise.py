@@ -144,7 +144,7 @@ def covariance(fit: Estimates) -> F64 | None:
     To first order an estimate is off by the sum over the samples of k(t) σ(t) c(t), c stationary noise of
     smooth spectra: k are the slopes of the simulated outputs, on the lines of the fit and less what initial
     state and trend explain, under least squares with the covariance of the outputs' noise. The errors of an
-    even level of the same power are the spectral ones, which set the scale.
+    even level of the same power are the spectral ones: what turns the one into the other is applied to these.
     """
     found = uneven(fit) if _allowed_for(fit) else None
     if found is None or found.p_value > UNEVEN:
@@ -172,9 +172,12 @@ def _of_samples(fit: Estimates, found: Uneven) -> F64:
             waves = np.fft.rfft(filters * sigma) * np.sqrt(freedom * spectra)
             rows = np.einsum("poj,oi->pij", waves, alike).reshape(moving.size, -1)
             total += (rows @ rows.conj().T).real
-    scale = np.sqrt(spectral[moving] / np.diag(even))
-    cov = np.zeros_like(fit.cov_spectral)
-    cov[np.ix_(moving, moving)] = scale[:, None] * changing * scale
+    # What turns errors of an even level into those of the level that changes, for the spectral ones.
+    size = np.sqrt(np.diag(even))
+    both = [np.linalg.cholesky(own / np.outer(size, size)) for own in (changing, even)]
+    turn = size[:, None] * np.linalg.solve(both[1].T, both[0].T).T / size
+    cov, free = np.zeros_like(fit.cov_spectral), np.ix_(moving, moving)
+    cov[free] = turn @ fit.cov_spectral[free] @ turn.T
     return cov
 
 

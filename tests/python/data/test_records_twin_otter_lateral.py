@@ -16,13 +16,13 @@ def test_four_channels_are_simulated(numbers):
 
 
 def test_the_vane_decides_one_derivative(numbers):
-    """One sample, as the kinematics say, moves Ybeta by 4.3 standard errors and Lr by 3, no other by 2.5."""
+    """One sample, as the kinematics say, moves Ybeta by 3.9 standard errors and Lr by 2.7, no other by 2.5."""
     late, level = numbers["lag"]
     assert late == pytest.approx(0.019, abs=0.002)
     assert level > 32
     before, after = numbers["fits"]["as recorded"], numbers["fits"]["beta earlier"]
     moved = dict(zip(before.param_names, np.abs(after.params - before.params) / after.bse, strict=True))
-    assert moved.pop("Yb") > 4
+    assert moved.pop("Yb") > 3.5
     assert moved.pop("Lr") < 3.5
     assert max(moved.values()) < 2.5
 
