@@ -24,6 +24,19 @@ enum Op {
     Call(fn(f64) -> f64, usize),
 }
 
+impl Op {
+    /// The operations whose results it takes.
+    fn operands(self) -> impl Iterator<Item = usize> {
+        let (a, b) = match self {
+            Op::Constant(_) | Op::Input(_) => (None, None),
+            Op::Whole(a, _) | Op::Call(_, a) => (Some(a), None),
+            Op::Add(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) => (Some(a), Some(b)),
+            Op::Raise(a, b) | Op::Pair(_, a, b) => (Some(a), Some(b)),
+        };
+        a.into_iter().chain(b)
+    }
+}
+
 /// What a tape is made of: a name, a number (of "constant", and the exponent of "whole"), two positions.
 pub type Written = (String, f64, usize, usize);
 
@@ -161,38 +174,40 @@ impl Tape {
         }
     }
 
-    /// Writes every result, one value a sample, into `out[k][..samples]`; `registers` is scratch.
+    /// Writes every result from number `first` on, one value a sample, into `out[k][..samples]`; `registers` is scratch.
     ///
     /// A missing input, or one of too few samples, reads as NaN.
     pub fn run(
         &self,
+        first: usize,
         inputs: &[Input<'_>],
         samples: usize,
         registers: &mut Vec<f64>,
         out: &mut [Vec<f64>],
     ) {
         registers.resize(self.ops.len() * TILE, 0.0);
+        let mut used = vec![false; self.ops.len()];
+        self.outputs.iter().skip(first).for_each(|k| used[*k] = true);
+        for (at, op) in self.ops.iter().enumerate().rev() {
+            op.operands().for_each(|k| used[k] |= used[at]);
+        }
         // What is the same for all samples stands in its register from the start.
-        let mut varies = Vec::with_capacity(self.ops.len());
-        for (at, op) in self.ops.iter().enumerate() {
-            let own = match *op {
-                Op::Constant(_) => false,
+        let mut varies = vec![false; self.ops.len()];
+        for (at, op) in self.ops.iter().enumerate().filter(|(at, _)| used[*at]) {
+            varies[at] = match *op {
                 Op::Input(k) => matches!(inputs.get(k), Some(Input::Series(_))),
-                Op::Add(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) => varies[a] || varies[b],
-                Op::Raise(a, b) | Op::Pair(_, a, b) => varies[a] || varies[b],
-                Op::Whole(a, _) | Op::Call(_, a) => varies[a],
+                _ => op.operands().any(|k| varies[k]),
             };
-            varies.push(own);
-            if !own {
+            if !varies[at] {
                 self.operate(at, inputs, 0..TILE, registers);
             }
         }
-        for first in (0..samples).step_by(TILE) {
-            let tile = first..samples.min(first + TILE);
+        for start in (0..samples).step_by(TILE) {
+            let tile = start..samples.min(start + TILE);
             for at in (0..self.ops.len()).filter(|at| varies[*at]) {
                 self.operate(at, inputs, tile.clone(), registers);
             }
-            for (out, k) in out.iter_mut().zip(&self.outputs) {
+            for (out, k) in out.iter_mut().zip(&self.outputs).skip(first) {
                 out[tile.clone()].copy_from_slice(self.operand(*k, inputs, &tile, registers));
             }
         }
@@ -324,7 +339,8 @@ mod tests {
         let y: Vec<f64> = (1..=300).map(|k| f64::from(k) / 100.0).collect();
         let mut out = vec![vec![0.0; 300]; 3];
         let mut scratch = Vec::new();
-        tape.run(&[Input::Series(&y), Input::Value(0.25)], 300, &mut scratch, &mut out);
+        let inputs = [Input::Series(&y), Input::Value(0.25)];
+        tape.run(0, &inputs, 300, &mut scratch, &mut out);
         for (k, y) in y.iter().enumerate() {
             let mut one = [0.0; 3];
             tape.values(&[*y, 0.25], &mut scratch, &mut one);
@@ -332,6 +348,9 @@ mod tests {
             assert!((one[0] - (y * y * y - 0.75 * y)).abs() < 1e-12);
             assert!((one[2] * y * y * y * y * y - 1.0).abs() < 1e-12);
         }
+        let mut last = vec![vec![7.0; 300]; 3];
+        tape.run(1, &inputs, 300, &mut scratch, &mut last);
+        assert!(last[0] == [7.0; 300] && last[1..] == out[1..]);
     }
 
     #[test]
@@ -348,7 +367,7 @@ mod tests {
     fn a_missing_input_is_not_a_number() {
         let tape = Tape::new(&[op("input", 0.0, 0, 0)], 1, vec![0]).unwrap();
         let mut out = vec![vec![0.0; 3]];
-        tape.run(&[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut out);
+        tape.run(0, &[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut out);
         assert!(out[0].iter().all(|x| x.is_nan()));
     }
 }

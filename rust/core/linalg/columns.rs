@@ -2,7 +2,7 @@
 
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
-/// A column of which less than this is left beside the ones before depends on them.
+/// A column of which less than this is left beside the ones before depends on them, unless told otherwise.
 const DEPENDENT: f64 = 1e-7;
 
 /// The factors of C = QR, grown column by column (Gram–Schmidt, each column twice).
@@ -13,6 +13,7 @@ const DEPENDENT: f64 = 1e-7;
 pub struct Columns {
     isa: Isa,
     rows: usize,
+    dependent: f64,
     count: usize,
     q: Vec<f64>,
     /// Column j of R stands at j·capacity.
@@ -21,12 +22,30 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Room for `capacity` columns of `rows` rows, a multiple of eight.
+    /// Room for `capacity` columns of `rows` rows, filled up to a multiple of eight.
     #[must_use]
     pub fn new(isa: Isa, rows: usize, capacity: usize) -> Columns {
-        let isa = isa.across();
+        let (isa, rows) = (isa.across(), rows.next_multiple_of(LANES));
         let (q, r) = (vec![0.0; rows * capacity], vec![0.0; capacity * capacity]);
-        Columns { isa, rows, count: 0, q, r, capacity }
+        Columns { isa, rows, dependent: DEPENDENT, count: 0, q, r, capacity }
+    }
+
+    /// The same for another bound of what depends on those before.
+    #[must_use]
+    pub fn judged_by(self, dependent: f64) -> Columns {
+        Columns { dependent, ..self }
+    }
+
+    /// Number of rows, those filled up included.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of columns there is room for.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.capacity
     }
 
     /// Number of columns.
@@ -47,6 +66,21 @@ impl Columns {
         self.r[j * self.capacity + i]
     }
 
+    /// R⁻¹ of all columns, row major, upper triangular.
+    #[must_use]
+    pub fn inverse(&self) -> Vec<f64> {
+        let n = self.count;
+        let mut inverse = vec![0.0; n * n];
+        for j in 0..n {
+            inverse[j * n + j] = 1.0 / self.r(j, j);
+            for i in (0..j).rev() {
+                let sum: f64 = (i + 1..=j).map(|k| self.r(i, k) * inverse[k * n + j]).sum();
+                inverse[i * n + j] = -sum / self.r(i, i);
+            }
+        }
+        inverse
+    }
+
     /// Forgets all columns but the first `count`.
     pub fn truncate(&mut self, count: usize) {
         self.count = self.count.min(count);
@@ -64,7 +98,7 @@ impl Columns {
         r.fill(0.0);
         let (size, left) =
             self.isa.run(Orthogonal { q: before, column: &mut *column, coefficients: &mut r[..j] });
-        let independent = left > DEPENDENT * size;
+        let independent = left > self.dependent * size;
         if independent {
             r[j] = left;
             self.isa.run(Scale { column, by: 1.0 / left });
@@ -74,6 +108,11 @@ impl Columns {
         }
         self.count += 1;
         independent
+    }
+
+    /// Adds a column as it is; the rows behind it are zero.
+    pub fn push_rows(&mut self, column: &[f64]) -> bool {
+        self.push(|to| to[..column.len()].copy_from_slice(column))
     }
 
     /// Takes from `y` what the columns from `first` on explain; their coefficients of Q go to `b`. Returns ‖y‖².
@@ -191,6 +230,12 @@ mod tests {
                 |k: usize| all[k] - (0..4).map(|j| b[j] * value(k * 7 + j * 31)).sum::<f64>();
             let sum: f64 = (0..21).map(|k| left(k) * left(k)).sum();
             assert!((sum - cost).abs() < 1e-12 * cost);
+            let inverse = c.inverse();
+            for k in 0..16 {
+                let sum: f64 = (0..4).map(|l| inverse[k / 4 * 4 + l] * c.r(l, k % 4)).sum();
+                let unit = f64::from(u8::from(k / 4 == k % 4));
+                assert!(k % 4 < k / 4 || (sum - unit).abs() < 1e-12, "{k}: {sum}");
+            }
             for j in 0..4 {
                 let normal: f64 = (0..21).map(|k| left(k) * value(k * 7 + j * 31)).sum();
                 assert!(normal.abs() < 1e-13);

@@ -50,14 +50,24 @@ impl Panel {
         numbers(&self.data[row * self.width..(row + 1) * self.width])
     }
 
+    /// All rows, to be written.
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        numbers_mut(&mut self.data).chunks_exact_mut((self.width * LANES).max(1))
+    }
+
+    /// What stands on the diagonal.
+    pub fn diagonal(&self) -> impl Iterator<Item = f64> + '_ {
+        let step = self.width * LANES + 1;
+        numbers(&self.data).iter().step_by(step).take(self.rows).copied()
+    }
+
     /// As [`Panel::row`], to be written.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         numbers_mut(&mut self.data[row * self.width..(row + 1) * self.width])
     }
 }
 
-/// Rows that are taken out of those below in one sweep: a row is read and written once for all of them, in the
-/// order, and so with the bits, of one after the other.
+/// Rows that are made at once, a register of each: the rows above are taken out of them one after the other.
 const RANK: usize = 4;
 /// Pivots are not taken below this fraction of what stood there first.
 const FLOOR: f64 = 1e-13;
@@ -93,50 +103,34 @@ impl Kernel for Whiten<'_> {
     fn run<L: Lanes>(self) {
         let Whiten { panel, least } = self;
         let (rows, width) = (panel.rows, panel.width);
-        let mut end = 0;
-        while end < rows {
-            let first = end;
-            end = (first + RANK).min(rows);
-            let (above, below) = panel.data.split_at_mut(end * width);
-            let own = &mut above[first * width..];
-            for j in first..end {
-                let (own, later) = own[(j - first) * width..].split_at_mut(width);
-                let block = j / LANES;
-                let pivot = own[block].0[j % LANES];
-                // NaN stays NaN.
-                let pivot = if pivot < least[j] { least[j] } else { pivot };
-                let root = pivot.sqrt();
-                scale::<L>(&mut own[block..], 1.0 / root);
-                // Of a pivot that was lifted the diagonal is not what was divided.
-                own[block].0[j % LANES] = root;
-                for (i, row) in (j + 1..).zip(later.chunks_exact_mut(width)) {
-                    let from = i / LANES;
-                    take::<L>(own[from].0[i % LANES], &own[from..], &mut row[from..]);
-                }
+        for first in (0..rows).step_by(RANK) {
+            let (above, own) = panel.data.split_at_mut(first * width);
+            let own = &mut own[..RANK.min(rows - first) * width];
+            let mut block = first / LANES;
+            let mut strip = Strip::<L>::load(own, width, block);
+            strip.reduce(above, width, above, width, first, block);
+            let pivots = strip.pivot(first % LANES, &least[first..]);
+            strip.store(own, width, block);
+            // Of a pivot that was lifted the diagonal is not what was divided.
+            for (k, row) in own.chunks_exact_mut(width).enumerate() {
+                row[block].0[first % LANES + k] = pivots.roots[k];
             }
-            if below.is_empty() {
-                break;
-            }
-            let own = four(own, width);
-            for block in end / LANES..rows.div_ceil(LANES) {
-                let (a, b, c, d) = own;
-                let own = (&a[block..], &b[block..], &c[block..], &d[block..]);
-                let some = end.max(block * LANES)..rows.min((block + 1) * LANES);
-                let each = below[(some.start - end) * width..].chunks_exact_mut(width);
-                for (i, row) in some.zip(each) {
-                    sweep::<L>(element(own, i), own, &mut row[block..]);
-                }
+            block += 1;
+            while block < width {
+                let mut strip = Strip::<L>::load(own, width, block);
+                strip.reduce(above, width, above, width, first, block);
+                strip.finish(&pivots);
+                strip.store(own, width, block);
+                block += 1;
             }
         }
     }
 }
 
-impl Panel {
-    /// Floors for [`whiten`]: a fraction of what stands on the diagonal.
-    pub fn floors(&self, out: &mut Vec<f64>) {
-        out.clear();
-        out.extend((0..self.rows).map(|j| (self.get(j, j) * FLOOR).max(f64::MIN_POSITIVE)));
-    }
+/// The least that [`whiten`] may let a pivot become: a fraction of what stands on the diagonal.
+#[must_use]
+pub fn floor(pivot: f64) -> f64 {
+    (pivot * FLOOR).max(f64::MIN_POSITIVE)
 }
 
 struct WhitenMore<'a> {
@@ -150,84 +144,128 @@ impl Kernel for WhitenMore<'_> {
     fn run<L: Lanes>(self) {
         let WhitenMore { factor, columns } = self;
         let (rows, width) = (columns.rows, columns.width);
-        let mut end = 0;
-        while end < rows {
-            let first = end;
-            end = (first + RANK).min(rows);
-            let (above, below) = columns.data.split_at_mut(end * width);
-            let own = &mut above[first * width..];
-            let pivots = &factor.data[first * factor.width..end * factor.width];
-            for j in first..end {
-                let (own, later) = own[(j - first) * width..].split_at_mut(width);
-                let pivots = &pivots[(j - first) * factor.width..];
-                scale::<L>(own, 1.0 / pivots[j / LANES].0[j % LANES]);
-                for (i, row) in (j + 1..).zip(later.chunks_exact_mut(width)) {
-                    take::<L>(pivots[i / LANES].0[i % LANES], own, row);
-                }
-            }
-            if below.is_empty() {
-                break;
-            }
-            let (own, pivots) = (four(own, width), four(pivots, factor.width));
-            for block in end / LANES..rows.div_ceil(LANES) {
-                let (a, b, c, d) = pivots;
-                let pivots = (&a[block..], &b[block..], &c[block..], &d[block..]);
-                let some = end.max(block * LANES)..rows.min((block + 1) * LANES);
-                let each = below[(some.start - end) * width..].chunks_exact_mut(width);
-                for (i, row) in some.zip(each) {
-                    sweep::<L>(element(pivots, i), own, row);
-                }
+        for first in (0..rows).step_by(RANK) {
+            let (above, own) = columns.data.split_at_mut(first * width);
+            let own = &mut own[..RANK.min(rows - first) * width];
+            let (done, rest) = factor.data.split_at(first * factor.width);
+            let pivots = Pivots::of(rest, factor.width, first);
+            for block in 0..width {
+                let mut strip = Strip::<L>::load(own, width, block);
+                strip.reduce(done, factor.width, above, width, first, block);
+                strip.finish(&pivots);
+                strip.store(own, width, block);
             }
         }
     }
 }
 
-#[inline(always)]
-fn scale<L: Lanes>(row: &mut [Wide], by: f64) {
-    let by = L::splat(by);
-    for x in row {
-        (L::load(x) * by).store(x);
+/// What is done to a strip's rows among themselves: each is scaled and taken out of those behind it.
+struct Pivots {
+    /// The factor's diagonal.
+    roots: [f64; RANK],
+    inverses: [f64; RANK],
+    /// Of a row (first) those of the rows behind it.
+    factors: [[f64; RANK]; RANK],
+}
+
+impl Pivots {
+    const NONE: Pivots =
+        Pivots { roots: [1.0; RANK], inverses: [1.0; RANK], factors: [[0.0; RANK]; RANK] };
+
+    /// Those of the strip from row `first` on, whose rows of the factor are these.
+    #[inline(always)]
+    fn of(rows: &[Wide], width: usize, first: usize) -> Pivots {
+        let mut own = Pivots::NONE;
+        for (k, row) in rows.chunks_exact(width).take(RANK).enumerate() {
+            own.factors[k] = *four(&row[first / LANES], first);
+            own.roots[k] = own.factors[k][k];
+            own.inverses[k] = 1.0 / own.roots[k];
+        }
+        own
     }
 }
 
-/// Takes `factor` times a row out of one below.
+/// The numbers of a strip's own columns in a register that holds them.
 #[inline(always)]
-fn take<L: Lanes>(factor: f64, from: &[Wide], row: &mut [Wide]) {
-    let by = L::splat(-factor);
-    for (x, y) in row.iter_mut().zip(from) {
-        by.mul_add(L::load(y), L::load(x)).store(x);
+fn four(from: &Wide, first: usize) -> &[f64; RANK] {
+    &from.0.as_chunks().0[first % LANES / RANK]
+}
+
+/// The same register of each row of a strip; of rows beyond the last, numbers that nothing reads.
+struct Strip<L>([L; RANK]);
+
+impl<L: Lanes> Strip<L> {
+    #[inline(always)]
+    fn load(rows: &[Wide], width: usize, block: usize) -> Strip<L> {
+        let mut own = [L::splat(0.0); RANK];
+        for (own, row) in own.iter_mut().zip(rows.chunks_exact(width)) {
+            *own = L::load(&row[block]);
+        }
+        Strip(own)
     }
-}
 
-/// [`RANK`] rows, or their ends.
-type Four<'a> = (&'a [Wide], &'a [Wide], &'a [Wide], &'a [Wide]);
+    #[inline(always)]
+    fn store(&self, rows: &mut [Wide], width: usize, block: usize) {
+        for (own, row) in self.0.iter().zip(rows.chunks_exact_mut(width)) {
+            own.store(&mut row[block]);
+        }
+    }
 
-#[inline(always)]
-fn four(rows: &[Wide], width: usize) -> Four<'_> {
-    let (a, rest) = rows.split_at(width);
-    let (b, rest) = rest.split_at(width);
-    let (c, rest) = rest.split_at(width);
-    (a, b, c, &rest[..width])
-}
+    /// Takes the rows above out, each by the factors of its pivot row.
+    #[inline(always)]
+    fn reduce(
+        &mut self,
+        pivots: &[Wide],
+        long: usize,
+        above: &[Wide],
+        width: usize,
+        first: usize,
+        block: usize,
+    ) {
+        let mut own = self.0;
+        for (pivots, row) in pivots.chunks_exact(long).zip(above.chunks_exact(width)) {
+            let (by, x) = (four(&pivots[first / LANES], first), L::load(&row[block]));
+            for k in 0..RANK {
+                own[k] = L::splat(-by[k]).mul_add(x, own[k]);
+            }
+        }
+        self.0 = own;
+    }
 
-/// Element `i` modulo the lanes of the first registers.
-#[inline(always)]
-fn element((a, b, c, d): Four<'_>, i: usize) -> [f64; RANK] {
-    let lane = i % LANES;
-    [a[0].0[lane], b[0].0[lane], c[0].0[lane], d[0].0[lane]]
-}
+    /// Makes the rows of the factor that hold the strip's own pivots, lane `at` and on; of the diagonal the quotient.
+    #[inline(always)]
+    fn pivot(&mut self, at: usize, least: &[f64]) -> Pivots {
+        let (mut out, mut own) = (Pivots::NONE, Wide::ZERO);
+        for k in 0..RANK {
+            self.0[k].store(&mut own);
+            let numbers = four(&own, at);
+            let (pivot, least) = (numbers[k], least.get(k).copied().unwrap_or(1.0));
+            // NaN stays NaN.
+            let pivot = if pivot < least { least } else { pivot };
+            out.roots[k] = pivot.sqrt();
+            out.inverses[k] = 1.0 / out.roots[k];
+            out.factors[k] = numbers.map(|x| x * out.inverses[k]);
+            self.forward(k, &out);
+        }
+        out
+    }
 
-/// Takes four rows, each times its factor, out of one below.
-#[inline(always)]
-fn sweep<L: Lanes>([f, g, h, i]: [f64; RANK], (a, b, c, d): Four<'_>, row: &mut [Wide]) {
-    let (f, g, h, i) = (L::splat(-f), L::splat(-g), L::splat(-h), L::splat(-i));
-    let own = row.len();
-    let (a, b, c, d) = (&a[..own], &b[..own], &c[..own], &d[..own]);
-    for k in 0..own {
-        let sum = f.mul_add(L::load(&a[k]), L::load(&row[k]));
-        let sum = g.mul_add(L::load(&b[k]), sum);
-        let sum = h.mul_add(L::load(&c[k]), sum);
-        i.mul_add(L::load(&d[k]), sum).store(&mut row[k]);
+    /// Whitens the rows among themselves.
+    #[inline(always)]
+    fn finish(&mut self, pivots: &Pivots) {
+        for k in 0..RANK {
+            self.forward(k, pivots);
+        }
+    }
+
+    /// Scales a row and takes it out of those behind it.
+    #[inline(always)]
+    fn forward(&mut self, k: usize, pivots: &Pivots) {
+        let own = self.0[k] * L::splat(pivots.inverses[k]);
+        self.0[k] = own;
+        for i in k + 1..RANK {
+            self.0[i] = L::splat(-pivots.factors[k][i]).mul_add(own, self.0[i]);
+        }
     }
 }
 
@@ -293,7 +331,8 @@ mod tests {
                     more.set(i, j, b(i, j));
                 }
             }
-            p.floors(&mut least);
+            least.clear();
+            least.extend(p.diagonal().map(floor));
             whiten(isa, &mut p, &least);
             whiten_more(isa, &p, &mut more);
             for j in 0..c {
@@ -326,7 +365,7 @@ mod tests {
             p.set(i, j, 4.0);
         }
         p.set(1, 2, 1.0);
-        p.floors(&mut least);
+        least.extend(p.diagonal().map(floor));
         whiten(Isa::Plain, &mut p, &least);
         assert!(p.get(1, 1) > 0.0 && p.get(1, 2) * p.get(1, 1) == 1.0);
     }

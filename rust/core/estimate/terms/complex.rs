@@ -2,7 +2,7 @@
 
 use std::ops::{AddAssign, Mul};
 
-use crate::simd::{LANES, Lanes};
+use crate::simd::{LANES, Lanes, Wide};
 
 /// Real and imaginary part.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -53,12 +53,24 @@ impl Split {
         self.im[..im.len()].copy_from_slice(im);
     }
 
+    /// Imaginary parts, or real ones.
+    pub fn part(&self, im: bool) -> &[f64] {
+        if im { &self.im } else { &self.re }
+    }
+
     pub fn get(&self, k: usize) -> C {
         C(self.re[k], self.im[k])
     }
 
     pub fn set(&mut self, k: usize, to: C) {
         (self.re[k], self.im[k]) = (to.0, to.1);
+    }
+
+    /// Eight of them from each place on.
+    pub fn windows(&self, to: &mut Windows) {
+        to.clear();
+        let each = self.re.windows(LANES).zip(self.im.windows(LANES)).take(self.re.len() - LANES);
+        to.extend(each.map(|(re, im)| [re, im].map(window)));
     }
 
     /// Eight of them, from `k` on.
@@ -68,21 +80,29 @@ impl Split {
     }
 }
 
+/// Eight numbers from each place on, real and imaginary parts: a register may begin anywhere at no cost.
+pub(crate) type Windows = Vec<[Wide; 2]>;
+
+fn window(eight: &[f64]) -> Wide {
+    Wide(eight.first_chunk().copied().unwrap_or_default())
+}
+
+/// Eight numbers of both parts.
+#[inline(always)]
+pub(crate) fn loaded<L: Lanes>([re, im]: &[Wide; 2]) -> (L, L) {
+    (L::load(re), L::load(im))
+}
+
+/// Eight products.
+#[inline(always)]
+pub(crate) fn times<L: Lanes>(x: (L, L), by: (L, L)) -> (L, L) {
+    (x.0.mul_add(by.0, (-x.1) * by.1), x.0.mul_add(by.1, x.1 * by.0))
+}
+
 /// Eight numbers from `k` on.
 #[inline(always)]
 fn eight<L: Lanes>(all: &[f64], k: usize) -> L {
     L::load_any(all[k..k + LANES].first_chunk().unwrap_or(&[0.0; LANES]))
-}
-
-/// Eight neighbours from each of `count` places on, the first at `from`.
-#[inline(always)]
-pub(crate) fn windows(
-    all: &[f64],
-    from: usize,
-    count: usize,
-) -> impl DoubleEndedIterator<Item = &[f64; LANES]> + ExactSizeIterator {
-    let own = &all[from..from + count + LANES - 1];
-    own.windows(LANES).map(|eight| eight.first_chunk().unwrap_or(&[0.0; LANES]))
 }
 
 /// (iω)^k of the lines: a real size, times i for odd k.
@@ -114,18 +134,13 @@ impl Power {
 
     /// Adds `by` (iω)^k times the values, those from `first` on.
     pub fn add_times(&self, by: f64, values: &Split, first: usize, to: &mut Split) {
-        let (re, im) = (&values.re[first..], &values.im[first..]);
-        let own = to.re.iter_mut().zip(&mut to.im).zip(re.iter().zip(im)).zip(&self.size);
-        if self.odd {
-            for (((a, b), (re, im)), size) in own {
-                let by = by * size;
-                (*a, *b) = (*a - by * im, *b + by * re);
-            }
-        } else {
-            for (((a, b), (re, im)), size) in own {
-                let by = by * size;
-                (*a, *b) = (*a + by * re, *b + by * im);
-            }
+        let count = self.size.len();
+        let (re, im) = (&values.re[first..first + count], &values.im[first..first + count]);
+        let (sign, x, y) = if self.odd { (-by, im, re) } else { (by, re, im) };
+        let (a, b) = (&mut to.re[..count], &mut to.im[..count]);
+        for k in 0..count {
+            a[k] += sign * self.size[k] * x[k];
+            b[k] += by * self.size[k] * y[k];
         }
     }
 }

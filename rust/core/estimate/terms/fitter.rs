@@ -241,7 +241,7 @@ impl TermsFitter {
             let lines = plan.lines(*first, *last);
             let spot = match old.next() {
                 Some(spot) if spot.of(lines) => spot,
-                _ => Spot::new(e, lines, self.o.trend, &unit),
+                _ => Spot::new(self.isa, e, lines, self.o.trend, &unit),
             };
             rows += spot.rows.len();
             unknowns += spot.transients;
@@ -268,7 +268,7 @@ impl TermsFitter {
             let power: Vec<f64> = power.iter().map(sound).collect();
             let each = self.records.iter().zip(ranges);
             problem.replace(each.map(|(plan, (first, last))| {
-                Spot::new(e, plan.lines(*first, *last), self.o.trend, &power)
+                Spot::new(self.isa, e, plan.lines(*first, *last), self.o.trend, &power)
             }));
         }
         Ok(problem)

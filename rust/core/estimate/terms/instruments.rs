@@ -5,10 +5,12 @@
 //! ```
 
 use super::iterate::{Ended, TermsProblem};
-use super::rows::{Base, Row, Spot};
+use super::rows::{DEPENDENT, Row, Spot};
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
+use crate::linalg::columns::Columns;
 use crate::modulation::{difference_weights, rows};
+use crate::simd::Isa;
 use crate::structure::Trend;
 use crate::threads::stopped;
 
@@ -89,10 +91,15 @@ impl Differences {
     }
 
     /// Takes the nuisance columns out of a differenced one.
-    fn clean(&self, column: &mut [f64]) {
-        let mut base = Base::default();
-        base.span(&self.nuisance, self.rows.len());
-        base.project(column);
+    fn clean(&self, isa: Isa, column: &mut Vec<f64>) {
+        let rows = column.len();
+        let mut base = Columns::new(isa, rows, self.nuisance.len()).judged_by(DEPENDENT);
+        for own in &self.nuisance {
+            base.push_rows(own);
+        }
+        column.resize(base.rows(), 0.0);
+        base.project(0, column, &mut vec![0.0; self.nuisance.len()]);
+        column.truncate(rows);
     }
 }
 
@@ -137,7 +144,7 @@ impl TermsProblem<'_> {
             let d = Differences::new(spot, &o.equations.orders, o.trend);
             for (to, from) in columns.iter_mut().zip(&spot.columns) {
                 let mut own = d.of(&unweighted(spot, from));
-                d.clean(&mut own);
+                d.clean(self.fitter.isa, &mut own);
                 to.extend(own);
             }
             let error = spot.rows.iter().map(|r| {
@@ -145,7 +152,7 @@ impl TermsProblem<'_> {
                 if r.im { q.im[r.line] } else { q.re[r.line] }
             });
             let mut own = d.of(&error.collect::<Vec<f64>>());
-            d.clean(&mut own);
+            d.clean(self.fitter.isa, &mut own);
             residual.extend(own);
         }
         self.columns = columns;
@@ -160,7 +167,7 @@ impl TermsProblem<'_> {
             let d = Differences::new(spot, &o.equations.orders, o.trend);
             for (to, from) in out.iter_mut().zip(&spot.columns) {
                 let mut own = d.of(&unweighted(spot, from));
-                d.clean(&mut own);
+                d.clean(self.fitter.isa, &mut own);
                 let back = d.transposed(&own, spot.rows.len());
                 to.extend(back.iter().zip(spot.flat()).map(|(z, sd)| z * sd));
             }

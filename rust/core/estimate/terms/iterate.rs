@@ -11,7 +11,6 @@
 
 use super::complex::Split;
 use super::equations::Equations;
-use super::factor::Factor;
 use super::lines::{Desk, Place};
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Spot, Worker};
@@ -19,6 +18,7 @@ use super::sigma::Sigma;
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::prior;
+use crate::linalg::columns::Columns;
 use crate::linalg::qr::dot;
 use crate::threads::stopped;
 
@@ -28,6 +28,8 @@ const FREE_STEPS: u32 = 2;
 const HALVINGS: usize = 10;
 /// A cost that rises by no more than this part of itself has not risen.
 const LEVEL: f64 = 1e-9;
+/// Sine of the angle below which a column depends on the ones before it.
+const DEPENDENT: f64 = 1e-9;
 
 /// Records on their lines at one θ, with what a step needs.
 pub(crate) struct TermsProblem<'a> {
@@ -52,7 +54,7 @@ pub(crate) struct TermsProblem<'a> {
     clean: Vec<Vec<Vec<f64>>>,
     /// The step from there.
     step: Step,
-    factor: Factor,
+    factor: Columns,
 }
 
 /// What of the spectra is made of the samples that count now.
@@ -113,7 +115,7 @@ impl<'a> TermsProblem<'a> {
             loaded: Loaded::Nothing,
             clean: Vec::new(),
             step: Step::default(),
-            factor: Factor::default(),
+            factor: Columns::new(fitter.isa, 0, 0),
             spots,
         }
     }
@@ -255,10 +257,10 @@ impl<'a> TermsProblem<'a> {
         for spot in &mut self.spots {
             spot.jacobian(isa, e, pairs, &self.values, &self.lags, factors);
             self.residual.extend_from_slice(&spot.residual);
-            for (to, from) in self.columns.iter_mut().zip(&spot.columns) {
+            for (k, to) in self.columns.iter_mut().enumerate() {
                 let first = to.len();
-                to.extend_from_slice(from);
-                spot.base().project(&mut to[first..]);
+                to.extend_from_slice(&spot.columns[k]);
+                spot.take_transient(&mut to[first..]);
             }
         }
         let scale = self.stands.map_or(0.0, |(_, cost)| cost) / self.degrees_of_freedom() as f64;
@@ -275,6 +277,10 @@ impl<'a> TermsProblem<'a> {
     pub fn step(&mut self, theta: &[f64]) -> &Step {
         let e = self.equations();
         let p = e.parameters;
+        if self.factor.rows() < self.residual.len() {
+            let rows = self.residual.len();
+            self.factor = Columns::new(self.fitter.isa, rows, p).judged_by(DEPENDENT);
+        }
         let Step { by, moved, at_bound, full, free, found, residual } = &mut self.step;
         by.clear();
         by.resize(p, 0.0);
@@ -290,15 +296,20 @@ impl<'a> TermsProblem<'a> {
             free.extend((0..p).filter(|k| !at_bound[*k]));
             residual.clear();
             residual.extend_from_slice(&self.residual);
+            residual.resize(self.factor.rows(), 0.0);
             for k in (0..p).filter(|k| at_bound[*k] && by[*k] != 0.0) {
                 for (r, c) in residual.iter_mut().zip(&self.columns[k]) {
                     *r += by[k] * c;
                 }
             }
-            self.factor.set(&self.columns, free, Some(residual));
-            *full = self.factor.solve(found);
+            self.factor.truncate(0);
+            *full = free.iter().fold(true, |all, k| self.factor.push_rows(&self.columns[*k]) & all);
+            found.clear();
+            found.resize(free.len(), 0.0);
+            self.factor.project(0, residual, found);
+            self.factor.back(0, found);
             for (k, value) in free.iter().zip(&*found) {
-                by[*k] = *value;
+                by[*k] = -value;
             }
             let mut crossed = false;
             for &k in &*free {

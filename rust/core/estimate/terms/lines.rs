@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use super::complex::Split;
+use super::complex::{Split, Windows};
 use super::equations::{Equations, Lag};
 use super::noise::{NoisePlan, Room};
 use super::sigma::Sigma;
@@ -13,7 +13,7 @@ use crate::estimate::window::Window;
 use crate::modulation::Lines;
 use crate::noise_level::NoiseLevel;
 use crate::quadrature::Rule;
-use crate::simd::{Isa, LANES, Wide, numbers};
+use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
 
@@ -47,7 +47,7 @@ pub(crate) struct Spectra {
     /// V of each signal from line 0 on.
     pub signals: Vec<Split>,
     /// R of each pair of noisy signals.
-    pub pairs: Vec<Split>,
+    pub pairs: Vec<Windows>,
     /// Where lag 0 of these stands.
     pub middle: usize,
     /// Whether a pair has no lag but 0.
@@ -94,7 +94,8 @@ pub(crate) struct Desk {
     registers: Vec<f64>,
     results: Vec<Vec<f64>>,
     product: Vec<f64>,
-    wave: Vec<Wide>,
+    wave: Vec<f64>,
+    lags: Split,
     re: Vec<f64>,
     im: Vec<f64>,
     scratch: Scratch,
@@ -268,7 +269,7 @@ impl TermsRecordPlan {
         out: &mut Spectra,
     ) -> Result<(), Error> {
         out.middle = self.noise.middle();
-        out.pairs.resize_with(pairs.products.len(), Split::default);
+        out.pairs.resize_with(pairs.products.len(), Windows::new);
         out.white.resize(pairs.products.len(), false);
         out.apart.resize(pairs.products.len(), false);
         let each = out.pairs.iter_mut().zip(&mut out.white).zip(&mut out.apart);
@@ -281,17 +282,19 @@ impl TermsRecordPlan {
                 continue;
             }
             let constant = self.constant_product(e, list, at.sigma);
-            *white = constant.is_some_and(|product| self.noise.correlate_constant(product, out));
-            if *white {
-                continue;
+            let lags = &mut desk.lags;
+            *white = constant.is_some_and(|product| self.noise.correlate_constant(product, lags));
+            if !*white {
+                self.product(e, list, at.sigma, desk);
+                let Desk { product, room, lags, .. } = desk;
+                self.noise.correlate(isa, product, room, lags)?;
             }
-            self.product(e, list, at.sigma, desk);
-            self.noise.correlate(isa, &mut desk.product, &mut desk.room, out)?;
+            desk.lags.windows(out);
         }
         Ok(())
     }
 
-    /// Signals and sensitivities, sample by sample; noisy channels from `clean` where given.
+    /// Signals and sensitivities, sample by sample; where noisy channels are given without noise, the sensitivities there.
     fn formulas(&self, e: &Equations, at: &Place<'_>, clean: &[Vec<f64>], desk: &mut Desk) {
         desk.results.resize_with(e.samples.results(), Vec::new);
         for r in &mut desk.results {
@@ -303,7 +306,9 @@ impl TermsRecordPlan {
         }
         let values = at.sigma.numbers().iter().chain(at.theta).map(|v| Input::Value(*v));
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
-        e.samples.run(&inputs, self.samples, &mut desk.registers, &mut desk.results);
+        // The signals themselves are those of the samples as they are.
+        let first = if clean.is_empty() { 0 } else { e.signals.len() };
+        e.samples.run(first, &inputs, self.samples, &mut desk.registers, &mut desk.results);
     }
 
     /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over
@@ -336,7 +341,7 @@ impl TermsRecordPlan {
                     if both == 0.0 {
                         continue;
                     }
-                    let own = clean[lead..].iter_mut().zip(numbers(&desk.wave).iter().zip(slope));
+                    let own = clean[lead..].iter_mut().zip(desk.wave.iter().zip(slope));
                     match self.uneven_product(c, *d) {
                         None => own.for_each(|(to, (w, d))| *to -= both * d * w),
                         Some(uneven) => {

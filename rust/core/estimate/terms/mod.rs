@@ -14,7 +14,6 @@ mod batch;
 mod complex;
 mod driven;
 mod equations;
-mod factor;
 mod fitter;
 mod instruments;
 mod iterate;

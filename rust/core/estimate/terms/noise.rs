@@ -1,16 +1,16 @@
 //! What noise does between samples and lines: spectra of products of slopes, and waves of sources on samples.
 
-use super::complex::Split;
+use super::complex::{Split, times};
 use crate::error::Error;
 use crate::estimate::fit::Time;
 use crate::math::{root_of_unity, sin_cos_turns_1};
 use crate::quadrature::Rule;
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers_mut};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 
 /// Sums Σ w_k² p_k e^{−2πi l t_k/T} over a window, and their counterparts on the samples.
 pub(super) struct NoisePlan {
-    /// e^{2πi t_k/T} of each sample of the window, zeros up to two whole registers.
+    /// e^{2πi t_k/T} of each sample of the window.
     roots: Split,
     samples: usize,
     /// Highest line.
@@ -34,7 +34,7 @@ pub(super) struct Room {
 impl NoisePlan {
     /// For a window of `n` intervals.
     pub fn new(time: Time<'_>, n: usize, rule: Rule, highest: usize) -> Result<NoisePlan, Error> {
-        let mut roots = Split::zeros((n + 1).next_multiple_of(2 * LANES));
+        let mut roots = Split::zeros(n + 1);
         let sums = match time {
             Time::Even(_) => {
                 let lags = (2 * highest).min(n / 2);
@@ -132,62 +132,135 @@ impl NoisePlan {
         }
     }
 
-    /// Re Σ_m z(m) e^{imω₀t}, lines from `first` on, at every sample of the window times its share in a
-    /// coefficient; filled up to whole registers.
-    pub fn wave(&self, isa: Isa, sources: &Split, count: usize, first: usize, out: &mut Vec<Wide>) {
-        out.resize(self.samples.div_ceil(LANES), Wide::ZERO);
+    /// Re Σ_m z(m) e^{imω₀t}, `count` lines from `first` on, at every sample of the window times its share in a
+    /// coefficient.
+    pub fn wave(&self, isa: Isa, sources: &Split, count: usize, first: usize, out: &mut Vec<f64>) {
+        out.resize(self.samples, 0.0);
+        let (intervals, share) = match self.sums {
+            Sums::Even { intervals, .. } => (Some(intervals), 1.0 / intervals as f64),
+            Sums::Uneven { .. } => (None, 1.0),
+        };
+        // Two lines a step; behind the last there are zeros.
+        let count = count.next_multiple_of(2);
         let (re, im) = (&sources.re[..count], &sources.im[..count]);
-        isa.across().run(Wave { roots: &self.roots, re, im, first, out });
-        let own = numbers_mut(out).iter_mut();
-        match &self.sums {
-            Sums::Even { intervals, .. } => {
-                let share = 1.0 / *intervals as f64;
-                own.for_each(|x| *x *= share);
-            }
-            Sums::Uneven { squares, .. } => {
-                own.zip(squares).for_each(|(x, square)| *x *= square.sqrt());
-            }
+        let roots = &self.roots;
+        isa.across().run(Wave { roots, re, im, first, intervals, share, out });
+        if let Sums::Uneven { squares, .. } = &self.sums {
+            out.iter_mut().zip(squares).for_each(|(x, square)| *x *= square.sqrt());
         }
     }
 }
 
-/// Horner's rule in e^{iω₀t}, eight samples a register, two registers at once.
+/// Σ Re z cos mω₀t − Im z sin mω₀t, eight samples a register, their e^{imω₀t} by products.
+///
+/// Of even samples those at k, N − k, and for even N at N/2 − k and N/2 + k, have the same terms but for their signs.
 struct Wave<'a> {
     roots: &'a Split,
     re: &'a [f64],
     im: &'a [f64],
     first: usize,
-    out: &'a mut [Wide],
+    intervals: Option<usize>,
+    share: f64,
+    out: &'a mut [f64],
 }
 
 impl Kernel for Wave<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        for (pair, out) in self.out.chunks_mut(2).enumerate() {
-            let a = self.roots.eight::<L>(2 * pair * LANES);
-            let b = self.roots.eight::<L>((2 * pair + 1) * LANES);
-            let zero = L::splat(0.0);
-            let (mut x, mut y) = ((zero, zero), (zero, zero));
-            for (re, im) in self.re.iter().zip(self.im).rev() {
-                let z = (L::splat(*re), L::splat(*im));
-                x = turned(x, a, z);
-                y = turned(y, b, z);
+        let Wave { roots, re, im, first, intervals, share, out } = self;
+        let halves = intervals.filter(|n| n.is_multiple_of(2)).map(|n| n / 2);
+        let entries = match (intervals, halves) {
+            (_, Some(half)) => half / 2 + 1,
+            (Some(n), _) => n / 2 + 1,
+            _ => out.len(),
+        };
+        let lines = re.as_chunks::<2>().0.iter().zip(im.as_chunks::<2>().0);
+        let share = L::splat(share);
+        // Where the lines begin with an odd one, it is the second of two that have even parity.
+        let parity = if first.is_multiple_of(2) { share } else { -share };
+        for start in (0..entries).step_by(LANES) {
+            let root = roots.eight::<L>(start);
+            let mut own = (L::splat(1.0), L::splat(0.0));
+            for _ in 0..first {
+                own = times(own, root);
             }
-            for _ in 0..self.first {
-                x = turned(x, a, (zero, zero));
-                y = turned(y, b, (zero, zero));
+            let (mut next, square) = (times(own, root), times(root, root));
+            let mut sums = [L::splat(0.0); 4];
+            for (re, im) in lines.clone() {
+                let [a, b, c, d] = sums;
+                sums = [
+                    own.0.mul_add(L::splat(re[0]), a),
+                    own.1.mul_add(L::splat(im[0]), b),
+                    next.0.mul_add(L::splat(re[1]), c),
+                    next.1.mul_add(L::splat(im[1]), d),
+                ];
+                (own, next) = (times(own, square), times(next, square));
             }
-            x.0.store(&mut out[0]);
-            if let Some(out) = out.get_mut(1) {
-                y.0.store(out);
+            let [a, b, c, d] = sums;
+            let (cos, sin) = (share * (a + c), share * (b + d));
+            let (far_cos, far_sin) = (parity * (a - c), parity * (b - d));
+            let mut all = [Wide::ZERO; 4];
+            (cos - sin).store(&mut all[0]);
+            (cos + sin).store(&mut all[1]);
+            (far_cos + far_sin).store(&mut all[2]);
+            (far_cos - far_sin).store(&mut all[3]);
+            let some = LANES.min(entries - start);
+            forth(&mut out[start..], &all[0], some);
+            if let Some(n) = intervals {
+                back(&mut out[..=n - start], &all[1], some);
+            }
+            if let Some(half) = halves {
+                back(&mut out[..=half - start], &all[2], some);
+                forth(&mut out[half + start..], &all[3], some);
             }
         }
     }
 }
 
-/// x·by + z.
+/// The first numbers, so many, from the beginning on.
 #[inline(always)]
-fn turned<L: Lanes>(x: (L, L), by: (L, L), z: (L, L)) -> (L, L) {
-    (x.0.mul_add(by.0, (-x.1).mul_add(by.1, z.0)), x.0.mul_add(by.1, x.1.mul_add(by.0, z.1)))
+fn forth(to: &mut [f64], from: &Wide, some: usize) {
+    to.iter_mut().zip(&from.0[..some]).for_each(|(to, x)| *to = *x);
+}
+
+/// The same from the end on.
+#[inline(always)]
+fn back(to: &mut [f64], from: &Wide, some: usize) {
+    to.iter_mut().rev().zip(&from.0[..some]).for_each(|(to, x)| *to = *x);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waves_are_the_plain_sums_at_every_sample() {
+        let value = |k: usize| ((k * 2_654_435_761) % 1009) as f64 / 1009.0 - 0.5;
+        let uneven: Vec<f64> = (0..=12).map(|k| f64::from(k * k)).collect();
+        // Four samples, two or one mirror each other; odd and even numbers of lines from odd and even ones on.
+        for (n, first, count) in [(64, 0, 5), (30, 1, 4), (17, 2, 7), (8, 3, 1), (12, 1, 3)] {
+            let time = if n == 12 { Time::Uneven(&uneven) } else { Time::Even(0.5) };
+            let plan = NoisePlan::new(time, n, Rule::Trapezoid, first + count - 1).unwrap();
+            let mut sources = Split::zeros(count);
+            for k in 0..count {
+                (sources.re[k], sources.im[k]) = (value(k), value(k + 77));
+            }
+            let mut out = Vec::new();
+            plan.wave(Isa::Plain, &sources, count, first, &mut out);
+            let weights = Rule::Trapezoid.uneven_weights(&uneven).unwrap();
+            for (k, got) in out.iter().enumerate() {
+                let (turns, share) = match time {
+                    Time::Even(_) => (k as f64 / n as f64, 1.0 / n as f64),
+                    Time::Uneven(t) => (t[k] / t[n], weights[k].abs() / t[n]),
+                };
+                let term = |m: usize| {
+                    let (sin, cos) = sin_cos_turns_1((first + m) as f64 * turns);
+                    sources.re[m] * cos - sources.im[m] * sin
+                };
+                let want = share * (0..count).map(term).sum::<f64>();
+                assert!((got - want).abs() < 1e-14, "{n} {first} {k}: {got} {want}");
+            }
+        }
+    }
 }

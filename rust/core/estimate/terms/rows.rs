@@ -4,7 +4,6 @@
 //! v̂ = ΣLᵀλ; J is made of the signals without it, E − (∂E/∂v)v̂, which makes Jᵀ C⁻¹ r the exact gradient of
 //! ½ rᵀC(θ)⁻¹r (docs/core.md, "Terms").
 
-mod base;
 mod covariance;
 mod denoised;
 
@@ -12,17 +11,19 @@ use super::complex::{C, Power, Split, late};
 use super::equations::Equations;
 use super::lines::{Desk, Pairs, Spectra};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
-use crate::linalg::dense::{Panel, whiten, whiten_more};
+use crate::linalg::columns::Columns;
+use crate::linalg::dense::{Panel, floor, whiten, whiten_more};
 use crate::linalg::qr::dot;
 use crate::math::ln_1;
 use crate::modulation::Lines;
-use crate::simd::{Isa, Wide};
+use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Trend;
-pub(crate) use base::Base;
 use covariance::Entries;
 
 /// Variance of a row on which noise has no say, over that of its neighbours.
 const SILENT: f64 = 1e-9;
+/// A transient column of which less than this is left beside the ones before is one of them.
+pub(crate) const DEPENDENT: f64 = 1e-10;
 
 /// What one worker keeps from one problem to the next.
 #[derive(Default)]
@@ -64,10 +65,12 @@ pub(crate) struct Spot {
     entries: Entries,
     panel: Panel,
     more: Panel,
+    pivots: Vec<f64>,
     least: Vec<f64>,
-    /// Whitened transient columns, and an orthonormal base of them.
-    whitened: Vec<Vec<f64>>,
-    base: Base,
+    /// Orthonormal base of the whitened transient columns; a column filled up, and its shares of them.
+    base: Columns,
+    filled: Vec<f64>,
+    shares: Vec<f64>,
     /// Whitened residual, the transient's part taken out.
     pub residual: Vec<f64>,
     /// Whitened columns of θ, transient not taken out.
@@ -85,7 +88,7 @@ pub(crate) struct Spot {
 }
 
 impl Spot {
-    pub fn new(e: &Equations, lines: Lines, trend: Trend, flat: &[f64]) -> Spot {
+    pub fn new(isa: Isa, e: &Equations, lines: Lines, trend: Trend, flat: &[f64]) -> Spot {
         let lowest = lines.first;
         let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
         let lines = Lines { first, ..lines };
@@ -158,9 +161,11 @@ impl Spot {
             entries: Entries::default(),
             panel: Panel::default(),
             more: Panel::default(),
+            pivots: Vec::new(),
             least: Vec::new(),
-            whitened: Vec::new(),
-            base: Base::default(),
+            base: Columns::new(isa, rows.len(), transients).judged_by(DEPENDENT),
+            filled: vec![0.0; rows.len().next_multiple_of(LANES)],
+            shares: vec![0.0; transients],
             residual: vec![0.0; rows.len()],
             columns: vec![vec![0.0; rows.len()]; e.parameters],
             lambda: Vec::new(),
@@ -239,12 +244,12 @@ impl Spot {
     /// Writes transient columns and the equation error from column `at` on.
     fn fill_columns(&mut self, at: usize) {
         let nt = self.transients;
-        for (i, row) in self.rows.iter().enumerate() {
-            let to = &mut self.panel.row_mut(i)[at..];
-            to[..nt].copy_from_slice(&self.transient[i * nt..(i + 1) * nt]);
-            let q = &self.error[row.equation];
-            to[nt] = if row.im { q.im[row.line] } else { q.re[row.line] };
-            to[nt + 1..].fill(0.0);
+        for (i, (row, to)) in self.rows.iter().zip(self.panel.rows_mut()).enumerate() {
+            let (to, error) = to[at..=at + nt].split_at_mut(nt);
+            for (to, t) in to.iter_mut().zip(&self.transient[i * nt..]) {
+                *to = *t;
+            }
+            error[0] = self.error[row.equation].part(row.im)[row.line];
         }
     }
 
@@ -274,25 +279,34 @@ impl Spot {
     /// The least that a row's pivot may be: what rounding leaves, and next to nothing of what it is on the
     /// neighbouring lines, so that a row on which the noise has no say keeps a finite weight.
     fn floors(&mut self) {
-        self.panel.floors(&mut self.least);
-        for (least, [a, b]) in self.least.iter_mut().zip(&self.near) {
-            let most = self.panel.row(*a)[*a].max(self.panel.row(*b)[*b]);
-            *least = least.max(SILENT * most);
-        }
+        self.pivots.clear();
+        self.pivots.extend(self.panel.diagonal());
+        self.least.clear();
+        let own = self.pivots.iter().map(|pivot| floor(*pivot));
+        self.least.extend(
+            own.zip(&self.near)
+                .map(|(least, [a, b])| least.max(SILENT * self.pivots[*a].max(self.pivots[*b]))),
+        );
     }
 
     /// Orthonormal transient columns from those whitened at column `at`, and the residual beside them.
     fn take_out(&mut self, at: usize) {
         let (rows, nt) = (self.rows.len(), self.transients);
-        self.whitened.resize_with(nt, Vec::new);
-        for (c, column) in self.whitened.iter_mut().enumerate() {
-            column.clear();
-            column.extend(self.panel.column(at + c));
-        }
-        self.base.span(&self.whitened, rows);
-        self.residual.clear();
-        self.residual.extend(self.panel.column(at + nt));
-        self.base.project(&mut self.residual);
+        span(&mut self.base, &self.panel, at, rows);
+        // Behind the rows zeros, whatever stood there: a NaN would stay for good.
+        self.filled.fill(0.0);
+        let whole = self.panel.column(at + nt);
+        self.filled.iter_mut().zip(whole).for_each(|(to, x)| *to = x);
+        self.base.project(0, &mut self.filled, &mut self.shares);
+        self.residual.copy_from_slice(&self.filled[..rows]);
+    }
+
+    /// Takes what the transient explains out of a whitened column.
+    pub fn take_transient(&mut self, column: &mut [f64]) {
+        self.filled.fill(0.0);
+        self.filled[..column.len()].copy_from_slice(column);
+        self.base.project(0, &mut self.filled, &mut self.shares);
+        column.copy_from_slice(&self.filled[..column.len()]);
     }
 
     /// Columns ∂/∂θ of the rows, whitened as [`Spot::evaluate`] left it; the transient is not taken out.
@@ -331,10 +345,8 @@ impl Spot {
                     add(term.equation, term.order + 1, s, -*g);
                 }
             }
-            for (i, row) in self.rows.iter().enumerate() {
-                let own = &self.slopes[row.equation];
-                let value = if row.im { own.im[row.line] } else { own.re[row.line] };
-                self.more.row_mut(i)[k] = value;
+            for (row, to) in self.rows.iter().zip(self.more.rows_mut()) {
+                to[k] = self.slopes[row.equation].part(row.im)[row.line];
             }
         }
         match self.weights {
@@ -360,20 +372,25 @@ impl Spot {
 
     /// Appends the columns of θ with the transient taken out, on the first `rows` rows alone; how many columns
     /// were taken out.
-    pub fn projected(&self, rows: usize, out: &mut [Vec<f64>]) -> usize {
-        let mut base = Base::default();
-        base.span(&self.whitened, rows);
+    pub fn projected(&self, isa: Isa, rows: usize, out: &mut [Vec<f64>]) -> usize {
+        let at = match self.weights {
+            RowWeights::Flat => 0,
+            RowWeights::Adapted => self.rows.len(),
+        };
+        let mut base = Columns::new(isa, rows, self.transients).judged_by(DEPENDENT);
+        span(&mut base, &self.panel, at, rows);
+        let (mut own, mut shares) = (vec![0.0; base.rows()], vec![0.0; self.transients]);
         for (to, from) in out.iter_mut().zip(&self.columns) {
-            let first = to.len();
-            to.extend_from_slice(&from[..rows]);
-            base.project(&mut to[first..]);
+            own[..rows].copy_from_slice(&from[..rows]);
+            base.project(0, &mut own, &mut shares);
+            to.extend_from_slice(&own[..rows]);
         }
-        base.columns().len()
+        (0..base.count()).filter(|c| base.r(*c, *c) > 0.0).count()
     }
 
-    /// The base of the whitened transient columns on all rows.
-    pub fn base(&self) -> &Base {
-        &self.base
+    /// Orthonormal columns that span the whitened transient.
+    pub fn base(&self) -> impl Iterator<Item = &[f64]> {
+        (0..self.base.count()).map(|c| &self.base.q(c)[..self.rows.len()])
     }
 
     /// (iω)^order on a line.
@@ -418,6 +435,16 @@ impl Spot {
     pub fn add(&self, signal: usize, order: usize, by: f64, to: &mut Split) {
         let values = &self.spectra.signals[signal];
         self.powers[order].add_times(by, values, self.lines.first, to);
+    }
+}
+
+/// Makes it the base of the first `rows` of the transient columns that stand whitened from column `at` on.
+fn span(base: &mut Columns, panel: &Panel, at: usize, rows: usize) {
+    let transients = base.capacity();
+    base.truncate(0);
+    for c in 0..transients {
+        let own = panel.column(at + c).take(rows);
+        base.push(|to| to.iter_mut().zip(own).for_each(|(to, x)| *to = x));
     }
 }
 

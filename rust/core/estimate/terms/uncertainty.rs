@@ -4,11 +4,12 @@
 //! The transient is projected out of the columns, so that all is that of a regression on them; leverage counts
 //! the transient's part.
 
-use super::factor::Factor;
 use super::iterate::TermsProblem;
 use crate::estimate::prior;
 use crate::estimate::spectral::{Bins, NoiseSpectrum, Spectral};
+use crate::linalg::columns::Columns;
 use crate::linalg::qr::{dot, solve_square};
+use crate::simd::Isa;
 
 /// A row with less than this left of it beside its leverage is fitted as good as exactly: what it shows of
 /// noise is nothing, and the classical variance stands for it.
@@ -37,7 +38,7 @@ impl TermsProblem<'_> {
     pub fn worth(&self, variance: f64, at_bound: &[bool]) -> Worth {
         let p = self.columns.len();
         let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
-        let inverse = inverse_factor(&self.columns, &free);
+        let inverse = inverse_factor(self.fitter.isa, &self.columns, &free);
         let n = free.len();
         let h = |i: usize, j: usize| -> f64 {
             (i.max(j)..n).map(|k| inverse[i * n + k] * inverse[j * n + k]).sum()
@@ -114,7 +115,7 @@ impl TermsProblem<'_> {
         q.iter().for_each(|own| add(&mut hat, own));
         let mut at = 0;
         for spot in &self.spots {
-            spot.base().columns().iter().for_each(|own| add(&mut hat[at..], own));
+            spot.base().for_each(|own| add(&mut hat[at..], own));
             at += spot.rows.len();
         }
         // What was known of a parameter is known whatever its leverage.
@@ -142,7 +143,7 @@ impl TermsProblem<'_> {
             let left = row(i, &mut influence);
             sums.add_row(equation * count + bin, *e, left, &influence);
         }
-        let (mut cov, mut degrees, told) = sums.finish(&bins, variance);
+        let (mut cov, mut degrees, told) = sums.finish(self.fitter.isa, &bins, variance);
         let n = free.len();
         let rest: Vec<f64> = (0..n).map(|k| cov[k * (n + 1)]).collect();
         let lines: usize = self.spots.iter().map(|s| s.rows.len()).sum();
@@ -196,7 +197,7 @@ impl TermsProblem<'_> {
                 let hat = |i: usize, j: usize| -> f64 {
                     let (i, j) = (from + i, from + j);
                     q.iter().map(|q| q[at + i] * q[at + j]).sum::<f64>()
-                        + spot.base().columns().iter().map(|b| b[i] * b[j]).sum::<f64>()
+                        + spot.base().map(|b| b[i] * b[j]).sum::<f64>()
                 };
                 a.clear();
                 for i in 0..size {
@@ -295,7 +296,7 @@ impl TermsProblem<'_> {
         let mut all: Vec<Vec<f64>> = vec![Vec::new(); p];
         let mut spent = 0;
         for (spot, last) in self.spots.iter().zip(last) {
-            spent += spot.projected(spot.rows_up_to(*last), &mut all);
+            spent += spot.projected(self.fitter.isa, spot.rows_up_to(*last), &mut all);
         }
         let lines: usize = self.spots.iter().map(|s| s.rows.len()).sum();
         for (to, from) in all.iter_mut().zip(&self.columns) {
@@ -306,7 +307,7 @@ impl TermsProblem<'_> {
             return None;
         }
         let n = free.len();
-        let inverse = inverse_factor(&all, &free);
+        let inverse = inverse_factor(self.fitter.isa, &all, &free);
         let mut out = vec![0.0; p];
         for (i, k) in free.iter().enumerate() {
             out[*k] = (i..n).map(|j| inverse[i * n + j] * inverse[i * n + j]).sum();
@@ -316,8 +317,11 @@ impl TermsProblem<'_> {
 }
 
 /// R⁻¹ of the columns' factor, row major, upper triangular.
-fn inverse_factor(columns: &[Vec<f64>], free: &[usize]) -> Vec<f64> {
-    let mut factor = Factor::default();
-    factor.set(columns, free, None);
+fn inverse_factor(isa: Isa, columns: &[Vec<f64>], free: &[usize]) -> Vec<f64> {
+    let rows = columns.first().map_or(0, Vec::len);
+    let mut factor = Columns::new(isa, rows, free.len()).judged_by(0.0);
+    for k in free {
+        factor.push_rows(&columns[*k]);
+    }
     factor.inverse()
 }

@@ -290,7 +290,7 @@ impl Single<'_> {
             residuals,
             full: found.full,
         };
-        let (spectral, freedom, noise_spectrum) = spectral.finish(&d.bins, variance);
+        let (spectral, freedom, noise_spectrum) = spectral.finish(self.isa, &d.bins, variance);
         all.noise_spectrum = noise_spectrum;
         for (i, own) in order.iter().zip(freedom) {
             all.degrees[*i] = own;

@@ -3,25 +3,30 @@
 use std::ops::Range;
 
 use super::Spot;
-use crate::estimate::terms::complex::Split;
+use crate::estimate::terms::complex::{Windows, loaded, times};
 use crate::estimate::terms::lines::{Couple, Pairs, Spectra};
 use crate::linalg::dense::Panel;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers};
 
-/// What the lines from m on have with line m: E[Q Q*] and E[Q Q] as sums that stand in the matrix, of Re with
-/// Re, Im with Im, Re with Im and Im with Re.
-pub(super) type Entries = [Vec<Wide>; 4];
+/// Memory of [`Spot::covariance`].
+#[derive(Default)]
+pub(super) struct Entries {
+    loads: Vec<Windows>,
+    /// What the lines from m on have with line m: sums of E[Q Q*] and E[Q Q] as they stand in the matrix, of Re with
+    /// Re, Im with Im, Re with Im and Im with Re.
+    parts: [Vec<Wide>; 4],
+}
 
 impl Spot {
     /// Covariance of the rows, upper triangle.
     pub(super) fn covariance(&mut self, isa: Isa, equations: usize, pairs: &Pairs) {
         let (count, first) = (self.count(), self.lines.first);
-        for part in &mut self.entries {
-            part.resize(count.div_ceil(LANES), Wide::ZERO);
-        }
+        let Entries { loads, parts } = &mut self.entries;
+        loads.resize_with(self.loads.len(), Windows::new);
+        self.loads.iter().zip(loads).for_each(|(own, to)| own.windows(to));
+        parts.iter_mut().for_each(|part| part.resize(count.div_ceil(LANES), Wide::ZERO));
         isa.across().run(Covariance {
             pairs,
-            loads: &self.loads,
             spectra: &self.spectra,
             entries: &mut self.entries,
             panel: &mut self.panel,
@@ -34,7 +39,6 @@ impl Spot {
 
 struct Covariance<'a> {
     pairs: &'a Pairs,
-    loads: &'a [Split],
     spectra: &'a Spectra,
     entries: &'a mut Entries,
     panel: &'a mut Panel,
@@ -53,9 +57,8 @@ impl Kernel for Covariance<'_> {
                 for b in 0..self.equations {
                     let couples = &self.pairs.couples[a * self.equations + b];
                     for block in 0..(self.count - m).div_ceil(LANES) {
-                        let d = self.sum::<L, false>(couples, m, block * LANES);
-                        let x = self.sum::<L, true>(couples, m, block * LANES);
-                        let [same, other, forth, back] = &mut *self.entries;
+                        let (d, x) = self.sum::<L>(couples, m, block * LANES);
+                        let [same, other, forth, back] = &mut self.entries.parts;
                         (half * (d.0 + x.0)).store(&mut same[block]);
                         (half * (d.0 - x.0)).store(&mut other[block]);
                         (half * (x.1 - d.1)).store(&mut forth[block]);
@@ -69,59 +72,63 @@ impl Kernel for Covariance<'_> {
 }
 
 impl Covariance<'_> {
-    /// Σ_ij L_i(m) conj(L_j(l) R_ij(l − m)) of the eight lines l that begin `ahead` of m; of `mirrored` lines,
-    /// −l for l, Σ_ij L_i(m) L_j(l) R_ij(l + m).
+    /// Σ_ij L_i(m) conj(L_j(l) R_ij(l − m)) of the eight lines l that begin `ahead` of m, and of mirrored lines, −l
+    /// for l, Σ_ij L_i(m) L_j(l) R_ij(l + m).
     #[inline(always)]
-    fn sum<L: Lanes, const MIRRORED: bool>(
-        &self,
-        couples: &[Couple],
-        m: usize,
-        ahead: usize,
-    ) -> (L, L) {
-        let lag = if MIRRORED { 2 * (m + self.first) + ahead } else { ahead };
-        let mut sum = (L::splat(0.0), L::splat(0.0));
+    fn sum<L: Lanes>(&self, couples: &[Couple], m: usize, ahead: usize) -> ((L, L), (L, L)) {
+        let loads = &self.entries.loads;
+        let zero = (L::splat(0.0), L::splat(0.0));
+        let (mut d, mut x) = (zero, zero);
+        let far = 2 * (m + self.first) + ahead;
         for couple in couples {
-            let pair = couple.pair;
-            if self.spectra.apart[pair] || (self.spectra.white[pair] && lag > 0) {
+            if self.spectra.apart[couple.pair] {
                 continue;
             }
-            let to = self.loads[couple.to].eight::<L>(m + ahead);
-            let r = self.spectra.pairs[couple.pair].eight::<L>(self.spectra.middle + lag);
-            let product = (to.0.mul_add(r.0, (-to.1) * r.1), to.0.mul_add(r.1, to.1 * r.0));
-            let from = self.loads[couple.from].get(m);
-            let (x, y) = (L::splat(from.0), L::splat(from.1));
-            if MIRRORED {
-                sum.0 = x.mul_add(product.0, (-y).mul_add(product.1, sum.0));
-                sum.1 = y.mul_add(product.0, x.mul_add(product.1, sum.1));
-            } else {
-                sum.0 = x.mul_add(product.0, y.mul_add(product.1, sum.0));
-                sum.1 = y.mul_add(product.0, (-x).mul_add(product.1, sum.1));
+            // White noise has no lag but 0.
+            let white = self.spectra.white[couple.pair];
+            let [re, im] = &loads[couple.from][m];
+            let (a, b) = (L::splat(re.0[0]), L::splat(im.0[0]));
+            let to = loaded::<L>(&loads[couple.to][m + ahead]);
+            let lags = &self.spectra.pairs[couple.pair][self.spectra.middle..];
+            if !white || ahead == 0 {
+                let product = times(to, loaded(&lags[ahead]));
+                d.0 = a.mul_add(product.0, b.mul_add(product.1, d.0));
+                d.1 = b.mul_add(product.0, (-a).mul_add(product.1, d.1));
+            }
+            if !white || far == 0 {
+                let product = times(to, loaded(&lags[far]));
+                x.0 = a.mul_add(product.0, (-b).mul_add(product.1, x.0));
+                x.1 = b.mul_add(product.0, a.mul_add(product.1, x.1));
             }
         }
-        sum
+        (d, x)
     }
 
     /// Puts the entries of line m, equation a, with equation b of the lines from m on in their places.
     #[inline(always)]
     fn write(&mut self, m: usize, a: usize, b: usize) {
         let equations = self.equations;
-        let [same, other, forth, back] = &*self.entries;
+        let [same, other, forth, back] = &self.entries.parts;
         // Line 0 has no Im.
         let missing = if self.first == 0 { equations } else { 0 };
         let at = |line: usize| (2 * line * equations).saturating_sub(missing);
         let whole = usize::from(m + self.first == 0);
         let (start, some) = (at(m + whole), whole..self.count - m);
-        let row = self.panel.row_mut(at(m) + a);
-        if whole == 1 {
-            row[b] = same[0].0[0];
+        let re = self.panel.row_mut(at(m) + a);
+        if b == 0 {
+            // What the factor of the last time left before the diagonal.
+            re[at(m) / LANES * LANES..][..LANES].fill(0.0);
         }
-        put(&mut row[start..], [same, forth], some.clone(), (b, equations));
-        // What the factor of the last time left before the diagonal, in the register that holds it.
-        row[at(m) / LANES * LANES..at(m)].fill(0.0);
+        if whole == 1 {
+            re[b] = same[0].0[0];
+        }
+        put(&mut re[start..], [same, forth], some.clone(), (b, equations));
         if whole == 0 {
-            let row = self.panel.row_mut(at(m) + equations + a);
-            put(&mut row[start..], [back, other], some, (b, equations));
-            row[at(m) / LANES * LANES..at(m)].fill(0.0);
+            let im = self.panel.row_mut(at(m) + equations + a);
+            if b == 0 {
+                im[at(m) / LANES * LANES..][..LANES].fill(0.0);
+            }
+            put(&mut im[start..], [back, other], some, (b, equations));
         }
     }
 }
@@ -135,6 +142,11 @@ fn put(
     (b, equations): (usize, usize),
 ) {
     let entries = numbers(re)[some.clone()].iter().zip(&numbers(im)[some]);
+    if equations == 1 {
+        // The same in pairs of a known size.
+        let each = row.as_chunks_mut().0.iter_mut();
+        return each.zip(entries).for_each(|(to, (re, im))| *to = [*re, *im]);
+    }
     for (to, (re, im)) in row.chunks_exact_mut(2 * equations).zip(entries) {
         to[b] = *re;
         to[equations + b] = *im;

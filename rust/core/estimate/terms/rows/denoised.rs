@@ -2,7 +2,7 @@
 
 use super::Spot;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
-use crate::estimate::terms::complex::{C, Split, late, windows};
+use crate::estimate::terms::complex::{C, Split, late, loaded};
 use crate::estimate::terms::lines::{Pairs, Spectra};
 use crate::linalg::dense::back;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
@@ -66,18 +66,18 @@ impl Spot {
             let lambda = &numbers(&self.lambda)[equation..];
             for &j in &pairs.of[equation] {
                 let (to, load) = (&mut self.sources[j], &self.loads[equation * own + j]);
-                let mut add = |line: usize, re: f64, im: f64| {
-                    let C(x, y) = load.get(line);
-                    to.re[line] += x * re + y * im;
-                    to.im[line] += x * im - y * re;
-                };
                 // Line 0 has no Im.
-                if first > 0 {
-                    add(0, lambda[0], 0.0);
+                let start = usize::from(first > 0);
+                for _ in 0..start {
+                    to.re[0] += load.re[0] * lambda[0];
+                    to.im[0] -= load.im[0] * lambda[0];
                 }
+                let (re, im) = (&mut to.re[start..count], &mut to.im[start..count]);
+                let loads = load.re[start..].iter().zip(&load.im[start..]);
                 let both = lambda[first..].chunks(2 * equations);
-                for (line, both) in (usize::from(first > 0)..count).zip(both) {
-                    add(line, both[0], both[equations]);
+                for ((to, (x, y)), both) in re.iter_mut().zip(im).zip(loads).zip(both) {
+                    *to.0 += x * both[0] + y * both[equations];
+                    *to.1 += x * both[equations] - y * both[0];
                 }
             }
         }
@@ -108,7 +108,7 @@ impl Kernel for Noise<'_> {
                 let Some(pair) = place.filter(|pair| !self.spectra.apart[*pair]) else { continue };
                 let (r, middle) = (&self.spectra.pairs[pair], self.spectra.middle);
                 if self.spectra.white[pair] {
-                    let (own, near) = (L::splat(r.re[middle]), z.eight::<L>(m));
+                    let (own, near) = (L::splat(r[middle][0].0[0]), z.eight::<L>(m));
                     sum = (own.mul_add(near.0, sum.0), own.mul_add(near.1, sum.1));
                     if m + self.first == 0 {
                         // Line 0 mirrors itself.
@@ -121,9 +121,9 @@ impl Kernel for Noise<'_> {
                 }
                 let (near, far) = (middle + m + 1 - self.count, middle + m);
                 let far = far + 2 * self.first;
-                let near = windows(&r.re, near, self.count).zip(windows(&r.im, near, self.count));
-                let far = windows(&r.re, far, self.count).zip(windows(&r.im, far, self.count));
-                for ((near, far), (x, y)) in near.rev().zip(far).zip(z.re.iter().zip(&z.im)) {
+                let (near, far) = (&r[near..near + self.count], &r[far..far + self.count]);
+                let each = near.iter().rev().zip(far);
+                for ((near, far), (x, y)) in each.zip(z.re.iter().zip(&z.im)) {
                     let (near, far) = (loaded::<L>(near), loaded::<L>(far));
                     let (x, y) = (L::splat(*x), L::splat(*y));
                     sum.0 = y.mul_add(far.1 - near.1, x.mul_add(near.0 + far.0, sum.0));
@@ -134,9 +134,4 @@ impl Kernel for Noise<'_> {
             (half * sum.1).store(im);
         }
     }
-}
-
-#[inline(always)]
-fn loaded<L: Lanes>((re, im): (&[f64; LANES], &[f64; LANES])) -> (L, L) {
-    (L::load_any(re), L::load_any(im))
 }
