@@ -110,7 +110,12 @@ def integration() -> list[Curve]:
     from modfun.timelag.motion import Motion, history
 
     model = DUFFING.model({"d": 0.3, "a": 1.0, "b": 0.5})
-    given = {"u": "sin(1.3*t)", "dt": 1.0, "intervals": 800, "x0": [0.5, 0.0]}  # long, so that steps are free
+    given = {
+        "u": "sin(1.3*t)",
+        "dt": 1.0,
+        "intervals": 800,
+        "initial_state": [0.5, 0.0],
+    }  # long, so that steps are free
     exact = model.simulate(**given, rtol=1e-12)
     steps = np.array([1e-3, 1e-4, 1e-5, 1e-6, 1e-7])
     errors = [np.max(np.abs(model.simulate(**given, rtol=r) - exact)) / np.max(np.abs(exact)) for r in steps]

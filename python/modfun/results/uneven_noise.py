@@ -150,7 +150,8 @@ def covariance(fit: Estimates) -> F64 | None:
     if found is None or found.p_value > UNEVEN:
         return None
     try:
-        cov = _of_samples(fit, found)
+        with np.errstate(all="ignore"):
+            cov = _of_samples(fit, found)
     except (ModfunError, np.linalg.LinAlgError):  # no response beside the estimate, or outputs that are one
         return None
     return cov if np.all(np.isfinite(cov)) else None
