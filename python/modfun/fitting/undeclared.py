@@ -41,8 +41,9 @@ def settled(
             records = _read(records, name, "zoh", LOOP)
     plain = options.replace(reference=(), robust=False, stable=False)
     best = _fit(records, structure, plain, fit_once)
-    for name in names if best is not None else ():
-        assert best is not None
+    if best is None:
+        return records
+    for name in names:
         if name not in best.inputs:
             continue
         word = records[0].intersample[records[0].inputs.index(name)]

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..base.arguments import public
 from ..base.tables import Table
-from ..errors import DataError, FitError, ModfunError, SpecError
+from ..errors import DataError, FitError, SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from ..results.cures import bic_beside, on_band
+from ..results.cures import again, bic_beside, on_band
 from ..results.fit import Fit
 from ..results.scores import UNITS
 from . import drawing
@@ -92,14 +92,7 @@ def _bics(fits: list[Fit]) -> list[float]:
     if len(alike) > 1 or any(fit.again is None or fit.records != first.records for fit in fits):
         return [float("nan")] * len(fits)
     band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
-    found: list[Fit | None] = []
-    for fit in fits:
-        assert fit.again is not None
-        try:
-            other = fit.again(fit.records or (), fit.structure, on_band(fit, band))
-        except ModfunError:  # a band that leaves one of them too few equations
-            other = None
-        found.append(other if other is not None and other.usable else None)
+    found = [again(fit, fit.records or (), fit.structure, on_band(fit, band)) for fit in fits]
     base = next((fit for fit in found if fit is not None), None)
     return [float("nan") if fit is None or base is None else bic_beside(fit, base) for fit in found]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import ModfunError
 from ..systems.polynomials import roots_of
+from .cures import again
 from .diagnosis import growth
 from .doubts import Doubt
 from .estimates import Estimates
@@ -69,11 +69,8 @@ def _wider(fit: Estimates) -> Doubt | None:
     if fit.again is None or fit.records is None:
         return None
     edge = float(f"{2 * fit.band[1]:.3g}")
-    try:
-        other = fit.again(fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))
-    except ModfunError:  # the samples show no more
-        return None
-    if not (other.usable and other.success) or growth(other) > max(growth(fit), 0.0):
+    other = again(fit, fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))
+    if other is None or not other.success or growth(other) > max(growth(fit), 0.0):
         return None
     was, now = np.asarray(fit.bse), np.asarray(other.bse)
     free = (was > 0) & (now > 0)

@@ -15,7 +15,7 @@ from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
 
-__all__ = ["Cure", "best_cure", "bic_beside", "on_band", "with_drift"]
+__all__ = ["Cure", "again", "best_cure", "bic_beside", "on_band", "with_drift"]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
@@ -50,7 +50,7 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     options = on_band(fit, fit.band)
     near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
     for words, records, structure in near:
-        other = _again(fit, records, structure, options)
+        other = again(fit, records, structure, options)
         if other is None or growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
         after = bic_beside(other, fit)
@@ -67,7 +67,7 @@ def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
     if fit.again is None or fit.records is None:
         return None
-    other = _again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
     if other is None:
         return None
     return Cure('trend="linear"', bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
@@ -140,7 +140,7 @@ def _likeliest_delay(
     def score(k: int) -> None:
         late = [list(row) for row in delays]
         late[output][channel] = known + k * dt
-        other = _again(fit, fit.records, _with(fit, delay=late), options)
+        other = again(fit, fit.records, _with(fit, delay=late), options)
         scores[k] = bic_beside(other, fit) if other is not None else inf
 
     best = 0
@@ -159,8 +159,8 @@ def _likeliest_delay(
     return Free(min=low, max=high), mid
 
 
-def _again(fit: Estimates, records: Any, structure: TransferFunction, options: Options) -> Estimates | None:
-    """A fit with an answer."""
+def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
+    """The fit made again with other words; None where it has no answer."""
     assert fit.again is not None
     try:
         other: Estimates = fit.again(records, structure, options)

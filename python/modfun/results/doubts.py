@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.names import listed
-from ..errors import ModfunError
 from ..records.check import remarks_for_fits
 from ..records.spectra import spectrum_of
-from .cures import on_band
+from .cures import again, on_band
 from .diagnosis import fewest_samples, growth, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
@@ -160,11 +159,8 @@ def _with_constant(fit: Estimates) -> Estimates | None:
     if fit.again is None or fit.records is None:
         return None
     options = on_band(fit, fit.band).replace(trend="constant")
-    try:
-        other = fit.again(fit.records, fit.structure, options)
-    except ModfunError:
-        return None
-    return other if other.usable and other.params.shape == fit.params.shape else None
+    other = again(fit, fit.records, fit.structure, options)
+    return other if other is not None and other.params.shape == fit.params.shape else None
 
 
 def _both_ways(fit: Estimates) -> str:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import ModfunError
 from ..records.periods import periods
-from .cures import on_band
+from .cures import again, on_band
 
 if TYPE_CHECKING:
     from ..records.record import Record
@@ -55,9 +54,9 @@ def gain_of_start(fit: Estimates) -> str | None:
         told, seen = "periodic", "The inputs repeat, and the output agrees with a steady response"
     else:
         return None
-    try:
-        other = fit.again(fit.records, fit.structure, on_band(fit, fit.band).replace(initial_state=told))
-    except ModfunError:
+    options = on_band(fit, fit.band).replace(initial_state=told)
+    other = again(fit, fit.records, fit.structure, options)
+    if other is None:
         return None
     p = contradicted_p(other)
     if not (other.success and p > AGREES):

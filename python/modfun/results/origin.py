@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..errors import ModfunError
 from ..models.transfer_function import TransferFunction
-from .cures import WORTH, on_band
+from .cures import WORTH, again, on_band
 from .estimates import Estimates
 
 __all__ = ["gain_of_colour", "gain_of_process", "origin"]
@@ -35,13 +35,9 @@ def origin(fit: Estimates) -> str | None:
     top = np.pi / 4 / max(steps)
     if fit.band[0] >= top:
         return None
-    try:
-        wide = fit.again(
-            fit.records, fit.structure, fit.options.replace(band=(fit.band[0], top), harmonics=None)
-        )
-    except ModfunError:
-        return None
-    if not wide.usable:
+    options = fit.options.replace(band=(fit.band[0], top), harmonics=None)
+    wide = again(fit, fit.records, fit.structure, options)
+    if wide is None:
         return None
     power, rows, driven, delay = [], [], [], []
     for (low, high), omega0, (piece, *_), dt in zip(wide.lines, wide.omega0, wide.pieces, steps, strict=True):
@@ -76,11 +72,8 @@ def gain_of_colour(fit: Estimates) -> float | None:
     if fit.options.noise != "output" or fit.again is None or fit.records is None or not fit.layout.rational:
         return None
     options = on_band(fit, fit.band).replace(noise="coloured", output_weights=None)
-    try:
-        other = fit.again(fit.records, fit.structure, options)
-    except ModfunError:
-        return None
-    if not (other.usable and fit.bse.size and np.all(fit.bse > 0) and np.all(other.bse > 0)):
+    other = again(fit, fit.records, fit.structure, options)
+    if not (other is not None and fit.bse.size and np.all(fit.bse > 0) and np.all(other.bse > 0)):
         return None
     gain = float(np.exp(np.mean(np.log(fit.bse / other.bse))))
     return gain if gain >= LEAST_GAIN else None
