@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..base import html
 from ..base.arrays import F64
 from ..base.between import AUTO, BY_FIT, DOUBTFUL, LOOP, decided, liveliest
+from ..base.elsewhere import RECORD, Elsewhere
 from ..base.names import nearest
 from ..base.samples import (
     FEWEST,
@@ -33,8 +34,10 @@ __all__ = ["Samples", "agreed", "refuse_own_noise"]
 Own = TypeVar("Own", bound="Samples")
 
 
-class Samples:
+class Samples(Elsewhere):
     """The fields of a `Record`, unchecked and never changed."""
+
+    _elsewhere = RECORD
 
     __slots__ = (
         "_keep", "_lost", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma",

@@ -13,6 +13,7 @@ from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
 from ..base.cached import cached_property
+from ..base.elsewhere import FIT, Elsewhere
 from ..base.named import Named
 from ..base.names import nearest
 from ..base.student import confidence, root, student_interval
@@ -40,11 +41,13 @@ LEVELS = ("process_levels", "cov_process_levels", "process_shares")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimates:
+class Estimates(Elsewhere):
     """What the core answered, what was asked of it, and the numbers that follow; `Fit` tells the fields.
 
     All that is said, drawn and kept of a fit is made from this.
     """
+
+    _elsewhere = FIT
 
     structure: Any
     layout: Layout

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.cached import cached_property
+from ..base.elsewhere import FITS, Elsewhere
 from ..base.names import nearest
 from ..base.optional import optional
 from ..base.student import confidence, root, student_interval
@@ -28,7 +29,7 @@ __all__ = ["FitMany"]
 
 @public
 @dataclass(frozen=True, eq=False, repr=False)
-class FitMany:
+class FitMany(Elsewhere):
     """Fits of many records by one structure.
 
     Attributes
@@ -63,6 +64,8 @@ class FitMany:
     level_names : tuple of str
         What each of them is of, such as "measurement of y" and "process of y".
     """
+
+    _elsewhere = FITS
 
     params: F64
     bse_even: F64

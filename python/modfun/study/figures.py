@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F64, I64
 from ..base.cached import cached_property
+from ..base.elsewhere import STUDY, Elsewhere
 from ..base.tables import Table
 from ..equations.state_space import StateSpace
 from ..equations.written import Written
@@ -32,8 +33,10 @@ __all__ = ["Figures"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Figures:
+class Figures(Elsewhere):
     """The figures alone; users see them as `Results`, where their meaning is written down."""
+
+    _elsewhere = STUDY
 
     axes: dict[str, tuple[Any, ...]]
     truth: F64

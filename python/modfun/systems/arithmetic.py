@@ -5,15 +5,17 @@ from __future__ import annotations
 from typing import Any, Self
 
 from ..base.arguments import real
+from ..base.elsewhere import SYSTEM, Elsewhere
 from ..errors import SpecError
 from .connections import connected
 
 __all__ = ["Arithmetic"]
 
 
-class Arithmetic:
+class Arithmetic(Elsewhere):
     """Operators of an `LTI`."""
 
+    _elsewhere = SYSTEM
     __array_ufunc__ = None  # numbers of NumPy leave products and sums to the methods here
 
     def _connected(self, how: str, first: Any, second: Any, sign: int = -1) -> Self:

@@ -1,0 +1,86 @@
+"""Attributes asked for by their name in other packages: the error says what they are called here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
+
+__all__ = ["FIT", "FITS", "RECORD", "STUDY", "SYSTEM", "Elsewhere"]
+
+# Name in statsmodels, SciPy, python-control, MATLAB or lmfit, and what to write here.
+_PARAMETERS = {
+    **dict.fromkeys(("estimate", "coef", "coef_", "x", "theta", "values", "popt"), "params"),
+    **dict.fromkeys(("se", "std", "stderr", "stderrs", "std_errors", "standard_errors"), "bse"),
+    **dict.fromkeys(("ci", "confint", "confidence_interval", "confidence_intervals"), "conf_int()"),
+}
+FIT: Mapping[str, str] = {
+    **_PARAMETERS,
+    **dict.fromkeys(("cov", "covariance", "vcov", "pcov", "covar"), "cov_params()"),
+    **dict.fromkeys(("corr", "correl"), "correlation()"),
+    **dict.fromkeys(("pvalues", "p_values", "tvalues"), "table(pvalues=True)"),
+    **dict.fromkeys(("poles", "pole", "eigenvalues"), "model.poles(), or damp()"),
+    **dict.fromkeys(("zeros", "zero"), "model.zeros()"),
+    **dict.fromkeys(("gain", "dcgain"), "model.dcgain()"),
+    **dict.fromkeys(("num", "numerator"), "model.num"),
+    **dict.fromkeys(("den", "denominator"), "model.den"),
+    **dict.fromkeys(("A", "B", "C", "D", "to_ss"), "model.to_ss()"),
+    **dict.fromkeys(("tf", "sys", "system", "transfer_function"), "model"),
+    **dict.fromkeys(("resid", "residual"), "residuals (lines), or errors() (samples)"),
+    **dict.fromkeys(("fittedvalues", "fitted", "y_hat", "yhat", "best_fit"), "predict()"),
+    **dict.fromkeys(("rsquared", "r2", "fit_percent", "nrmse"), "score()"),
+    **dict.fromkeys(("bode", "bode_plot"), "plot_bode()"),
+    **dict.fromkeys(("step", "step_response"), "model.step()"),
+    **dict.fromkeys(("x0", "initial_conditions"), "initial_state()"),
+    **dict.fromkeys(("warnings", "doubts"), "check()"),
+}
+FITS: Mapping[str, str] = {
+    **_PARAMETERS,
+    **dict.fromkeys(("summary", "mean"), "table()"),
+    **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
+}
+STUDY: Mapping[str, str] = {
+    **dict.fromkeys(("summary", "mean", "conf_int"), "table()"),
+    **dict.fromkeys(("estimates", "params"), "samples, kept by MonteCarlo.run(keep='samples')"),
+    **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
+    **dict.fromkeys(("std", "se", "stderr"), "sd"),
+}
+RECORD: Mapping[str, str] = {
+    **dict.fromkeys(("time", "times"), "t"),
+    **dict.fromkeys(("Ts", "ts", "sample_time", "period"), "dt"),
+    **dict.fromkeys(("fs", "rate", "sample_rate"), "dt, whose inverse it is"),
+    **dict.fromkeys(("input", "input_names", "InputName"), "inputs (names) or u (samples)"),
+    **dict.fromkeys(("output", "output_names", "OutputName"), "outputs (names) or y (samples)"),
+    **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
+    **dict.fromkeys(("detrend", "demean"), "mf.fit(..., trend=)"),
+}
+SYSTEM: Mapping[str, str] = {
+    **dict.fromkeys(("pole",), "poles()"),
+    **dict.fromkeys(("zero",), "zeros()"),
+    **dict.fromkeys(("numerator",), "num"),
+    **dict.fromkeys(("denominator",), "den"),
+    **dict.fromkeys(("damp", "damping"), "mf.plot.poles(system), or poles()"),
+    **dict.fromkeys(("bode", "bode_plot"), "mf.plot.bode(system)"),
+    **dict.fromkeys(("nyquist", "nyquist_plot"), "mf.plot.nyquist(system)"),
+    **dict.fromkeys(("freqresp", "frequency_response_data", "evalfr"), "frequency_response(omega)"),
+    **dict.fromkeys(("step_response",), "step()"),
+    **dict.fromkeys(("impulse_response",), "impulse()"),
+    **dict.fromkeys(("lsim", "forced_response", "output"), "simulate()"),
+    **dict.fromkeys(("sample", "c2d"), "mf.c2d(system, dt)"),
+}
+
+
+class Elsewhere:
+    """A class whose attributes have other names in other packages."""
+
+    __slots__ = ()
+
+    _elsewhere: ClassVar[Mapping[str, str]] = {}  # name there: what to write here
+
+    if not TYPE_CHECKING:  # type checkers know the attributes that there are
+
+        def __getattr__(self, name: str) -> object:
+            if hasattr(type(self), name):  # a property that met an AttributeError of its own: show that one
+                return object.__getattribute__(self, name)
+            here = self._elsewhere.get(name)
+            text = f"{type(self).__name__!r} object has no attribute {name!r}"
+            raise AttributeError(f"{text}: use {here}" if here else text, name=name, obj=self)
