@@ -185,13 +185,21 @@ def refuse_standing(
     if initial_state == "zero" or not isinstance(initial_state, str):
         return
     for k, name in enumerate(layout.inputs):
-        used = any([row[k] is not None for row in layout.numerators])
-        if used and all([_stands(u[k]) for u in us]):
+        if not any([row[k] is not None for row in layout.numerators]):
+            continue
+        if all([_stands(u[k]) for u in us]):
             raise DataError(
                 f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
                 "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
                 "it moves (of a step test, from before the step; if the step came at the first sample, at "
                 'rest, give initial_state="zero")'
+            )
+        if initial_state == "unknown" and all([_stands(u[k, 1:]) or _stands(u[k, :-1]) for u in us]):
+            raise DataError(
+                f"fit: input {name!r} stands at {us[0][k, 1]:g} but for one sample at an end, so its gain "
+                "cannot be told from an unknown initial state: of a record that begins at rest, give "
+                'initial_state="rest" (before a step) or "zero" (an impulse at the first sample), or take '
+                "a record in which the input moves"
             )
 
 
