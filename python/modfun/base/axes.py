@@ -25,13 +25,16 @@ def drawing(function: Thing) -> Thing:
 
 
 def take_axes(
-    ax: Any, count: int, *, height: float = 2.4, width: float = 7.0, sharex: bool = True
+    ax: Any, count: int, title: str, *, height: float = 2.4, width: float = 7.0, sharex: bool = True
 ) -> list[Any]:
-    """Return `count` Axes: new ones below each other, the given ones, or the given one `count` times."""
+    """Return `count` Axes: new ones below each other under a title, or the given one or ones."""
     if ax is None:
         pyplot = optional("matplotlib.pyplot", "plot", "plotting")
         size = (width, max(height * count, 2.6) + 0.5)
-        _, made = pyplot.subplots(count, 1, sharex=sharex, squeeze=False, figsize=size, layout="constrained")
+        figure, made = pyplot.subplots(
+            count, 1, sharex=sharex, squeeze=False, figsize=size, layout="constrained"
+        )
+        figure.suptitle(title, fontsize="medium")
         return list(made[:, 0])
     if hasattr(ax, "plot"):
         return [ax] * count
@@ -46,14 +49,16 @@ def take_axes(
     return given
 
 
-def take_pairs(ax: Any, outputs: int, *, height: float, sharex: bool = True) -> list[tuple[Any, Any]]:
+def take_pairs(
+    ax: Any, outputs: int, title: str, *, height: float, sharex: bool = True
+) -> list[tuple[Any, Any]]:
     """Return two Axes an output; a single Axes serves as both of a single output."""
     if outputs > 1 and hasattr(ax, "plot"):
         raise SpecError(
             f"plot: ax is a single Axes and there are {outputs} outputs; give {2 * outputs} Axes, or choose "
             "one output, as output="
         )
-    axes = take_axes(ax, 2 * outputs, height=height, sharex=sharex)
+    axes = take_axes(ax, 2 * outputs, title, height=height, sharex=sharex)
     return list(zip(axes[::2], axes[1::2], strict=True))
 
 
@@ -77,14 +82,16 @@ def chosen_rows(rows: Sequence[str], outputs: Sequence[str], output: str | None,
     return chosen_outputs(outputs, output, what)
 
 
-def take_grid(ax: Any, rows: int, columns: int, *, height: float = 3.1, sharex: bool = True) -> list[Any]:
-    """Return Axes row by row: new ones, or the given ones."""
+def take_grid(
+    ax: Any, rows: int, columns: int, title: str, *, height: float = 3.1, sharex: bool = True
+) -> list[Any]:
+    """Return Axes row by row: new ones under a title, or the given ones."""
     if ax is not None:
         if hasattr(ax, "plot"):
             raise SpecError(f"plot: ax is a single Axes; give {rows * columns}")
-        return take_axes(ax, rows * columns)
+        return take_axes(ax, rows * columns, title)
     pyplot = optional("matplotlib.pyplot", "plot", "plotting")
-    _, made = pyplot.subplots(
+    figure, made = pyplot.subplots(
         rows,
         columns,
         sharex=sharex,
@@ -92,6 +99,7 @@ def take_grid(ax: Any, rows: int, columns: int, *, height: float = 3.1, sharex: 
         figsize=(4.6 * columns, height * rows + 0.5),
         layout="constrained",
     )
+    figure.suptitle(title, fontsize="medium")
     return list(made.ravel())
 
 

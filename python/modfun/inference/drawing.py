@@ -16,7 +16,7 @@ __all__ = ["comparison", "cross_validation", "order"]
 
 def comparison(rec: Record, simulated: Mapping[str, Record], table: Table, ax: Any = None) -> Any:
     """Draw the measured outputs, and those simulated by each model with its fit in per cent by the table."""
-    axes = take_axes(ax, len(rec.outputs), height=2.3)
+    axes = take_axes(ax, len(rec.outputs), "Measured and simulated outputs", height=2.3)
     percent = {(row["model"], row["output"]): row["fit_percent"] for row in table}
     for here, name in zip(axes, rec.outputs, strict=True):
         here.plot(rec.t, rec._shown(name), color="0.6", linewidth=2.0, label=f"{name} measured")
@@ -34,7 +34,7 @@ def comparison(rec: Record, simulated: Mapping[str, Record], table: Table, ax: A
 def cross_validation(table: Table, ax: Any = None) -> Any:
     """Draw how well each record left out is simulated; see `modfun.plot.cross_validation`."""
     outputs = list(dict.fromkeys(table["output"]))
-    axes = take_axes(ax, len(outputs), height=2.4)
+    axes = take_axes(ax, len(outputs), "Prediction of records left out", height=2.4)
     for here, output in zip(axes, outputs, strict=True):
         for model in dict.fromkeys(table["model"]):
             rows = (table["model"] == model) & (table["output"] == output)
@@ -50,7 +50,7 @@ def cross_validation(table: Table, ax: Any = None) -> Any:
 
 def order(table: Table, criterion: str, chosen: int, sigma: float, ax: Any = None) -> Any:
     """Draw residual level and criterion of the candidates of a table; see `modfun.plot.order`."""
-    axes = take_axes(ax, 2, height=2.6)
+    axes = take_axes(ax, 2, "Selection of the order", height=2.6)
     upper, lower = axes
     poles, level = table["poles"], table["residual"]
     score = table[criterion] - np.nanmin(table[criterion])

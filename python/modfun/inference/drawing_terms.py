@@ -16,7 +16,7 @@ MOST = 20  # candidates that are shown, the likeliest first
 
 def terms(path: Table, inclusion: Table, ax: Any = None) -> Any:
     """Draw the criterion over the number of terms, and probabilities; see `modfun.plot.terms`."""
-    axes = take_axes(ax, 2, height=2.8, sharex=False)
+    axes = take_axes(ax, 2, "Selection of terms", height=2.8, sharex=False)
     upper, lower = axes
     upper.plot(path["terms"], path["rise"], "o-", color="C0", markersize=4, linewidth=0.8)
     chosen = path["chosen"]

@@ -25,7 +25,7 @@ def records(several: Sequence[Samples], ax: Any = None) -> Any:
                 f"plot.record: record {k} has the channels {', '.join((*rec.outputs, *rec.inputs))}, the "
                 f"first {', '.join(names)}; select the same ones"
             )
-    made = take_grid(ax, len(names), len(several), height=1.6, sharex=False)
+    made = take_grid(ax, len(names), len(several), "Records", height=1.6, sharex=False)
     axes = np.array(made, dtype=object).reshape(len(names), len(several))
     for k, rec in enumerate(several):
         record(rec, ax=list(axes[:, k]))
@@ -41,7 +41,7 @@ def records(several: Sequence[Samples], ax: Any = None) -> Any:
 def record(rec: Samples, ax: Any = None) -> Any:
     """Draw outputs above, inputs below, held inputs as steps; dotted lines bridge masked samples."""
     names = (*rec.outputs, *rec.inputs)
-    axes = take_axes(ax, len(names), height=1.6)
+    axes = take_axes(ax, len(names), "Record", height=1.6)
     held = dict(zip(rec.inputs, rec.intersample, strict=True))
     for name, here in zip(names, axes, strict=True):
         color = "C1" if name in rec.inputs and len(set(axes)) > 1 else None

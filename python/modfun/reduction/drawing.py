@@ -13,7 +13,7 @@ __all__ = ["gains"]
 
 def gains(omega: F64, curves: Mapping[str, F64], ax: Any = None, hz: bool = False) -> Any:
     """Draw gains by their names: the system, its model, then differences."""
-    axes = take_axes(ax, 1, height=3.2)
+    axes = take_axes(ax, 1, "Largest gain of system and reduced model", height=3.2)
     scale, label = frequency_axis(hz)
     for (name, values), style in zip(curves.items(), ("-", "--", ":", ":"), strict=False):
         axes[0].plot(scale * omega, values, style, label=name, linewidth=1.2)

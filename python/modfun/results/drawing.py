@@ -81,7 +81,7 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         bands = None
     errors = np.where(True if measured.mask is None else measured.mask, measured.y - simulated, np.nan)
     levels = score(fit, measured)["signal_to_error"]
-    axes = take_pairs(ax, len(chosen), height=2.3)
+    axes = take_pairs(ax, len(chosen), "Measured and simulated outputs", height=2.3)
     for (upper, lower), i in zip(axes, chosen, strict=True):
         name = fit.outputs[i]
         unit = f" ({fit.units[name]})" if name in fit.units else ""
@@ -255,7 +255,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
         raise SpecError("plot.poles: give at least one fit")
     if labels is not None and len(labels) != len(fits):
         raise SpecError(f"plot.poles: {len(labels)} labels for {len(fits)} fits; give one each")
-    (here,) = take_axes(ax, 1, height=4.0, width=5.0)
+    (here,) = take_axes(ax, 1, "Poles with 95 % confidence regions", height=4.0, width=5.0)
     drawn = 0
     for k, fit in enumerate(fits):
         fit.need_numbers("plot.poles")
@@ -335,7 +335,7 @@ def correlation(fit: Fit, ax: Any = None) -> Any:
     """
     between = fit.correlation()
     names = fit.param_names
-    (here,) = take_axes(ax, 1, height=4.0, width=5.0)
+    (here,) = take_axes(ax, 1, "Correlations of the estimates", height=4.0, width=5.0)
     drawn = here.pcolormesh(between, cmap="RdBu_r", vmin=-1.0, vmax=1.0, edgecolors="0.6", linewidth=0.4)
     here.figure.colorbar(drawn, ax=here, shrink=0.8)
     here.set_aspect("equal")

@@ -67,7 +67,7 @@ def harmonics(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, hz: 
     """
     seen = fit.record_of(rec, "plot_harmonics")
     spec = seen.spectrum()
-    axes = take_axes(ax, len(spec.channels), height=1.8)
+    axes = take_axes(ax, len(spec.channels), "Spectrum and harmonics used", height=1.8)
     spec.plot(axes[0] if hasattr(ax, "plot") else axes, hz=hz)
     scale, _ = frequency_axis(hz)
     low, high = _used(fit, seen)
@@ -153,7 +153,8 @@ def residuals(fit: Fit, ax: Any = None, *, output: str | None = None, hz: bool =
         lower.set_xlabel(f"lag in harmonics (Ljung-Box p = {test.p_value:.2g})")
         name_y(lower, f"autocorrelation{of}")
 
-    return _each_row(fit, ax, chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals"), 2.3, draw)
+    chosen = chosen_rows(fit.row_names, fit.outputs, output, "plot.residuals")
+    return _each_row(fit, ax, chosen, "Residual lines and their autocorrelation", 2.3, draw)
 
 
 @drawing
@@ -200,18 +201,19 @@ def residual_tests(fit: Fit, ax: Any = None, *, output: str | None = None) -> An
         _quantiles(right, pieces)
         name_y(right, f"residuals{of}")
 
-    return _each_row(fit, ax, chosen, 2.6, draw)
+    return _each_row(fit, ax, chosen, "Tests of the residual lines", 2.6, draw)
 
 
 def _each_row(
     fit: Fit,
     ax: Any,
     chosen: Sequence[int],
+    title: str,
     height: float,
     draw: Callable[[Any, Any, Sequence[Any], str, int], None],
 ) -> Any:
     """Two Axes per row of residuals, drawn from its lines of each record, " of" its name and its number."""
-    axes = take_pairs(ax, len(chosen), height=height, sharex=False)
+    axes = take_pairs(ax, len(chosen), title, height=height, sharex=False)
     for pair, i in zip(axes, chosen, strict=True):
         draw(
             *pair,

@@ -155,7 +155,7 @@ def nyquist(
     sizes = [float(s) for _, own, _ in known for s in np.abs(own.poles()) if s > 0]
     low, high = span([x for size in sizes for x in (size / 100, size * 100)], band)
     omega = np.geomspace(low, high, FINE)
-    axes = _panels(ax, known[0][1].shape, sharex=False)
+    axes = _panels(ax, known[0][1].shape, "Nyquist plot", sharex=False)
     for k, (label, own, fit) in enumerate(known):
         gain = own.frequency_response(omega).response
         for here, path in zip(axes, np.ndindex(own.shape), strict=True):
@@ -211,7 +211,7 @@ def _in_time(
 ) -> Any:
     known = _known(systems, what, labels)
     length = max(_settling(own) for _, own, _ in known) if duration is None else duration
-    axes = _panels(ax, known[0][1].shape)
+    axes = _panels(ax, known[0][1].shape, f"{what.capitalize()} response")
     for k, (label, own, fit) in enumerate(known):
 
         def of(system: LTI) -> F64:
@@ -264,10 +264,10 @@ def _regions(fit: Fit, omega: F64, path: tuple[int, ...]) -> Iterator[F64]:
             yield edge + np.array([[z.real], [z.imag]])
 
 
-def _panels(ax: Any, shape: tuple[int, int], sharex: bool = True) -> list[Any]:
+def _panels(ax: Any, shape: tuple[int, int], title: str, sharex: bool = True) -> list[Any]:
     if shape == (1, 1):
-        return take_axes(ax, 1, height=3.4, width=6.0)
-    return take_grid(ax, *shape, sharex=sharex)
+        return take_axes(ax, 1, title, height=3.4, width=6.0)
+    return take_grid(ax, *shape, title, sharex=sharex)
 
 
 def _ended(ax: Any, axes: list[Any], known: list[Known], xlabel: str, ylabel: str) -> Any:

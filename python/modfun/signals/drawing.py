@@ -21,7 +21,7 @@ def channel(here: Any, t: F64, values: F64, name: str, kind: str | None, color: 
 
 def inputs(t: F64, u: F64, names: Sequence[str], kinds: Sequence[str], ax: Any = None) -> Any:
     """Draw inputs over time, held ones as steps."""
-    axes = take_axes(ax, len(names), height=1.6)
+    axes = take_axes(ax, len(names), "Inputs", height=1.6)
     for name, values, kind, here in zip(names, u, kinds, axes, strict=True):
         channel(here, t, values, name, kind)
     label_axes(axes, names, {}, "time (s)")
@@ -32,7 +32,7 @@ def spectrum(
     omega: F64, amplitude: F64, names: Sequence[str], units: dict[str, str], ax: Any = None, hz: bool = False
 ) -> Any:
     """Draw amplitudes over frequency, both axes logarithmic."""
-    axes = take_axes(ax, len(names), height=1.8)
+    axes = take_axes(ax, len(names), "Amplitude spectrum", height=1.8)
     scale, label = frequency_axis(hz)
     for name, row, here in zip(names, amplitude, axes, strict=True):
         values = np.where(row > 0, row, np.nan)  # zeros have no place on a logarithmic axis

@@ -18,7 +18,7 @@ def estimates(
     t: F64, params: F64, bse: F64, good: NDArray[np.bool_], names: Sequence[str], ax: Any = None
 ) -> Any:
     """Draw each parameter (moment, p) over time; gaps where an estimate cannot be used."""
-    axes = take_axes(ax, len(names), height=1.5)
+    axes = take_axes(ax, len(names), "Estimates over time", height=1.5)
     for here, values, errors in zip(axes, params.T, bse.T, strict=True):
         values, half = np.where(good, values, np.nan), 2 * np.where(good, errors, np.nan)
         here.fill_between(t, values - half, values + half, alpha=0.25, linewidth=0)

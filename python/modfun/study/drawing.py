@@ -53,11 +53,11 @@ def study(res: Figures, ax: Any = None) -> Any:
     ... )
     >>> ax = mf.plot.study(study.run(replicates=100, progress=False))
     >>> [one.get_ylabel() for one in ax]
-    ['bias (% of the true values)', 'standard deviation (% of the true values)']
+    ['bias (%)', 'standard deviation (%)']
     """
     over, other, cells = study_rows(res)
     figures = res.relative()
-    axes = take_grid(ax, len(cells), 2)
+    axes = take_grid(ax, len(cells), 2, "Bias and standard deviation, % of the true values")
     x = np.array(res.axes[over]) * (100 if over == "nsr" else 1)
     for row, cell in enumerate(cells):
         here = np.ones(len(figures), dtype=bool)
@@ -75,7 +75,7 @@ def study(res: Figures, ax: Any = None) -> Any:
                 bound = figures["crlb"][here & (figures["estimator"] == res.estimators[0])]
                 if np.any(np.isfinite(bound)):
                     drawn.plot(x, bound, color="0.3", linestyle=":", label="Cramér–Rao bound")
-            drawn.set_ylabel(f"{text} (% of the true values)")
+            drawn.set_ylabel(f"{text} (%)")
             drawn.set_title(", ".join(map(str, cell)), fontsize="medium")
             drawn.set_ylim(bottom=0.0)
             drawn.grid(True, alpha=0.3)

@@ -56,7 +56,7 @@ def histogram(res: Figures, ax: Any = None) -> Any:
     ['a1', 'a2', 'b0']
     """
     panels = _panels(res, "histogram")
-    axes = _axes(ax, len(panels))
+    axes = _axes(ax, len(panels), "Estimates")
     for here, (name, truth, found) in zip(axes, panels, strict=True):
         whole = np.concatenate(list(found.values()))
         low, high = np.quantile(whole, [0.001, 0.999])
@@ -112,7 +112,7 @@ def quantiles(res: Figures, ax: Any = None) -> Any:
     from scipy.special import ndtri
 
     panels = _panels(res, "quantiles")
-    axes = _axes(ax, len(panels))
+    axes = _axes(ax, len(panels), "Estimates against normal quantiles")
     for here, (name, _, found) in zip(axes, panels, strict=True):
         for k, (estimator, values) in enumerate(found.items()):
             count = min(values.size, POINTS)
@@ -153,11 +153,12 @@ def _finite(res: Figures, samples: F64, truth: F64) -> Iterator[tuple[str, float
             yield name, float(known[0]) if known.size else float("nan"), own
 
 
-def _axes(ax: Any, count: int) -> list[Any]:
+def _axes(ax: Any, count: int, title: str) -> list[Any]:
     if ax is not None and count == 1 and hasattr(ax, "plot"):
         return [ax]
     across = min(count, ACROSS)
-    axes = take_grid(ax, -(-count // across), across, sharex=False) if ax is None else take_grid(ax, 1, count)
+    shape = (-(-count // across), across) if ax is None else (1, count)
+    axes = take_grid(ax, *shape, title, sharex=False)
     for spare in axes[count:]:
         spare.remove()
     return axes[:count]

@@ -65,7 +65,7 @@ def draw_bode(
     curves: Iterable[tuple[str, Curve]], low: float, high: float, *, hz: bool = False, ax: Any = None
 ) -> Any:
     """Draw curves, each under a label, between two frequencies; see `modfun.plot.bode`."""
-    upper, lower = take_axes(ax, 2, height=2.4)
+    upper, lower = take_axes(ax, 2, "Bode plot", height=2.4)
     factor, label = frequency_axis(hz)
     drawn: dict[str, Any] = {}  # the phase of each path as first drawn
     color = 0
@@ -106,7 +106,7 @@ def draw_bode_grid(
 ) -> Any:
     """Draw each path in panels of its own: outputs below each other, inputs side by side."""
     outputs, inputs = (1 + max(curve.place[k] for _, curve in curves) for k in range(2))
-    axes = np.array(take_grid(ax, 2 * outputs, inputs, height=2.2), dtype=object)
+    axes = np.array(take_grid(ax, 2 * outputs, inputs, "Bode plot", height=2.2), dtype=object)
     panels = axes.reshape(2 * outputs, inputs)
     for i, k in np.ndindex(outputs, inputs):
         own = [(text, one) for text, one in curves if one.place == (i, k) and np.any(one.gain != 0)]

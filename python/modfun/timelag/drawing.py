@@ -15,7 +15,7 @@ __all__ = ["margin", "roots", "trajectory"]
 
 def roots(values: C128, line: float, ax: Any = None) -> Any:
     """Characteristic roots in the complex plane, and the line right of which all are shown."""
-    (here,) = take_axes(ax, 1, height=4.0, width=5.0)
+    (here,) = take_axes(ax, 1, "Characteristic roots", height=4.0, width=5.0)
     here.plot(values.real, values.imag, "x", markersize=7, markeredgewidth=1.6)
     if np.isfinite(line):
         here.axvline(line, color="0.5", linestyle=":", linewidth=1.0)
@@ -32,7 +32,7 @@ def trajectory(
 ) -> Any:
     """States above, inputs below, as steps where they are held from sample to sample."""
     names = (*states, *inputs)
-    axes = take_axes(ax, len(names), height=1.6)
+    axes = take_axes(ax, len(names), "Motion", height=1.6)
     for k, (name, values, here) in enumerate(zip(names, [*x, *u], axes, strict=True)):
         is_input = k >= len(x)
         style = "steps-post" if is_input and held else "default"
@@ -44,7 +44,7 @@ def trajectory(
 
 def margin(omega: F64, upper: F64, ax: Any = None, *, hz: bool = False) -> Any:
     """The bound of μ over frequency, its peak marked."""
-    (here,) = take_axes(ax, 1, height=3.2)
+    (here,) = take_axes(ax, 1, "Bound of μ", height=3.2)
     scale, label = frequency_axis(hz)
     shown, top = omega > 0, int(np.argmax(upper))
     here.semilogx(scale * omega[shown], upper[shown], linewidth=1.2)

@@ -25,7 +25,7 @@ def tones(
     hz: bool = False,
 ) -> Any:
     """Draw the spectra of samples and of what is left of them, tones as dots with bands of 95 %."""
-    here = take_axes(ax, 1, height=3.0)[0]
+    here = take_axes(ax, 1, "Spectrum and sinusoids", height=3.0)[0]
     scale, label = frequency_axis(hz)
     size, own = 8 * y.size, np.iscomplexobj(y)
     lines = 2 * np.pi / dt * np.fft.fftfreq(size)
