@@ -140,7 +140,7 @@ impl FitOptions {
             let odd = |s: &&Vec<f64>| s.len() != order || s.iter().any(|x| !x.is_finite());
             if let Some(state) = self.states.iter().find(odd) {
                 return Err(Error::Spec(format!(
-                    "fitting from a given state: {state:?} is none of {order} poles; give y, y', … of the free \
+                    "fitting from a given state: {state:?} does not suit {order} poles; give y, y', … of the free \
                      response, {order} finite numbers"
                 )));
             }
