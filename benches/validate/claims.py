@@ -14,6 +14,7 @@ import numpy as np
 import pem
 import problems
 from modfun.commands import reproduction
+from test_reduction import random_system
 
 TRUE = np.array([3.0, 8.0, 5.0])
 TF2 = mf.TransferFunction(poles=2, zeros=0)
@@ -200,8 +201,6 @@ def section_4(runs: int) -> Iterator[Claim]:
         by,
         1,
     )
-    from test_reduction import random_system
-
     ratios = []
     for seed in range(10):
         for order in (2, 3):

@@ -6,14 +6,15 @@ import modfun as mf
 import numpy as np
 from gaps import Gaps
 from modfun import _core
-from oracle import bound, observer, output_error, rank, response, systems, timelag, tones
+from oracle import bound, norms, observer, output_error, rank, response, systems, timelag, tones
 from sample_records import random_record
+from test_frf import coefficients as held
+from test_frf import two_by_two
+from test_observer import responses
+from test_reduction import difference, random_system
 
 
 def local_models(gaps: Gaps, count: int) -> None:
-    from test_frf import coefficients as held
-    from test_frf import two_by_two
-
     at = [1, 3, 12, 100, 250]
     for k in range(count // 4):
         rec, _ = two_by_two(k)
@@ -108,7 +109,6 @@ def bounds(gaps: Gaps, count: int) -> None:
 def others(gaps: Gaps, count: int) -> None:
     from golden.test_normals import PURPOSES, expected
     from modfun.results.observer import observe
-    from test_observer import responses
 
     rng = np.random.default_rng(1300)
     for k in range(count):
@@ -134,9 +134,6 @@ def others(gaps: Gaps, count: int) -> None:
 
 
 def reductions(gaps: Gaps, count: int) -> None:
-    from oracle import norms
-    from test_reduction import difference, random_system
-
     for seed in range(count // 4):
         system = random_system(seed=seed)
         red = mf.reduce(system, 3)

@@ -26,7 +26,8 @@ SECTIONS = {
     "orders": "orders",
     "bits": "bits",
 }
-for folder in ("benches", "benches/compare", "tests/python", "examples", "examples/records"):
+TESTS = ("tests/python", "tests/python/reduction", "tests/python/responses", "tests/python/results")
+for folder in ("benches", "benches/compare", "examples", "examples/records", *TESTS):
     sys.path.append(str(ROOT / folder))
 
 

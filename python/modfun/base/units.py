@@ -6,11 +6,14 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 from ..errors import SpecError
 from .names import nearest
+from .optional import optional
 
-__all__ = ["Scale", "angle_of", "scale"]
+__all__ = ["Scale", "angle_of", "any_scale", "scale"]
 
 # Size of each unit in rad, m, kg, s, K, A, and its powers of these (a: angle).
 _BASE: dict[str, tuple[float, dict[str, int]]] = {
@@ -83,8 +86,45 @@ def scale(what: str, old: str, new: str) -> Scale:
     """
     (size, kind, zero), (other, wanted, origin) = _read(what, old), _read(what, new)
     if kind != wanted:
-        raise SpecError(f"{what}: {old} and {new} differ in kind; give a unit that {old} can become")
+        raise SpecError(_differ(what, old, new))
     return Scale(size / other, round((zero - origin) / other, 12))
+
+
+def any_scale(what: str, old: str, new: str) -> Scale:
+    """As `scale`; units that are not in its table are asked of pint, where that is installed.
+
+    Raises
+    ------
+    SpecError
+        A unit that neither knows, or units of different kinds.
+
+    Examples
+    --------
+    >>> any_scale("example", "kt", "m/s")
+    Scale(factor=0.5144444444444445, offset=0.0)
+    """
+    try:
+        return scale(what, old, new)
+    except SpecError as unknown:
+        try:
+            given = [_pint().Quantity(value, old) for value in (0.0, 1.0)]
+            if given[0].is_compatible_with(new):
+                zero, one = (value.to(new).magnitude for value in given)
+                return Scale(one - zero, zero)
+        except ImportError as missing:
+            raise SpecError(f"{unknown} ({missing})") from None
+        except Exception:  # of pint and of the parsers below it, for what is not a unit
+            raise unknown from None
+        raise SpecError(_differ(what, old, new)) from None
+
+
+def _differ(what: str, old: str, new: str) -> str:
+    return f"{what}: {old} and {new} differ in kind; give a unit that {old} can become"
+
+
+@cache
+def _pint() -> Any:
+    return optional("pint", "units", "any other unit").UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
 def angle_of(text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from ..base.names import nearest
-from ..base.units import scale
+from ..base.units import any_scale, scale
 from ..errors import SpecError
 from .samples import Samples
 
@@ -26,7 +26,7 @@ def converted(rec: Own, units: Mapping[str, str]) -> Own:
                 f"convert: the unit of {name!r} is not known; say it first, "
                 f"rec.assign(units={{{name!r}: ...}}), or in mf.read"
             )
-        step = scale("convert", labels[name], str(unit))
+        step = any_scale("convert", labels[name], str(unit))
         values = step.factor * rec[name] + step.offset
         if name in rec.outputs:
             y[rec.outputs.index(name)] = values

@@ -221,7 +221,8 @@ class Record(Samples):
 
         Known are angles, rates, lengths, speeds, accelerations, masses, forces, moments, pressures, powers,
         voltages, currents and temperatures, in SI and in the units of aircraft, and products, quotients and
-        powers of them: ``"deg/s"``, ``"ft/s^2"``, ``"kt"``, ``"lbf ft"``, ``"°C"``.
+        powers of them: ``"deg/s"``, ``"ft/s^2"``, ``"kt"``, ``"lbf ft"``, ``"°C"``. The extra ``units`` adds
+        those of pint: ``"gal/min"``.
 
         Parameters
         ----------

@@ -1,9 +1,11 @@
 """Units of channels: factors beside those of scipy.constants, and what cannot be converted."""
 
+import sys
+
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.base.units import scale
+from modfun.base.units import _pint, any_scale, scale
 from scipy import constants as known
 
 FACTORS = {
@@ -38,6 +40,21 @@ def test_temperatures_have_zeros_of_their_own(old, value):
     assert to.factor * value + to.offset == pytest.approx(20.0)
 
 
+def test_units_beyond_the_table_are_those_of_pint():
+    pytest.importorskip("pint", reason="needs pint")
+    flow = any_scale("x", "gal/min", "m^3/s")
+    assert flow.factor == pytest.approx(known.gallon / known.minute, rel=1e-12)
+    assert flow.offset == 0.0
+    assert any_scale("x", "degR", "°C").offset == pytest.approx(-known.zero_Celsius)
+
+
+def test_without_pint_the_message_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pint", None)
+    _pint.cache_clear()
+    with pytest.raises(mf.SpecError, match=r"unit 'gal/min' is not known; .*pip install 'modfun\[units\]'"):
+        any_scale("x", "gal/min", "m^3/s")
+
+
 @pytest.fixture
 def rec():
     q, de = np.sin(np.arange(20.0)), np.cos(np.arange(20.0))
@@ -65,7 +82,8 @@ def test_channels_of_all_roles_are_converted(rec):
         ({"Q": "rad/s"}, "no channel 'Q'; did you mean 'q'"),
         ({"on": "1"}, r"unit of 'on' is not known; say it first, rec\.assign\(units="),
         ({"q": "rad"}, "deg/s and rad differ in kind"),
-        ({"q": "furlong/s"}, "unit 'furlong/s' is not known; there are: rad"),
+        ({"q": "furlong/s"}, "deg/s and furlong/s differ in kind"),
+        ({"q": "blub/s"}, "unit 'blub/s' is not known; did you mean"),
         ({"q": "rad/("}, r"unit 'rad/\(' is not known"),
     ],
 )
