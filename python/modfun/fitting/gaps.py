@@ -18,20 +18,26 @@ IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
-def bridged(rec: Record) -> tuple[F64, F64]:
-    """Outputs with masked samples interpolated, and how far each may be off; both (output, time).
+def bridged(rec: Record) -> tuple[F64, F64, F64]:
+    """Outputs with masked samples interpolated, how far each may be off, and the noise in each.
 
     A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
     `NEAR` nearest ones is treated as its error. Across long gaps it grows beyond all measure.
+
+    Returns
+    -------
+    tuple of ndarray (output, time)
+        The third is the noise's variance over that of a good sample. Errors and noise of one gap go together:
+        both are such that independent ones of this size have no smaller sum.
 
     Raises
     ------
     DataError
         A gap of more than `LONGEST` of the record.
     """
-    y, off = rec.y.copy(), np.zeros_like(rec.y)
+    y, off, noise = rec.y.copy(), np.zeros_like(rec.y), np.ones_like(rec.y)
     if rec.mask is None:
-        return y, off
+        return y, off, noise
     for i, good in enumerate(rec.mask):
         known = np.flatnonzero(good)
         edges = np.concatenate([[-1], known, [good.size]])
@@ -44,13 +50,18 @@ def bridged(rec: Record) -> tuple[F64, F64]:
                 "them together, mf.fit([rec.window(...), rec.window(...)], model)"
             )
         gaps = np.flatnonzero(~good)
-        first = _through(rec.t, rec.y[i], known, gaps, NEAR)
-        y[i, gaps] = _through(rec.t, rec.y[i], known, gaps, FAR)
-        off[i, gaps] = np.abs(y[i, gaps] - first)
+        first, _ = _through(rec.t, rec.y[i], known, gaps, NEAR)
+        y[i, gaps], weights = _through(rec.t, rec.y[i], known, gaps, FAR)
+        begins = np.flatnonzero(np.diff(gaps, prepend=-2) > 1)
+        lengths = np.diff(begins, append=gaps.size)
+        off[i, gaps] = np.abs(y[i, gaps] - first) * np.sqrt(np.repeat(lengths, lengths))
+        # A sum over the record counts each sample 1 + c times, c the sum of its weights in a gap's samples.
+        own = np.sum(np.add.reduceat(weights, begins) ** 2, axis=1) if gaps.size else lengths
+        noise[i, gaps] = np.repeat(1 + own / lengths, lengths)
     # What flies off tells nothing: the neighbours' range is all that can be said.
     wild = ~np.isfinite(y) | (np.abs(y - rec.y) > np.ptp(rec.y, axis=1, keepdims=True))
     y, off = np.where(wild, rec.y, y), np.where(wild, np.inf, off)
-    return np.ascontiguousarray(y), off
+    return np.ascontiguousarray(y), off, noise
 
 
 def weighs(rec: Record) -> bool:
@@ -66,10 +77,10 @@ def weighs(rec: Record) -> bool:
     return bool(np.std(steps) > UNEVEN * np.mean(steps))
 
 
-def variances(rec: Record, off: F64, order: int) -> F64 | None:
+def variances(rec: Record, off: F64, noise: F64, order: int) -> F64 | None:
     """Variance of each sample of the outputs (output, time), infinite where nothing is known; None if even.
 
-    An interpolated sample counts as an ordinary one with the square of its possible error added, in units of
+    An interpolated sample has the noise of those around it and the square of its possible error, in units of
     the noise that the upper harmonics show. Without noise there it counts for nothing.
     """
     if not weighs(rec):
@@ -80,7 +91,7 @@ def variances(rec: Record, off: F64, order: int) -> F64 | None:
         if rec.dt is not None and rec.intervals >= 8 * (order + 4):
             level = noise_level(np.ascontiguousarray(rec.y), order)
         with np.errstate(divide="ignore", invalid="ignore"):
-            own = found + (off / level[:, None]) ** 2
+            own = found * noise + (off / level[:, None]) ** 2
         found = np.where(rec.mask, found, np.where(np.isfinite(own), own, np.inf))
     return np.ascontiguousarray(found)
 
@@ -91,8 +102,8 @@ def relative(variance: F64) -> F64:
     return np.asarray(np.minimum(variance / usual, IGNORED))
 
 
-def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], count: int) -> F64:
-    """Values at `gaps` of the polynomials through their nearest `known` samples, by Lagrange's formula."""
+def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], count: int) -> tuple[F64, F64]:
+    """Values at `gaps` of the polynomials through their nearest `known` samples, and the weights of these."""
     count = min(count, known.size)
     first = np.clip(np.searchsorted(known, gaps) - count // 2, 0, known.size - count)
     around = known[first[:, None] + np.arange(count)]
@@ -101,4 +112,4 @@ def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], co
     same = np.eye(count, dtype=bool)
     others = np.where(same, 1.0, np.broadcast_to(apart[:, None, :], between.shape)).prod(axis=2)
     weights = others / np.where(same, 1.0, between).prod(axis=2)
-    return np.asarray((weights * y[around]).sum(axis=1))
+    return np.asarray((weights * y[around]).sum(axis=1)), np.asarray(weights)

@@ -123,11 +123,11 @@ def fit_equation(
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
-    uneven = [variances(rec, off, order) for rec, _, off in filled]
+    uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
-    rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _ in filled]
+    rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _, _ in filled]
     _refuse_not_finite(layout, rows)
     found = made.core.fit(rows)
     levels = found["levels"]

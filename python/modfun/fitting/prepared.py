@@ -265,7 +265,7 @@ def _joint(
     order = max(layout.orders)
     # A batch has no masks.
     filled = [] if isinstance(data, Batch) else [(rec, *bridged(rec)) for rec in data]
-    uneven = [variances(rec, off, order) for rec, _, off in filled] or [None]
+    uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled] or [None]
     core = JointFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -273,7 +273,7 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _ in filled))
+    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _, _ in filled))
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

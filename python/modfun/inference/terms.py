@@ -133,10 +133,10 @@ def select_terms(
     order = found.order
     levels = [_levels(rec, noise, order) for rec in records]
     outputs = [bridged(rec) for rec in records]
-    tops, edge = _band(records, [y for y, _ in outputs], levels, found)
+    tops, edge = _band(records, [y for y, _, _ in outputs], levels, found)
     lines = [
-        Lines(rec, y, found.columns, found.equation, _variances(rec, off, sd, order), top, edge)
-        for rec, (y, off), sd, top in zip(records, outputs, levels, tops, strict=True)
+        Lines(rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
+        for rec, (y, off, noise), sd, top in zip(records, outputs, levels, tops, strict=True)
     ]
     high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
     steps = iter(range(1, 1000))
@@ -182,9 +182,9 @@ def _levels(rec: Record, noise: str | Noise, order: int) -> F64:
     return np.asarray(np.maximum(rec.noise_level(order)["noise_sd"][:outputs], least))
 
 
-def _variances(rec: Record, off: F64, sd: F64, order: int) -> F64:
+def _variances(rec: Record, off: F64, noise: F64, sd: F64, order: int) -> F64:
     """Variance of each sample of the outputs: their mean level, where samples count differently."""
-    own = variances(rec, off, order)
+    own = variances(rec, off, noise, order)
     if own is None:
         return np.asarray(np.broadcast_to(sd[:, None] ** 2, rec.y.shape))
     own = relative(own)
