@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..equations.layout import EquationLayout
 from ..models.layout import Layout
 from ..models.options import Options
 from ..records.batches import Batch
@@ -22,27 +23,27 @@ from ..results.uneven_noise import SHORTEST, UNEVEN, allows, p_values, unforesee
 __all__ = ["Changes", "may_change"]
 
 AT_ONCE = 1 << 17  # samples, about, that are looked at together
+ENDS = 5  # degree of the polynomial that takes what the ends of a record put above its band
+LEAST = 4  # of all lines one in so many lies above the band, or every record is fitted alone
 
 
-def may_change(layout: Layout, options: Options, intervals: int) -> bool:
+def may_change(layout: Layout | EquationLayout, options: Options, intervals: int) -> bool:
     """Whether fits of such a batch have a test, and errors that follow from it."""
-    return (
-        options.cov_type == "spectral"
-        and allows(options)
-        and not (layout.free_delays or layout.priors)
-        and intervals >= SHORTEST
-    )
+    special = layout.free_delays or layout.priors if isinstance(layout, Layout) else False
+    return options.cov_type == "spectral" and allows(options) and not special and intervals >= SHORTEST
 
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """Looks for noise that changes over the records of a batch of transfer functions, when it is called.
+    """Looks for noise that changes over the records of a batch, when it is called.
 
-    The test is that of single fits with residuals made of lines; a single fit decides where it rejects.
+    The test is that of single fits, with residuals made of lines for transfer functions, and for equations,
+    which would have to be integrated, with what the outputs have above the band. A single fit decides where
+    it rejects.
     """
 
     data: Batch | tuple[Record, ...]
-    layout: Layout
+    layout: Layout | EquationLayout
     intervals: int
     lines: tuple[int, int]
     omega0: float
@@ -60,6 +61,9 @@ class Changes:
 
     def _suspects(self, many: FitMany) -> NDArray[np.bool_]:
         found, good = np.zeros(len(many), bool), np.flatnonzero(many.usable)
+        lines = self.intervals // 2
+        if not isinstance(self.layout, Layout) and LEAST * (lines - self.lines[1]) < lines:
+            return many.usable
         at_once = max(1, AT_ONCE // self.intervals)
         for first in range(0, good.size, at_once):
             these = good[first : first + at_once]
@@ -68,17 +72,35 @@ class Changes:
         return found
 
     def _p_values(self, many: FitMany, these: NDArray[np.intp]) -> F64:
-        if isinstance(self.data, Batch):
-            y, u = self.data.y[these], self.data.u if len(self.data.u) == 1 else self.data.u[these]
-        else:
-            y, u = (np.array([getattr(self.data[r], name) for r in these]) for name in "yu")
-        kinds = (self.data if isinstance(self.data, Batch) else self.data[0]).intersample
-        words = (many.options.rule, kinds, self.intervals, self.lines, self.omega0)
-        outputs = range(y.shape[1])
-        each = [line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in outputs]
+        each = self._residuals(many, these)
         sound: list[Any] = [np.isfinite(own).all(axis=1) for own in each]
         found = [
             np.where(good, p_values([unforeseen(np.where(good[:, None], own, 0.0))]), 1.0)
             for own, good in zip(each, sound, strict=True)
         ]
         return np.asarray(len(each) * np.min(found, axis=0))
+
+    def _residuals(self, many: FitMany, these: NDArray[np.intp]) -> list[F64]:
+        """Of each output, (record, time)."""
+        if isinstance(self.data, Batch):
+            y, u = self.data.y[these], self.data.u if len(self.data.u) == 1 else self.data.u[these]
+        else:
+            y, u = (np.array([getattr(self.data[r], name) for r in these]) for name in "yu")
+        outputs = range(y.shape[1])
+        if not isinstance(self.layout, Layout):
+            return [above(y[:, i, -1 - self.intervals : -1], self.lines[1]) for i in outputs]
+        kinds = (self.data if isinstance(self.data, Batch) else self.data[0]).intersample
+        words = (many.options.rule, kinds, self.intervals, self.lines, self.omega0)
+        return [line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in outputs]
+
+
+def above(y: F64, line: int) -> F64:
+    """What rows of samples have above a line, (row, time), less a polynomial that joins their ends."""
+    x = np.linspace(-1.0, 1.0, y.shape[1])
+    both = np.vstack([y, np.polynomial.chebyshev.chebvander(x, ENDS)[:, 1:].T])
+    waves = np.fft.rfft(both)
+    waves[:, : line + 1] = 0
+    high = np.fft.irfft(waves, y.shape[1])
+    ends = np.linalg.qr(high[len(y) :].T)[0]
+    left = high[: len(y)]
+    return np.asarray(left - (left @ ends) @ ends.T)

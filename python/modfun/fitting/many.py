@@ -10,7 +10,6 @@ import numpy as np
 from ..base.progress import Progress
 from ..base.words import STATUS
 from ..errors import DataError
-from ..models.layout import Layout
 from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
@@ -59,7 +58,7 @@ def fit_batch(
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
     look = None
-    if isinstance(made.layout, Layout) and may_change(made.layout, options, made.intervals[0]):
+    if may_change(made.layout, options, made.intervals[0]):
         look = Changes(data, made.layout, made.intervals[0], found["lines"][0], found["omega0"][0], fit_one)
     return FitMany.of_core(found, made.layout, structure, options, look)
 

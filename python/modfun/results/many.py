@@ -37,14 +37,14 @@ class FitMany(Elsewhere):
     params : (replicate, p) array
         Estimates; nan where the status allows none.
     bse : (replicate, p) array
-        Standard errors of the chosen `cov_type`. Spectral ones of transfer functions allow for noise that
-        changes over a record: when they are first asked for, a test looks for it in every record, and
-        records where p < 0.01 are fitted again one by one.
+        Standard errors of the chosen `cov_type`. Spectral ones allow for noise that changes over a record:
+        when they are first asked for, a test looks for it in every record, and records where p < 0.01 are
+        fitted again one by one.
     bse_even : (replicate, p) array
         The same for noise that does not change, known from the start.
     changing : (replicate,) array of bool
         Which records have noise that changes, as the test finds and `bse` allows for. All False for
-        equations and other options that have no such test.
+        options that have no such test.
     status : (replicate,) array of str
         "ok", "maxiter", "rank" or "nonfinite".
     cost : (replicate,) array

@@ -36,6 +36,7 @@ POWERS = 4  # polynomials of the test
 SHORTEST = 64  # samples
 ORDER = 8  # of the autoregression
 SAME = 1e-9  # singular values below are rounding
+LEAST = 0.1  # of its noise that residuals show
 
 
 class Uneven(NamedTuple):
@@ -157,34 +158,94 @@ def covariance(fit: Estimates) -> F64 | None:
     return cov if np.all(np.isfinite(cov)) else None
 
 
+class _Filters(NamedTuple):
+    """What the estimates of some parameters make of the noise.
+
+    Attributes
+    ----------
+    samples : list of ndarray
+        Filters of the samples of each record, (p, output, time).
+    ends : list of ndarray
+        The same of initial state and trend, made orthonormal.
+    shared : ndarray, shape (output, output, p, p)
+        Products of the slopes in two outputs, white and less what ends explain: of the trace 'information'.
+    """
+
+    samples: list[F64]
+    ends: list[F64]
+    shared: F64
+
+    @property
+    def information(self) -> F64:
+        return np.asarray(np.einsum("iipq->pq", self.shared))
+
+
 def _of_samples(fit: Estimates, found: Uneven) -> F64:
     spectral = np.diag(fit.cov_spectral)
     moving = np.flatnonzero(spectral > 0)  # others are on a bound
     changing, even = (np.zeros((moving.size, moving.size)) for _ in range(2))
-    for filters, errors, level in zip(_filters(fit, moving), found.errors, found.levels(), strict=True):
+    ends = np.zeros(2)  # what initial states and trends take of the noise: that which changes, an even one
+    filters, levels = _filters(fit, moving), found.levels()
+    for own, other, errors, level in zip(filters.samples, filters.ends, found.errors, levels, strict=True):
         noise = errors / level
         m = np.arange(errors.shape[1] // 2 + 1)
-        freedom = np.where((m == 0) | (2 * m == errors.shape[1]), 1.0, 2.0) / errors.shape[1]
-        power = np.abs(np.fft.rfft(noise)) ** 2
+        freedom = np.where((m == 0) | (2 * m == errors.shape[1]), 1.0, 2.0)
+        power = np.abs(np.fft.rfft(noise)) ** 2 / errors.shape[1]
         spectra = np.array([smooth_level(own, np.log1p(m), freedom) for own in power])
         alike = np.linalg.cholesky(np.corrcoef(noise)) if len(noise) > 1 else np.ones((1, 1))
         usual = np.sqrt(np.mean(level**2, axis=1, keepdims=True))
-        for total, sigma in ((changing, level), (even, usual)):
-            waves = np.fft.rfft(filters * sigma) * np.sqrt(freedom * spectra)
-            rows = np.einsum("poj,oi->pij", waves, alike).reshape(moving.size, -1)
-            total += (rows @ rows.conj().T).real
+        for k, (total, sigma) in enumerate(((changing, level), (even, usual))):
+            waves = np.fft.rfft(np.vstack([own, other]) * sigma) * np.sqrt(freedom * spectra)
+            waves = np.einsum("poj,oi->pij", waves, alike).reshape(len(waves), -1)
+            moved, rest = np.split(waves, [moving.size])
+            total += (moved @ moved.conj().T).real
+            ends[k] += np.sum(np.abs(rest) ** 2)
     # What turns errors of an even level into those of the level that changes, for the spectral ones.
     size = np.sqrt(np.diag(even))
     both = [np.linalg.cholesky(own / np.outer(size, size)) for own in (changing, even)]
     turn = size[:, None] * np.linalg.solve(both[1].T, both[0].T).T / size
+    # Where noise is strong where the slopes are, the fit takes more of it, and residuals show less.
+    columns = moving.size + sum([len(other) for other in filters.ends])
+    taken, usually = (
+        np.trace(filters.information @ own) + end for own, end in zip((changing, even), ends, strict=True)
+    )
+    rows = len(fit.outputs) * sum(fit.rows)
+    shown = max((rows - columns * taken / usually) / (rows - columns), LEAST) if rows > columns else 1.0
+    more = _of_weights(fit, filters, (rows - columns) / len(fit.outputs), levels)
     cov, free = np.zeros_like(fit.cov_spectral), np.ix_(moving, moving)
-    cov[free] = turn @ fit.cov_spectral[free] @ turn.T
+    cov[free] = turn @ fit.cov_spectral[free] @ turn.T * np.outer(more, more) / shown
     return cov
 
 
-def _filters(fit: Estimates, moving: NDArray[np.intp]) -> list[F64]:
-    """What the estimates of some parameters make of the noise of each record, (p, output, time)."""
-    pieces, information = [], np.zeros((moving.size, moving.size))
+def _of_weights(fit: Estimates, filters: _Filters, freedom: float, levels: Sequence[F64]) -> F64 | float:
+    """By how much errors grow where the covariance of the outputs' noise, and so the weights, were estimated.
+
+    Both what estimates lose and what the formula leaves out (M. G. Kenward, J. H. Roger, Biometrics 53,
+    1997), with fewer degrees of freedom the more unequal the levels are.
+    """
+    outputs = len(fit.outputs)
+    if outputs == 1 or not fit.layout.rational or isinstance(fit.options.noise, Noise) or freedom <= 0:
+        return 1.0
+    uneven = np.mean([np.mean(own**4, axis=1) / np.mean(own**2, axis=1) ** 2 for own in levels])
+    each, inverse = filters.shared, _inverse(filters.information)
+    turned = each @ inverse
+    lost = (outputs + 1) * filters.information - np.einsum(
+        "ijpq,ijqr->pr", turned, each + each.swapaxes(0, 1)
+    )
+    return np.asarray(
+        np.sqrt(1 + 2 * uneven / freedom * np.diag(inverse @ lost @ inverse) / np.diag(inverse))
+    )
+
+
+def _inverse(information: F64) -> F64:
+    root = np.sqrt(np.diag(information))
+    scale = np.outer(root, root)
+    return np.asarray(np.linalg.pinv(information / scale, hermitian=True) / scale)
+
+
+def _filters(fit: Estimates, moving: NDArray[np.intp]) -> _Filters:
+    pieces, outputs = [], len(fit.outputs)
+    shared = np.zeros((outputs, outputs, moving.size, moving.size))
     for k, (rec, (low, high)) in enumerate(zip(fit.records or (), fit.lines, strict=True)):
         moved, columns, _ = response_slopes(fit, rec, fit.simulate(rec)[1])
         rows = np.concatenate([moved[moving], columns])[:, :, rec.intervals - fit.intervals[k] : -1]
@@ -194,26 +255,32 @@ def _filters(fit: Estimates, moving: NDArray[np.intp]) -> list[F64]:
         if low == 0:
             lines[:, :, 0] /= np.sqrt(2)  # the line has one part, of twice the variance
         flat = np.concatenate([lines.real, lines.imag], axis=1).reshape(len(rows), -1)
-        size = np.linalg.norm(flat, axis=1)
-        flat = flat / np.where(size > 0, size, 1.0)[:, None]
-        own = flat[: moving.size] * size[: moving.size, None]
-        fitted = np.linalg.svd(flat[moving.size :].T, full_matrices=False)
+        own, others = np.split(flat, [moving.size])
+        size, whole = np.linalg.norm(others, axis=1), np.linalg.norm(rows[moving.size :], axis=(1, 2))
+        some = size > SAME * whole  # line 0 alone has a constant
+        fitted = np.linalg.svd((others[some] / size[some, None]).T, full_matrices=False)
         basis = fitted[0][:, fitted[1] > SAME]
         own = own - (own @ basis) @ basis.T
-        information += own @ own.T
-        pieces.append((own, low, inverse, rows.shape[2]))
-    root = np.sqrt(np.diag(information))
-    scaled = np.linalg.pinv(information / np.outer(root, root), hermitian=True) / np.outer(root, root)
-    found = []
-    for own, low, inverse, count in pieces:
-        real, imag = np.split((scaled @ own).reshape(moving.size, 2 * len(inverse), -1), 2, axis=1)
-        lines = np.einsum("io,pim->pom", inverse, real - 1j * imag)
-        if low == 0:
-            lines[:, :, 0] /= np.sqrt(2)
-        full = np.zeros((moving.size, len(inverse), count), complex)
-        full[:, :, low : low + lines.shape[2]] = lines
-        found.append(np.fft.fft(full).real)
-    return found
+        parts = own.reshape(moving.size, 2, outputs, -1)
+        shared += np.einsum("pcim,qcjm->ijpq", parts, parts, optimize=True)
+        pieces.append((own, basis.T, low, inverse, rows.shape[2]))
+    scaled = _inverse(np.einsum("iipq->pq", shared))
+    both = [
+        [_in_time(rows, low, inverse, count) for rows in (scaled @ own, basis)]
+        for own, basis, low, inverse, count in pieces
+    ]
+    return _Filters([own for own, _ in both], [ends for _, ends in both], shared)
+
+
+def _in_time(flat: F64, low: int, inverse: F64, count: int) -> F64:
+    """Rows on whitened lines as filters of samples, (row, output, time)."""
+    real, imag = np.split(flat.reshape(len(flat), 2 * len(inverse), -1), 2, axis=1)
+    lines = np.einsum("io,pim->pom", inverse, real - 1j * imag)
+    if low == 0:
+        lines[:, :, 0] /= np.sqrt(2)
+    full = np.zeros((len(flat), len(inverse), count), complex)
+    full[:, :, low : low + lines.shape[2]] = lines
+    return np.asarray(np.fft.fft(full).real)
 
 
 def allows(options: Options) -> bool:

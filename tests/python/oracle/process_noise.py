@@ -38,16 +38,18 @@ def spread(den):
     return float(np.sqrt(solve_continuous_lyapunov(a, -g @ g.T)[0, 0]))
 
 
-def drawn(den, density, dt, intervals, random):
-    """Output that the noise drives, from its stationary distribution: (N+1,)."""
+def drawn(den, density, dt, intervals, random, rest=False):
+    """Output that the noise drives, from its stationary distribution, or from rest: (N+1,)."""
     transition, cov = sampled(den, dt)
     n = len(den) - 1
     a = state_space(den, [[1.0]])[0]
     g = np.zeros((n, 1))
     g[-1] = 1.0
-    start = np.linalg.cholesky(solve_continuous_lyapunov(a, -density * g @ g.T))
     root = np.linalg.cholesky(cov * density + 1e-300 * np.eye(n))
-    x = start @ random.standard_normal(n)
+    x = np.zeros(n)
+    if not rest:
+        start = np.linalg.cholesky(solve_continuous_lyapunov(a, -density * g @ g.T))
+        x = start @ random.standard_normal(n)
     steps = random.standard_normal((intervals, n)) @ root.T
     out = np.empty(intervals + 1)
     for k in range(intervals):
@@ -104,7 +106,8 @@ def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False, 
     as unknown ones in what the covariance of the samples tells.
 
     `free(theta)` is (den, nums) of the parameters, `den` and `nums` those of the truth as `free` takes them
-    apart: the first argument of it is made by concatenating den[1:] and the numerators.
+    apart: the first argument of it is made by concatenating den[1:] and the numerators. What `free` adds
+    besides, such as a pole at zero, is known.
     """
     theta = np.concatenate([den[1:], *nums])
 
@@ -128,7 +131,7 @@ def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False, 
         covs.append((ends[1][1] - ends[0][1]) / (2 * h))
     cov = moments(theta, logs)[1]
     inverse = np.linalg.inv(cov)
-    columns = free_responses(den, dt, intervals, offset).T
+    columns = free_responses(free(theta)[0], dt, intervals, offset).T
     pulled = inverse @ columns
     m = inverse - pulled @ np.linalg.solve(columns.T @ pulled, pulled.T)
     turned = [(m if restricted else inverse) @ c for c in covs]

@@ -20,6 +20,9 @@
 //! expected to be k − ℓ, not k: with ℓ the equations hold on average at the truth, which takes out most of the bias of
 //! few lines, as degrees of freedom do for a single level. Where Q is 0 they are `ml` under output noise with
 //! σ̂² = cost/degrees of freedom. Without σ² it is white noise in the equations.
+//!
+//! Where A is singular, on line 0 of an integrator, r = −BU − T does not depend on the output: that line tells of S alone,
+//! so A⁻¹ is 0 there and |det A|² a constant.
 
 pub(crate) mod output;
 mod search;
@@ -31,10 +34,12 @@ use crate::linalg::columns::Columns;
 use crate::math::ln_1;
 use crate::simd::Isa;
 pub(crate) use small::C;
-use small::{add_outer, apply, by, colour, conjugate, factor, invert, plus, whiten};
+use small::{
+    add_outer, apply, by, colour, conjugate, factor, gather, invert, plus, spread, whiten,
+};
 
-/// Least of a line's rows that leverage leaves.
-const LEFT: f64 = 1e-6;
+/// Least of a line's rows that leverage leaves: below what a line without noise has beside the others.
+const LEFT: f64 = 1e-12;
 
 /// One record on its lines.
 #[derive(Debug, Clone, Copy)]
@@ -126,6 +131,10 @@ struct Line {
     left: f64,
     /// |r|² under (hS)⁻¹.
     misfit: f64,
+    /// Least |det A|², that of the first θ: 0 before it is known.
+    least: f64,
+    /// Whether A is singular: on line 0 of an integrator, where no output enters the equation.
+    silent: bool,
 }
 
 /// What was found, in the model's units.
@@ -297,9 +306,13 @@ impl Driven {
                 let inverse = &mut self.inverse[at..at + q * q];
                 work.copy_from_slice(a);
                 let det_a = invert(work, q, inverse);
-                let size = det_a.max(FLOOR * least);
-                inverse.iter_mut().for_each(|own| *own = by(*own, det_a / size));
                 let own = &mut self.lines[block.line + i];
+                if own.least == 0.0 {
+                    own.least = FLOOR * least;
+                }
+                own.silent = det_a == 0.0;
+                let size = det_a.max(own.least);
+                inverse.iter_mut().for_each(|own| *own = by(*own, det_a / size));
                 own.log_p = ln_1(det_s / size);
                 whiten(s, r);
                 spread(r, own.count, rows, (count, i));
@@ -474,21 +487,4 @@ fn leverage(block: &Block, mean: &Columns, row: usize) -> f64 {
         (0..q.count()).map(|j| q.q(j)[row] * q.q(j)[row]).sum()
     };
     square(&block.transient, row - block.row) + square(mean, row)
-}
-
-/// Writes a line's outputs as rows of unit variance, `count` real ones each.
-fn spread(from: &[C], count: f64, rows: &mut [f64], (lines, line): (usize, usize)) {
-    let root = count.sqrt();
-    for (e, own) in from.iter().enumerate() {
-        rows[2 * e * lines + line] = own.0 * root;
-        rows[(2 * e + 1) * lines + line] = own.1 * root;
-    }
-}
-
-/// The reverse.
-fn gather(rows: &[f64], count: f64, to: &mut [C], (lines, line): (usize, usize)) {
-    let root = 1.0 / count.sqrt();
-    for (e, own) in to.iter_mut().enumerate() {
-        *own = (rows[2 * e * lines + line] * root, rows[(2 * e + 1) * lines + line] * root);
-    }
 }

@@ -44,6 +44,7 @@ impl Driven {
     ) -> Sought {
         let (theta, levels) = (&mut found.theta, &mut found.levels);
         levels.resize(self.outputs + self.noises, 0.0);
+        self.lines.iter_mut().for_each(|own| own.least = 0.0);
         self.first_levels(model, theta, levels, first);
         let begun: Vec<f64> = levels.clone();
         let mut sought = self.search(model, theta, levels, tol, most);

@@ -118,6 +118,23 @@ pub(crate) fn colour(l: &[C], x: &[C], out: &mut [C]) {
     }
 }
 
+/// Writes a line's outputs as rows of unit variance, `count` real ones each.
+pub(super) fn spread(from: &[C], count: f64, rows: &mut [f64], (lines, line): (usize, usize)) {
+    let root = count.sqrt();
+    for (e, own) in from.iter().enumerate() {
+        rows[2 * e * lines + line] = own.0 * root;
+        rows[(2 * e + 1) * lines + line] = own.1 * root;
+    }
+}
+
+/// The reverse.
+pub(super) fn gather(rows: &[f64], count: f64, to: &mut [C], (lines, line): (usize, usize)) {
+    let root = 1.0 / count.sqrt();
+    for (e, own) in to.iter_mut().enumerate() {
+        *own = (rows[2 * e * lines + line] * root, rows[(2 * e + 1) * lines + line] * root);
+    }
+}
+
 /// Adds `by` (x yᴴ + y xᴴ)/2 to a Hermitian matrix written as real numbers, so that products of two such are
 /// traces: the diagonal, then √2 times Re and Im of what is above it.
 pub(crate) fn add_outer(x: &[C], y: &[C], by: f64, out: &mut [f64]) {

@@ -166,7 +166,7 @@ impl Driven {
         let x = &mut self.desk.x;
         for (k, block) in self.blocks.iter().enumerate() {
             let [unit, inside] = block.sampled.variances;
-            for i in 0..block.sampled.lines {
+            for i in (0..block.sampled.lines).filter(|i| !self.lines[block.line + i].silent) {
                 let row = &self.inverse[((block.line + i) * q + output) * q..][..q];
                 measured += unit * levels[output];
                 for (l, level) in levels[q..].iter().enumerate() {
@@ -181,12 +181,13 @@ impl Driven {
     }
 
     /// What the sum of squares would be in white noise on the outputs of the same likelihood, the geometric mean of P over
-    /// the rows: so costs compare as likelihoods do.
+    /// the rows: so costs compare as likelihoods do. Lines that no output enters have no P.
     pub fn cost(&self, degrees: f64) -> f64 {
         let (mut sum, mut rows) = (0.0, 0.0);
         for block in &self.blocks {
             let unit = crate::math::ln_1(block.sampled.variances[0]);
-            for own in &self.lines[block.line..][..block.sampled.lines] {
+            let lines = &self.lines[block.line..][..block.sampled.lines];
+            for own in lines.iter().filter(|own| !own.silent) {
                 sum += own.count * (own.log_p - self.outputs as f64 * unit);
                 rows += own.count * self.outputs as f64;
             }

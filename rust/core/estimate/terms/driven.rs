@@ -275,6 +275,8 @@ impl Linear for Rows<'_, '_> {
         r.fill((0.0, 0.0));
         sizes.fill(0.0);
         let spot = &self.problem.spots[record];
+        // Line 0 has the sizes of line 1: an integrator has none there.
+        let sized = line.max(usize::from(spot.lines.first == 0));
         for (term, g) in e.terms.iter().zip(&self.values) {
             let s = spot.power(line, term.order);
             add(&mut r[term.equation], *g, s, spot.signal(term.signal, line));
@@ -283,7 +285,7 @@ impl Linear for Rows<'_, '_> {
                 let s = self.operator(record, line, term.order, term.signal);
                 let at = term.equation * q + channel;
                 add(&mut a[at], *g * slope, s, (1.0, 0.0));
-                sizes[at] += (*g * slope).abs() * size(s);
+                sizes[at] += (*g * slope).abs() * size(spot.power(sized, term.order));
             }
         }
     }
