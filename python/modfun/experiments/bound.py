@@ -25,7 +25,7 @@ from ..signals import Signals
 from .innovations import Innovations
 from .known_models import noise_of, record_for, sds_beforehand, valued
 from .sensitivities import trend_rows
-from .slopes import Known, Slopes
+from .slopes import Equations, Known, Slopes
 
 __all__ = ["Bound", "crlb"]
 
@@ -238,7 +238,7 @@ def crlb(
     driving = isinstance(process_noise, ProcessNoise) or np.any(reals("crlb", "process_noise", process_noise))
     records = [record_for(known, one, process_noise) for one in given]
     if initial_state == "rest":
-        records = [_from_rest(rec, trend) for rec in records]
+        records = [_from_rest(known, rec, trend) for rec in records]
     each_state = states * (len(records) // len(states))
     if initial_state == "periodic":
         found = [_steady_slopes(known, rec) for rec in records]
@@ -310,9 +310,14 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
     return np.diag(np.broadcast_to(values, (q,)) ** 2 * (rms**2 if nsr is not None else 1.0))
 
 
-def _from_rest(rec: Record, trend: str | None) -> Record:
+def _from_rest(known: Known, rec: Record, trend: str | None) -> Record:
     """The record with inputs counted from their first values."""
     first = rec.u[:, :1]
+    if isinstance(known, Equations) and np.any(first != 0):
+        raise SpecError(
+            'crlb: initial_state="rest" of equations is for inputs that begin at zero; give the state in '
+            'which the equations rest, start=[...], and initial_state="zero"'
+        )
     if trend is None and np.any(first != 0):
         raise SpecError(
             'crlb: initial_state="rest" under inputs that begin elsewhere than at zero leaves the output\'s '

@@ -29,7 +29,8 @@ from .instruments import referenced_fit
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
-from .prepared import prepare, refuse_standing
+from .past import fit_with_past
+from .prepared import counts_start, prepare, refuse_standing
 from .robust import robust_fit
 from .undeclared import settled
 
@@ -139,8 +140,11 @@ def fit(
         record holds whole periods of a steady response, the first and the last sample in one phase.
         Numbers: y, y', … of the free response at the first sample, as `Fit.initial_state` has them, beside
         the response that begins at zero. The transient then follows from the parameters, or there is none,
-        which makes standard errors on steps and short records up to five times smaller. For transfer
-        functions of one output in white noise, without a drift; a fit warns where the record contradicts it.
+        which makes standard errors on steps and short records up to five times smaller. A fit warns where
+        the record contradicts it. Not with a drift. "periodic" and numbers are for transfer functions of one
+        output in white noise; other models, masks and ``Record(sigma=)`` begin at "rest" or "zero", with
+        samples of the steady state put before the first one (`Fit.with_past`), by "ml" or "awls" in noise of
+        the outputs.
     robust : bool, default False
         Whether samples are weighted by Student's t distribution, for spikes and heavy tails: its degrees of
         freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the
@@ -335,9 +339,14 @@ def fit_many(
     if isinstance(data, Batch) or not checked.reference:  # records may keep references
         checked.refuse_alone("fit_many")
     structure = structure_of(model, "fit_many")
-    count = threads_of(threads)
     if not isinstance(data, Batch):
         data = records_of(data, "fit_many")
+    count = threads_of(threads)
+    known = checked.initial_state != "unknown"
+    if known and not counts_start(structure, checked, data if isinstance(data, Batch) else data[:1]):
+        data = tuple([data[k] for k in range(len(data))])  # each with a past of its own
+        return fit_each(data, structure, checked, fit_quietly, progress)
+    if not isinstance(data, Batch):
         first = data[0]
         alike = (first.y.shape[1], first.dt)
         if checked.reference:
@@ -384,6 +393,9 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     """One fit without its warnings."""
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
+    if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
+        past: Fit = fit_with_past(records, structure, options, fit_quietly)
+        return past
     if not isinstance(structure, TransferFunction):
         return fit_equation(records, structure, options, fit_quietly)
     made = prepare(structure, options, records)

@@ -22,8 +22,8 @@ from .gaps import bridged, variances, weighs
 from .weights import weighting
 
 __all__ = [
-    "Prepared", "joint_words", "plain_words", "prepare", "prepare_stream", "refuse_known_start",
-    "refuse_process_noise", "refuse_standing", "spans",
+    "Prepared", "counts_start", "joint_words", "plain_words", "prepare", "prepare_stream",
+    "refuse_known_start", "refuse_process_noise", "refuse_standing", "spans",
 ]  # fmt: skip
 
 KEPT = 32  # kinds of fits
@@ -70,10 +70,7 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     else:
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
-        # Uneven steps alone refuse no option that needs the plain path.
-        able = options.initial_state == "unknown" and options.noise == "output"
-        own = [rec for rec in data if able or rec.mask is not None or rec.sigma is not None]
-        even = not any([weighs(rec) for rec in own])
+        even = _even(options, data)
     layout = structure.layout(first.outputs, first.inputs)
     if not (layout.plain and options.plain_noise and even):
         return _joint(layout, options, data, first.intersample, sampling)
@@ -83,6 +80,22 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     kept = isinstance(data, Batch) or all([rec.dt is not None for rec in data])
     make = _kept if short and kept else _made
     return make(layout, options, first.intersample, sampling)
+
+
+def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record]) -> bool:
+    """Whether the core knows the initial states of such fits, as of transfer functions of one output."""
+    if not isinstance(structure, TransferFunction):
+        return False
+    first = data if isinstance(data, Batch) else data[0]
+    plain = structure.layout(first.outputs, first.inputs).plain
+    return plain and options.plain_noise and (isinstance(data, Batch) or _even(options, data))
+
+
+def _even(options: Options, data: Sequence[Record]) -> bool:
+    # Uneven steps alone refuse no option that needs the plain path.
+    able = options.initial_state == "unknown" and options.noise == "output"
+    own = [rec for rec in data if able or rec.mask is not None or rec.sigma is not None]
+    return not any([weighs(rec) for rec in own])
 
 
 def prepare_stream(
@@ -127,7 +140,8 @@ def refuse_known_start(options: Options) -> None:
     if options.initial_state != "unknown":
         raise SpecError(
             f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white "
-            'noise, without free delays, masks and sigma; take initial_state="unknown"'
+            "noise here, without free delays, masks and sigma; mf.fit and mf.fit_many fit the rest from "
+            'initial_state="rest" and "zero"'
         )
 
 

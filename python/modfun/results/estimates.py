@@ -85,6 +85,7 @@ class Estimates(Elsewhere):
     process_levels: tuple[F64, F64, F64] | None = None
     tail: float = inf
     instrumented: tuple[Record, ...] | None = None
+    with_past: tuple[Record, ...] | None = None
     again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
 
     def __post_init__(self) -> None:
@@ -244,6 +245,7 @@ class Estimates(Elsewhere):
             return self.known_level
         levels, order = [], max(self.layout.orders)
         for rec, intervals, (_, hi) in zip(self.records or (), self.intervals, self.lines, strict=False):
+            intervals = min(intervals, rec.intervals)  # a past is no part of the record
             few = hi > intervals // 4 or intervals < 8 * (order + 4)
             if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
                 return np.full(len(self.outputs), np.nan)

@@ -68,9 +68,9 @@ class Fit(Drawn):
         The cost with free initial states, where `initial_state` says more of them; else nan.
     tail : float
         Degrees of freedom of Student's t where ``robust=True`` found heavy tails; else inf.
-    instrumented : tuple of Record or None
-        Where references are given: each record with the part of its inputs that they explain, and its outputs
-        less the response to the rest.
+    instrumented, with_past : tuple of Record or None
+        Records whose lines were fitted, where these are others: with references the explained part of the
+        inputs, and outputs less the response to the rest; from rest with the steady state before them.
     status : str
         "ok", "maxiter", "rank" or "nonfinite".
     nit : int
@@ -490,8 +490,8 @@ class Fit(Drawn):
     def without_samples(self) -> Self:
         """The same fit without the records it came from."""
         kept = self.cov_spectral if self._uneven is None else self._uneven
-        level = self.high_band_levels
-        return replace(self, records=None, instrumented=None, known_level=level, cov_spectral=kept)
+        own = {"known_level": self.high_band_levels, "cov_spectral": kept}
+        return replace(self, records=None, instrumented=None, with_past=None, **own)
 
     def __repr__(self) -> str:
         return one_line(self, len(self.check()) if self.success else 0)

@@ -114,8 +114,8 @@ def testable(fit: Estimates) -> bool:
 
 
 def fitted(fit: Estimates) -> tuple[Record, ...]:
-    """Records whose lines were fitted: those of the fit, or what references made of them."""
-    return fit.instrumented or fit.records or ()
+    """Records whose lines were fitted: those of the fit, or what references or a known past made of them."""
+    return fit.instrumented or fit.with_past or fit.records or ()
 
 
 def stationary(fit: Estimates) -> bool:

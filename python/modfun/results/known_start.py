@@ -19,13 +19,19 @@ __all__ = ["contradicted_p", "gain_of_start"]
 QUIET = 4  # samples with steady inputs before which a record is not taken to begin at rest
 LEAST_GAIN = 1.2  # of a standard error
 AGREES = 0.05  # p-value
+LEAST_TOLD = 0.2  # of a variance that the past took away
 
 
 def contradicted_p(fit: Estimates) -> float:
     """Probability that a record which begins as the fit was told misfits so much more than from anywhere.
 
-    An F test of the initial states: the cost with what is known against the cost with free states.
+    An F test of the initial states: the cost with what is known against the cost with free states. Where the
+    past stands before the records, Hausman's test of the estimates with and without it (J. A. Hausman,
+    Econometrica 46, 1978; the covariance of their difference is the difference of their covariances), and an
+    F test of the noise levels that both leave.
     """
+    if fit.with_past:
+        return _beside_free(fit)
     if not math.isfinite(fit.free_cost):
         return 1.0
     from scipy.special import fdtrc
@@ -38,19 +44,42 @@ def contradicted_p(fit: Estimates) -> float:
     return float(fdtrc(states, left, max(ratio, 0.0)))
 
 
+def _beside_free(fit: Estimates) -> float:
+    """As `contradicted_p`, of records that have a past."""
+    if fit.again is None or fit.records is None:
+        return 1.0
+    options = on_band(fit, fit.band).replace(initial_state="unknown")
+    other = again(fit, fit.records, fit.structure, options)
+    if other is None or not other.usable:
+        return 1.0
+    from scipy.special import fdtrc
+
+    # Under one noise, that of the free fit: a false past raises the residuals, which an F test sees.
+    ratio = float(np.mean((fit.noise_levels / other.noise_levels) ** 2))
+    p_level = float(fdtrc(fit.df_resid, other.df_resid, ratio))
+    gap, size = other.params - fit.params, np.sqrt(np.diag(other.cov_nonrobust))
+    left = other.cov_nonrobust - fit.cov_nonrobust / max(ratio, 1.0)
+    values, vectors = np.linalg.eigh(left / np.outer(size, size))
+    told = values > LEAST_TOLD  # of the variances: less is no more than their own scatter
+    if not told.any():
+        return p_level
+    squares = (vectors[:, told].T @ (gap / size)) ** 2 / values[told]
+    return min(1.0, 2 * min(p_level, float(fdtrc(squares.size, other.df_resid, np.mean(squares)))))
+
+
 def gain_of_start(fit: Estimates) -> str | None:
     """That the records plainly begin at rest, or hold whole periods, where saying so would pay."""
     options = fit.options
     asks = (options.initial_state, options.noise) == ("unknown", "output")
     asks = asks and options.method in ("ml", "awls")
-    if not (asks and fit.again and fit.records and fit.layout.rational and fit.layout.plain):
+    if not (asks and fit.again and fit.records and fit.inputs):
         return None
     odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
     if odd or not options.extended:
         return None
     if all(map(_begins_quiet, fit.records)):
         told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"
-    elif all(periods(rec) > 1 for rec in fit.records):
+    elif fit.layout.rational and fit.layout.plain and all(periods(rec) > 1 for rec in fit.records):
         told, seen = "periodic", "The inputs repeat, and the output agrees with a steady response"
     else:
         return None
@@ -71,6 +100,6 @@ def gain_of_start(fit: Estimates) -> str | None:
 
 
 def _begins_quiet(rec: Record) -> bool:
-    """Whether a record's inputs stand for its first samples."""
+    """Whether a record's inputs stand for its first samples, and move later."""
     moving = np.any(rec.u != rec.u[:, :1], axis=0)
     return int(np.argmax(moving)) >= QUIET

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Never
 
 import numpy as np
@@ -185,10 +185,20 @@ class EquationFit(Fit):
             return simulate_equations(self, rec, initial_state)
         kept = self.__dict__.get("_simulated")  # errors, scores and plots ask for the same again
         if kept is None or kept[0] is not rec:
-            kept = rec, simulate_equations(self, rec, None)
+            kept = rec, self._from_past(rec) or simulate_equations(self, rec, None)
             self.__dict__["_simulated"] = kept
         found: tuple[F64, InitialState] = kept[1]
         return found
+
+    def _from_past(self, rec: Record) -> tuple[F64, InitialState] | None:
+        """The same for one of the fit's records that has a past, whose samples tell where it begins."""
+        for own, longer in zip(self.records or (), self.with_past or (), strict=False):
+            if own == rec:
+                simulated, past = simulate_equations(self, longer, None)
+                simulated = simulated[:, -rec.t.size :]
+                _, initial = simulate_equations(self, rec._like(y=simulated, mask=None, sigma=None), None)
+                return simulated, replace(initial, cov=past.cov, trend_cov=past.trend_cov)
+        return None
 
     def _observed(self, rec: Record, eigenvalues: Any) -> Never:
         raise SpecError('initial_state: an observer is for transfer functions; use method="lstsq"')

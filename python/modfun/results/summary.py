@@ -49,7 +49,9 @@ def _start(fit: Estimates) -> str:
     """What was known of the initial states."""
     told = fit.options.initial_state
     if isinstance(told, str):
-        return START[told]
+        pairs = zip(fit.with_past or (), fit.records or (), strict=False)
+        before = ", ".join(str(rec.t.size - own.t.size) for rec, own in pairs)
+        return START[told] + (f", as {before} samples before the first" if before else "")
     return f"{'; '.join(numbers(np.array(state)) for state in told[:4])}, taken as known"
 
 

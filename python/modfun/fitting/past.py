@@ -1,0 +1,236 @@
+"""Fits of records whose past is known: samples of the steady state stand before their first one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import combinations
+from math import ceil, exp
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..errors import DataError, SpecError
+from ..models.noise import Noise
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.stability import deviance
+
+__all__ = ["fit_with_past"]
+
+PART = 0.2  # of a record's intervals that stand before it
+FEWEST = 8  # samples of a past
+CERTAIN = 0.01  # noise of a sample of the past over that of the record's: certain next to these
+COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
+QUIET = 4  # samples from which a level is first guessed
+STEP = 0.2  # of the noise: differences of levels
+SETTLED = 0.1  # of its standard error: change of a level that ends the search
+ROUNDS = 8
+LARGE = 100.0  # logarithm of a ratio that is no number
+
+Fits = Callable[[tuple[Record, ...], Any, Options], Any]
+
+
+def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> Any:
+    """The fit of records that begin at rest ("rest", "zero"), by what they were before.
+
+    The steady state before the first sample is known without noise, so it is a piece of record with next to
+    none: samples of it are put before the first one with a small `sigma`, and the modulating functions cover
+    both. Under "zero" the outputs' level is 0. Under "rest", or beside a constant in each equation, it is
+    unknown: a nuisance with the lowest −2 log likelihood, whose covariance, twice the inverse of the second
+    derivatives there, widens that of the parameters that follow it.
+
+    Raises
+    ------
+    DataError
+        Inputs that would jump at the first sample although they are smooth.
+    SpecError
+        Options or a structure that do not go with a past.
+    """
+    _refuse(records, structure, options)
+    search = _Search(records, structure, options, fit_once)
+    fit = search.fit(search.levels)
+    if not fit.usable:
+        return replace(fit, records=records, options=options)
+    search.inner = search.inner.replace(harmonics=None, band=(fit.band[0], fit.band[1] * (1 + 1e-9)))
+    wider: dict[str, F64] = {}
+    if search.free:
+        fit, wider = search.settled(fit)
+    return replace(fit, **wider, options=options, records=records, with_past=fit.records, again=fit_once)
+
+
+class _Search:
+    """Fits under levels (record, output) of the outputs before the first sample."""
+
+    def __init__(self, records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> None:
+        self.records, self.structure, self.fit_once = records, structure, fit_once
+        self.rest = options.initial_state == "rest"
+        self.free = _trend(structure, options) is not None or (self.rest and _moved(records, structure))
+        self.late = _longest_delay(structure, records[0], options)
+        more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
+        self.inner = options.replace(initial_state="unknown", **more)
+        self.levels = np.zeros((len(records), len(records[0].outputs)))
+        if self.free:
+            self.levels[:] = [_first_level(rec) for rec in records]
+
+    def fit(self, levels: F64) -> Any:
+        """The fit under these levels."""
+        longer = [
+            extended(rec, own, self.rest, self.late) for rec, own in zip(self.records, levels, strict=True)
+        ]
+        return self.fit_once(tuple(longer), self.structure, self.inner)
+
+    def settled(self, fit: Any) -> tuple[Any, dict[str, F64]]:
+        """The fit under the best levels, and its covariances with what the errors of these add.
+
+        Residuals lack what the levels took from them, so covariances are means over fits with each level a
+        standard error higher and lower (the mean square of such moves of several levels one by one is that of
+        all at once if they are larger by the root of the number of levels). Status "maxiter" where the levels
+        do not settle.
+        """
+        rows = fit.df_resid + fit.params.size
+        steps = STEP * fit.noise_levels.ravel()
+        for _ in range(ROUNDS):
+            sides, slopes, gradient, curvature = self._differences(fit, steps, rows)
+            if not all(one.usable for one in sides) or not np.linalg.eigvalsh(curvature)[0] > 0:
+                steps = steps / 2  # a fit fell into another minimum, or into none
+                continue
+            inverse = np.linalg.inv(curvature)
+            move, errors = -inverse @ gradient, np.sqrt(2 / rows * np.diag(inverse))
+            if np.all(np.abs(move) < SETTLED * errors):
+                added = 2 / rows * slopes @ inverse @ slopes.T
+                means = {name: np.mean([getattr(one, name) for one in sides], axis=0) for name in COVARIANCES}
+                return fit, {name: mean + added for name, mean in means.items()}
+            self.levels = self.levels + (steps * move).reshape(self.levels.shape)
+            fit = self.fit(self.levels)
+            if not fit.usable:
+                return fit, {}
+            steps = steps * errors * np.sqrt(errors.size)
+        return replace(fit, status="maxiter"), {}
+
+    def _differences(self, fit: Any, steps: F64, rows: int) -> tuple[list[Any], F64, F64, F64]:
+        """Fits on both sides, slopes of the parameters, derivatives of the sum of squares, by levels in steps.
+
+        The sum, (exp of −2 log L)^(1/rows), is over that of the fit: of linear equations it is a parabola.
+        """
+        count = steps.size
+        here, moves = deviance(fit), np.eye(count)
+
+        def squares(beside: Any) -> float:
+            return exp(min((deviance(beside) - here) / rows, LARGE))
+
+        up, down = ([self._beside(sign * move * steps) for move in moves] for sign in (1, -1))
+        slopes = np.array([(a.params - b.params) / 2 for a, b in zip(up, down, strict=True)]).T
+        high, low = (np.array([squares(one) for one in side]) for side in (up, down))
+        curvature = np.diag(high + low - 2)
+        for i, j in combinations(range(count), 2):
+            both = squares(self._beside((moves[i] + moves[j]) * steps))
+            curvature[i, j] = curvature[j, i] = both - high[i] - high[j] + 1
+        return up + down, slopes, (high - low) / 2, curvature
+
+    def _beside(self, moved: F64) -> Any:
+        return self.fit(self.levels + moved.reshape(self.levels.shape))
+
+
+def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
+    """A record with its past before it: outputs at `levels`, inputs at their first values or at zero."""
+    step = float(np.median(np.diff(rec.t))) if rec.dt is None else rec.dt
+    count = max(ceil(PART * rec.intervals), FEWEST) + ceil(late / step - 1e-9)
+    sigma = np.ones_like(rec.y) if rec.sigma is None else rec.sigma
+    usual = CERTAIN * np.median(sigma, axis=1, keepdims=True)
+    u = rec.u[:, :1] if rest else np.zeros((len(rec.u), 1))
+
+    def before(past: Any, samples: Any) -> Any:
+        return np.hstack([np.repeat(past, count, axis=1), samples])
+
+    return rec._like(
+        y=before(levels[:, None], rec.y),
+        u=before(u, rec.u),
+        t=np.concatenate([rec.t[0] - step * np.arange(count, 0, -1), rec.t]),
+        sigma=before(usual, sigma),
+        mask=None if rec.mask is None else before(np.ones((len(rec.y), 1), bool), rec.mask),
+        _keep={},
+        _lost=None,
+    )
+
+
+def _moved(records: Sequence[Record], structure: Any) -> bool:
+    """Whether the outputs may stand elsewhere than at zero under the inputs' first values."""
+    if isinstance(structure, TransferFunction):
+        return any(np.any(rec.u[:, 0] != 0) for rec in records)
+    import sympy
+
+    compiled, zero = structure.compiled(), sympy.Integer(0)
+    own = {sympy.Symbol(name, real=True) for name in compiled.parameters}
+    still = [e.subs({s: zero for s in e.free_symbols - own}) for e in compiled.source]
+    driven = any(np.any(structure.own_channels(rec).u[:, 0] != 0) for rec in records)
+    return driven or any(e != 0 for e in still)
+
+
+def _first_level(rec: Record) -> F64:
+    """Means of the outputs while the inputs stand still."""
+    moving = np.any(rec.u != rec.u[:, :1], axis=0)
+    count = max(int(np.argmax(moving)) if moving.any() else 0, QUIET)
+    good = np.ones((len(rec.y), count)) if rec.mask is None else rec.mask[:, :count] + 1e-9
+    return np.asarray(np.average(rec.y[:, :count], axis=1, weights=good))
+
+
+def _trend(structure: Any, options: Options) -> str | None:
+    if options.trend == "auto" and not isinstance(structure, TransferFunction):
+        return structure.trend  # type: ignore[no-any-return]
+    return options.fitted_trend
+
+
+def _longest_delay(structure: Any, rec: Record, options: Options) -> float:
+    if isinstance(structure, TransferFunction):
+        return structure.layout(rec.outputs, rec.inputs).longest_delay
+    own = structure.own_channels(rec)
+    from ..equations.layout import layout_of
+
+    return layout_of(structure, options, own.outputs, own.inputs, own.intersample).longest_delay
+
+
+def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None:
+    told = f"fit: initial_state={options.initial_state!r}"
+    if options.initial_state not in ("rest", "zero"):
+        raise SpecError(
+            f"{told} is for transfer functions of one output in white noise, without free delays, masks and "
+            'sigma; take "rest", "zero" or "unknown"'
+        )
+    plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
+    if not plain or options.method not in ("ml", "awls"):
+        raise SpecError(
+            f'{told} goes with noise of the outputs, noise="output" or mf.Noise(y=...), by "ml" or "awls"; '
+            'leave the other option out, or take initial_state="unknown"'
+        )
+    if _trend(structure, options) == "linear":
+        raise SpecError(
+            f'{told}: a drift, trend="linear", has no beginning, so nothing rests before it; take '
+            'trend="constant"'
+        )
+    if not isinstance(structure, TransferFunction):
+        _refuse_time(told, structure)
+    if options.initial_state == "rest":
+        return
+    for k, rec in enumerate(records):
+        for name, kind, row in zip(rec.inputs, rec.intersample, rec.u, strict=True):
+            if kind != "zoh" and abs(row[0]) > 1e-9 * np.max(np.abs(row)):
+                raise DataError(
+                    f"{told}: input {name!r} of record {k} is {row[0]:.4g} at the first sample and not held "
+                    f'(intersample={kind!r}), so it would jump from zero there; take "rest", or begin the '
+                    "record before the input moves"
+                )
+
+
+def _refuse_time(told: str, structure: Any) -> None:
+    from ..equations.symbolic.compiled import time
+
+    compiled = structure.compiled()
+    used = set().union(*(e.free_symbols for e in compiled.source))
+    if time in used or used & set(compiled.known):
+        raise SpecError(
+            f"{told}: the equations change with time, so they rest in no state before the record; take "
+            'initial_state="unknown"'
+        )

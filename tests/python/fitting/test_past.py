@@ -1,0 +1,209 @@
+"""Records with a known past: exact without noise, output error, the bound with known start, what is refused."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import modfun as mf
+import numpy as np
+import pytest
+from modfun.results.known_start import contradicted_p
+from oracle import known_equation
+
+DUFFING = mf.Equation("y'' + a*y' + b*y + c*y**3 = d*u")
+VALUES = {"a": 0.8, "b": 4.0, "c": 2.0, "d": 4.0}
+TRUTH = np.array(list(VALUES.values()))
+MOTION = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+DERIVATIVES = {"Za": -0.8, "Ma": -4.5, "Mq": -1.2, "Zd": -0.1, "Md": -5.0}
+TANK = mf.Equation("h' = -k*sqrt(h) + b*u", outputs=["h"])
+
+
+def stairs(count: int, first: float = 0.0, after: float = 0.1) -> np.ndarray:
+    """A step behind a steady beginning."""
+    return first + 1.0 * (np.arange(count + 1) >= after * count)
+
+
+def duffing(nsr: float = 0.0, seed: int = 0, **words: Any) -> mf.Record:
+    told = {"input": stairs(200), "duration": 5.0, "intervals": 200, "intersample": "zoh"}
+    return mf.simulate(DUFFING.model(VALUES), nsr=nsr, seed=seed, **(told | words))
+
+
+def noisy(clean: mf.Record, sigma: np.ndarray, seed: int) -> mf.Record:
+    noise = np.random.default_rng(seed).standard_normal(clean.y.shape)
+    return clean.assign(**dict(zip(clean.outputs, clean.y + sigma[:, None] * noise, strict=True)))
+
+
+def ratio(
+    clean: mf.Record, sigma: np.ndarray, model: Any, sd: np.ndarray, truth: np.ndarray, **told: Any
+) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Root mean square errors over `sd`, shares of intervals that hold the truth, p-values of the start."""
+    errors, inside, p = [], [], []
+    for seed in range(100):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = mf.fit(noisy(clean, sigma, seed), model, **told)
+        low, high = fit.conf_int().T
+        errors.append((fit.params - truth) / sd)
+        inside.append((low < truth) & (truth < high))
+        p.append(contradicted_p(fit))
+    return np.sqrt(np.mean(np.square(errors), axis=0)), np.mean(inside, axis=0), p
+
+
+@pytest.mark.parametrize("told", ["zero", "rest"])
+def test_exact_without_noise(told: str) -> None:
+    np.testing.assert_allclose(mf.fit(duffing(), DUFFING, initial_state=told).params, TRUTH, rtol=3e-3)
+
+
+def test_output_error_from_the_known_start() -> None:
+    """Estimates lie a fifth of a standard error from those of simulated samples, free ones lie one."""
+    apart = []
+    for seed in range(4):
+        rec = duffing(0.05, seed)
+        found, sd = known_equation.output_error(rec.y[0], rec.u[0], rec.dt, TRUTH)
+        fit = mf.fit(rec, DUFFING, initial_state="zero", cov_type="nonrobust")
+        apart.append([(own.params - found) / sd for own in (fit, mf.fit(rec, DUFFING))])
+        np.testing.assert_allclose(fit.bse, sd, rtol=0.45)
+    known, free = np.sqrt(np.mean(np.square(apart), axis=(0, 2)))
+    assert known < 0.3, (known, free)
+    assert free > 0.7
+
+
+@pytest.mark.statistics
+def test_scatter_is_that_of_the_bound_with_a_known_start() -> None:
+    """100 records: scatter over the bound 0.75 to 1.25, coverage from 87 % (false alarm 1 in 1,000)."""
+    clean = duffing()
+    sigma = 0.05 * np.sqrt(np.mean(clean.y**2, axis=1))
+    known = mf.crlb(DUFFING.model(VALUES), clean, sigma=float(sigma[0]), initial_state="zero").sd
+    free = mf.crlb(DUFFING.model(VALUES), clean, sigma=float(sigma[0])).sd
+    assert np.max(free / known) > 1.5
+    spread, inside, p = ratio(clean, sigma, DUFFING, known, TRUTH, initial_state="rest")
+    assert np.all((spread > 0.75) & (spread < 1.25)), spread
+    assert np.all(inside > 0.87), inside
+    assert np.mean(np.array(p) < 0.1) < 0.2
+
+
+@pytest.mark.statistics
+def test_unknown_levels_of_a_state_space() -> None:
+    """As above, with both outputs off by a constant; the free fit is up to 2.9 times worse."""
+    clean = mf.simulate(
+        MOTION.model(DERIVATIVES), input=0.1 * stairs(150), duration=3.0, intervals=150, intersample="zoh",
+        outputs=["alpha", "q"], inputs=["de"],
+    )  # fmt: skip
+    sigma = 0.05 * np.sqrt(np.mean(clean.y**2, axis=1))
+    words = {"params": DERIVATIVES, "sigma": sigma, "trend": "constant"}
+    known = mf.crlb(MOTION, clean, initial_state="rest", **words).sd
+    assert np.max(mf.crlb(MOTION, clean, **words).sd / known) > 2.5
+    moved = clean.assign(alpha=clean["alpha"] + 0.3, q=clean["q"] - 0.2)
+    truth = np.array(list(DERIVATIVES.values()))
+    spread, inside, _ = ratio(moved, sigma, MOTION, known, truth, initial_state="rest")
+    assert np.all((spread > 0.75) & (spread < 1.25)), spread
+    assert np.all(inside > 0.87), inside
+
+
+@pytest.mark.statistics
+def test_an_operating_point_tells_its_own_equation() -> None:
+    """The level at which a tank rests under its first inflow halves the errors; intervals hold the truth."""
+    values = {"k": 0.5, "b": 0.4}
+    clean = mf.simulate(
+        TANK.model(values), input=stairs(200) / 2 + 1, duration=6.0, intervals=200, intersample="zoh",
+        outputs=["h"], initial_state=[0.64],
+    )  # fmt: skip
+    sigma = np.array([0.01])
+    free = mf.crlb(TANK.model(values), clean, sigma=0.01, start=[0.64]).sd
+    spread, inside, _ = ratio(clean, sigma, TANK, free, np.array([0.5, 0.4]), initial_state="rest")
+    assert np.all(spread < 0.7), spread
+    assert np.all(inside > 0.87), inside
+
+
+def test_several_outputs_of_a_transfer_function() -> None:
+    system = mf.tf([[[5]], [[1, 1]]], [[[1, 3, 8]], [[1, 3, 8]]])
+    model = mf.TransferFunction(poles=2, zeros=1, denominator="common")
+    rec = mf.simulate(
+        system, input=stairs(128), duration=3.0, intervals=128, intersample="zoh", nsr=0.05, seed=2
+    )
+    rec = rec.assign(y1=rec["y1"] + 4.0)
+    free, rest = (mf.fit(rec, model, initial_state=told) for told in ("unknown", "rest"))
+    words = {"model": model, "sigma": rest.sigma, "trend": "constant"}
+    bound = mf.crlb(system, rec, initial_state="rest", **words)
+    assert np.max(free.bse / rest.bse) > 10
+    ratio = np.sqrt(np.diag(rest.cov_params("nonrobust"))) / bound.sd
+    assert np.all((ratio > 0.85) & (ratio < 1.2)), ratio
+    assert np.all(np.abs(rest.params - bound.values) < 4 * rest.bse)
+    np.testing.assert_allclose(rest.initial_state().trend, [4.0, 0.0], atol=0.02)
+
+
+def test_masks_weights_delays_and_records_of_one_problem() -> None:
+    model = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.1, min=0.0, max=0.3))
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8], delay=0.12), input=stairs(256), duration=4.0, intervals=256, intersample="zoh",
+        nsr=0.02, seed=5,
+    )  # fmt: skip
+    mask = np.ones(257, bool)
+    mask[[60, 120]] = False
+    for one in (rec, rec.weigh(mask=mask), rec.weigh(sigma=np.where(rec.t < 2, 1.0, 2.0))):
+        fit = mf.fit(one, model, initial_state="rest")
+        assert fit.success
+        assert np.all(np.abs(fit.params - [3, 8, 5, 0.12]) < 4 * fit.bse)
+    several = [duffing(0.05, 6), duffing(0.05, 7, input=0.5 * stairs(160), intervals=160, duration=4.0)]
+    both = mf.fit(several, DUFFING, initial_state="zero")
+    assert np.all(np.abs(both.params - TRUTH) < 4 * both.bse)
+    assert [one.t.size for one in both.with_past or ()] == [201 + 40, 161 + 32]
+
+
+def test_many_fits_are_single_ones() -> None:
+    records = [duffing(0.05, seed) for seed in (1, 2)]
+    many = mf.fit_many(records, DUFFING, initial_state="zero", band=12.0)
+    alone = [mf.fit(rec, DUFFING, initial_state="zero", band=12.0).params for rec in records]
+    np.testing.assert_array_equal(many.params, alone)
+
+
+def test_a_record_that_moves_at_first_is_said() -> None:
+    rec = duffing(0.02, 3, initial_state=[0.4, 1.0])
+    with pytest.warns(mf.errors.ModfunWarning, match=r"does not begin at rest \(p = "):
+        fit = mf.fit(rec, DUFFING, initial_state="rest", band=12.0, trend="constant")
+    assert contradicted_p(fit) < 1e-4
+    assert contradicted_p(mf.fit(duffing(0.02, 3), DUFFING, initial_state="rest")) > 0.01
+
+
+def test_the_start_is_shown_proposed_saved_and_predicted(tmp_path: Path) -> None:
+    rec = duffing(0.05, 2)
+    fit = mf.fit(rec, DUFFING, initial_state="rest")
+    assert dict(fit.summary().facts)["Start"] == "at rest, taken as known, as 40 samples before the first"
+    assert 'initial_state="rest" makes the standard errors' in str(mf.fit(rec, DUFFING).check())
+    assert fit.predict(rec).y.shape == rec.y.shape
+    np.testing.assert_allclose(fit.initial_state().state, [0.0, 0.0], atol=1e-3)
+    clean = duffing()
+    assert np.max(np.abs(fit.predict(rec).y - clean.y)) < 0.05
+    fit.save(tmp_path / "fit.json")
+    again = mf.load(tmp_path / "fit.json")
+    assert again.options == fit.options
+    np.testing.assert_array_equal(again.cov_params(), fit.cov_params())
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"initial_state": [0.1, 0.2]}, 'take "rest", "zero" or "unknown"'),
+        ({"initial_state": "periodic"}, 'take "rest", "zero" or "unknown"'),
+        ({"initial_state": "rest", "trend": "linear"}, "nothing rests before it"),
+        ({"initial_state": "rest", "noise": "process"}, "goes with noise of the outputs"),
+        ({"initial_state": "rest", "method": "ls"}, 'by "ml" or "awls"'),
+    ],
+)
+def test_what_has_no_past(told: dict[str, Any], said: str) -> None:
+    with pytest.raises(mf.errors.SpecError, match=said):
+        mf.fit(duffing(), DUFFING, **told)
+
+
+def test_inputs_that_would_jump_and_equations_of_time() -> None:
+    moving = duffing(input=np.cos(np.linspace(0, 5, 201)), intersample="smooth")
+    with pytest.raises(mf.errors.DataError, match="would jump from zero"):
+        mf.fit(moving, DUFFING, initial_state="zero")
+    later = mf.Equation("y' + a*t*y = b*u")
+    rec = mf.simulate(mf.tf([1], [1, 1]), input="sin(t)", duration=5.0, intervals=100)
+    with pytest.raises(mf.errors.SpecError, match="change with time"):
+        mf.fit(rec, later, initial_state="rest")
+    with pytest.raises(mf.errors.SpecError, match="begin at zero"):
+        mf.crlb(DUFFING.model(VALUES), duffing(input=stairs(200, 1.0)), sigma=0.1, initial_state="rest")
