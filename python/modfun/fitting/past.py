@@ -111,7 +111,7 @@ class _Search:
         return replace(fit, status="maxiter"), {}
 
     def _differences(self, fit: Any, steps: F64, rows: int) -> tuple[list[Any], F64, F64, F64]:
-        """Fits on both sides, slopes of the parameters, derivatives of the sum of squares, by levels in steps.
+        """Fits on both sides, slopes of the parameters, derivatives of the squares, by levels in steps.
 
         The sum, (exp of −2 log L)^(1/rows), is over that of the fit: of linear equations it is a parabola.
         """

@@ -490,7 +490,7 @@ class Fit(Drawn):
     def without_samples(self) -> Self:
         """The same fit without the records it came from."""
         kept = self.cov_spectral if self._uneven is None else self._uneven
-        own = {"known_level": self.high_band_levels, "cov_spectral": kept}
+        own: dict[str, Any] = {"known_level": self.high_band_levels, "cov_spectral": kept}
         return replace(self, records=None, instrumented=None, with_past=None, **own)
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Records with a known past: exact without noise, output error, the bound with known start, what is refused."""
+"""Records with a known past: exact without noise, output error, the bound with known start, refusals."""
 
 from __future__ import annotations
 
