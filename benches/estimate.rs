@@ -36,7 +36,7 @@ fn estimates(c: &mut Criterion) {
     let mut group = c.benchmark_group("estimate");
     group.throughput(Throughput::Elements(LANES as u64));
     let steps = |maxiter| Options { maxiter, ..FIVE };
-    for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
+    for isa in Isa::available() {
         for (name, method, options) in [
             ("ls", Method::Ls, FIVE),
             ("wls", Method::Wls, FIVE),
@@ -61,7 +61,7 @@ fn replicate(c: &mut Criterion) {
     let mut group = c.benchmark_group("replicate");
     group.throughput(Throughput::Elements(LANES as u64));
     let plan = common::plan(LAST);
-    for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
+    for isa in Isa::available() {
         for (name, method, options) in
             [("awls, 5 steps", Method::Awls, FIVE), ("ml to 1e-9", Method::Ml, SETTLED)]
         {

@@ -160,10 +160,9 @@ impl<'a> Bytes<'a> {
         }
     }
 
-    /// An instruction set of this processor that holds eight lanes.
+    /// An instruction set of this processor.
     pub fn isa(&mut self) -> Isa {
-        let all: Vec<Isa> = Isa::available().into_iter().filter(|i| *i != Isa::One).collect();
-        self.of(&all)
+        self.of(&Isa::available())
     }
 }
 

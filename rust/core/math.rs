@@ -3,7 +3,7 @@
 //! The polynomials are minimax fits made for this file (Remez exchange in 60 digits); the stated
 //! errors are theirs, before rounding.
 
-use crate::simd::{Isa, Kernel, LaneBits, Lanes, Wide};
+use crate::simd::{self, Kernel, LaneBits, Lanes, Wide};
 
 /// 1.5 · 2⁵²: adding and subtracting it rounds to the nearest integer, whose low bits it shows.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -151,7 +151,7 @@ pub fn ln_1(x: f64) -> f64 {
             out.0[0]
         }
     }
-    Isa::One.run(One(x))
+    simd::alone(One(x))
 }
 
 /// [`sin_cos_turns`] of one number, the same bits as a lane.
@@ -169,7 +169,7 @@ pub fn sin_cos_turns_1(turns: f64) -> (f64, f64) {
             (sin.0[0], cos.0[0])
         }
     }
-    Isa::One.run(One(turns))
+    simd::alone(One(turns))
 }
 
 /// (cos, sin)(2πk/n), within 1 ulp for n to 2⁵³; n = 0 counts as 1.
@@ -225,7 +225,7 @@ pub fn student(z: f64, freedom: f64) -> f64 {
 #[allow(clippy::disallowed_methods)]
 mod tests {
     use super::*;
-    use crate::simd::LANES;
+    use crate::simd::{Isa, LANES};
     use proptest::prelude::*;
 
     struct Everything<'a>(&'a [Wide], &'a mut Vec<[Wide; 3]>);
@@ -252,11 +252,10 @@ mod tests {
         let x: Vec<Wide> =
             (0..40).map(|r| Wide(std::array::from_fn(|i| value(r * 8 + i)))).collect();
         for isa in Isa::available() {
-            let lanes = if isa == Isa::One { 1 } else { LANES };
             let mut out = Vec::new();
             isa.run(Everything(&x, &mut out));
             for (x, got) in x.iter().zip(&out) {
-                for k in 0..lanes {
+                for k in 0..LANES {
                     let (sin, cos) = sin_cos_turns_1(x.0[k]);
                     let want = [sin, cos, ln_1(x.0[k].abs() + 1e-300)];
                     for (got, want) in got.iter().zip(want) {
@@ -296,7 +295,7 @@ mod tests {
         let within = (-100_000..=100_000).map(|k| f64::from(k) * 0.01).map(|x| (x, x));
         for (x, want) in within.chain(ends) {
             let mut out = Wide::splat(x);
-            Isa::One.run(Power(&mut out));
+            simd::alone(Power(&mut out));
             assert!((out.0[0] / f64::exp2(want) - 1.0).abs() < 2e-9, "{x}: {}", out.0[0]);
         }
     }

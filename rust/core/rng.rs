@@ -6,7 +6,7 @@
 //! normals depend on its address alone: not on its neighbours, block, thread or processor.
 
 use crate::math::{flip_sign, ln, sin_cos_small, swap};
-use crate::simd::{Isa, Kernel, LANES, LaneBits, Lanes, Wide};
+use crate::simd::{self, Isa, Kernel, LANES, LaneBits, Lanes, Wide};
 
 /// Changes whenever the same address gives other numbers; study manifests hold it.
 pub const STREAM_VERSION: u32 = 1;
@@ -217,8 +217,7 @@ impl Kernel for Fill<'_> {
 
 /// Writes `out.len()` standard normals for each of the replicates `first_replicate ..`, one a lane.
 ///
-/// Normals come in pairs; of an odd count the spare one is dropped. With [`Isa::One`] only lane 0
-/// is written.
+/// Normals come in pairs; of an odd count the spare one is dropped.
 pub fn fill(
     isa: Isa,
     seed: u64,
@@ -251,7 +250,7 @@ pub fn normals(address: Address, out: &mut [f64]) {
             }
         }
     }
-    Isa::One.run(One(address, out));
+    simd::alone(One(address, out));
 }
 
 /// Rows of normals, one for each of the replicates `first.replicate ..`: the same bits as [`normals`] of each.

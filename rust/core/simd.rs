@@ -156,12 +156,10 @@ pub enum Isa {
     Neon,
     /// Arrays of eight, any processor.
     Plain,
-    /// Only lane 0: the plain twin that tests compare with.
-    One,
 }
 
 impl Isa {
-    /// What this processor has, best first; `Plain` and `One` always.
+    /// What this processor has, best first; `Plain` always.
     #[must_use]
     pub fn available() -> Vec<Isa> {
         let mut all = Vec::with_capacity(4);
@@ -176,7 +174,7 @@ impl Isa {
         }
         #[cfg(target_arch = "aarch64")]
         all.push(Isa::Neon);
-        all.extend([Isa::Plain, Isa::One]);
+        all.push(Isa::Plain);
         all
     }
 
@@ -210,12 +208,6 @@ impl Isa {
         }
     }
 
-    /// The set for kernels whose lanes are not replicates, so that one will not do.
-    #[must_use]
-    pub fn across(self) -> Isa {
-        if self == Isa::One { Isa::Plain } else { self }
-    }
-
     /// Runs a kernel compiled for this set (for `Plain` where the processor lacks it).
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
@@ -234,10 +226,14 @@ impl Isa {
             }
             #[cfg(target_arch = "aarch64")]
             Isa::Neon => kernel.run::<neon::Neon>(),
-            Isa::One => kernel.run::<Plain<1>>(),
             _ => kernel.run::<Plain<LANES>>(),
         }
     }
+}
+
+/// Runs a kernel on lane 0 alone, for one number: the bits are those of a lane.
+pub fn alone<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<Plain<1>>()
 }
 
 #[cfg(test)]
@@ -316,9 +312,8 @@ mod tests {
         };
         let plain = run(Isa::Plain);
         for isa in Isa::available() {
-            let lanes = if isa == Isa::One { 1 } else { LANES };
             for (got, want) in run(isa).iter().zip(&plain) {
-                for k in 0..lanes {
+                for k in 0..LANES {
                     assert_eq!(got.0[k].to_bits(), want.0[k].to_bits(), "{isa:?} lane {k}");
                 }
             }

@@ -329,7 +329,7 @@ impl CoefficientPlan {
         match &self.sums {
             Sums::Folded(sums) => {
                 // Lanes are harmonics here.
-                isa.across().run(OneRecord { plan: self, sums, samples, re, im });
+                isa.run(OneRecord { plan: self, sums, samples, re, im });
             }
             Sums::Fft { weights, transform } => {
                 self.transform(weights, transform.as_ref(), samples, re, im, scratch)?;

@@ -486,7 +486,7 @@ mod tests {
         let falling = |m: usize| 30.0 / (2.0 + m as f64);
         for s in [|_| 7.0, falling] {
             let want: f64 = (0..60).map(|m| 2.0 * s(m) / (1.0 + m as f64).powi(2)).sum();
-            let (cov, degrees, told) = expected(&bins, s).finish(Isa::One, &bins, 0.3);
+            let (cov, degrees, told) = expected(&bins, s).finish(Isa::Plain, &bins, 0.3);
             let level = told.power[0][20] * 0.3 / s(told.omega[20] as usize - 1);
             assert!((0.8..1.25).contains(&level), "{level}");
             assert!(told.log_error[0].iter().all(|e| (0.05..2.0).contains(e)), "{told:?}");
@@ -494,7 +494,7 @@ mod tests {
             assert!((cov[0] / want - 1.0).abs() < 0.12, "{} {want}", cov[0]);
             assert!(degrees[0] > 2.0 && degrees[0] < 20.0, "{}", degrees[0]);
         }
-        let (cov, ..) = expected(&bins, |_| 0.0).finish(Isa::One, &bins, 0.0);
+        let (cov, ..) = expected(&bins, |_| 0.0).finish(Isa::Plain, &bins, 0.0);
         assert_eq!(cov[0], 0.0);
     }
 
@@ -502,8 +502,8 @@ mod tests {
     fn eight_estimates_have_the_bits_of_one() {
         let bins = Bins::new(&[lines(0, 20, 1.0)]);
         let one = expected(&bins, |m| 1.0 + (m % 5) as f64);
-        let (cov, degrees, _) = one.clone().finish(Isa::One, &bins, 2.0);
-        for isa in Isa::available().into_iter().filter(|isa| *isa != Isa::One) {
+        let (cov, degrees, _) = one.clone().finish(Isa::Plain, &bins, 2.0);
+        for isa in Isa::available() {
             let mut all = one.clone();
             for sums in [&mut all.square, &mut all.freedom, &mut all.influence] {
                 sums.iter_mut().for_each(|v| *v = Wide([v.0[0]; LANES]));

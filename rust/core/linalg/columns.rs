@@ -25,7 +25,7 @@ impl Columns {
     /// Room for `capacity` columns of `rows` rows, filled up to a multiple of eight.
     #[must_use]
     pub fn new(isa: Isa, rows: usize, capacity: usize) -> Columns {
-        let (isa, rows) = (isa.across(), rows.next_multiple_of(LANES));
+        let rows = rows.next_multiple_of(LANES);
         let (q, r) = (vec![0.0; rows * capacity], vec![0.0; capacity * capacity]);
         Columns { isa, rows, dependent: DEPENDENT, count: 0, q, r, capacity }
     }

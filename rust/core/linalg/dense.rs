@@ -77,19 +77,19 @@ const FLOOR: f64 = 1e-13;
 ///
 /// `panel` is \[C | columns\]; pivots below `least` (one a row) are lifted to it.
 pub fn whiten(isa: Isa, panel: &mut Panel, least: &[f64]) {
-    isa.across().run(Whiten { panel, least });
+    isa.run(Whiten { panel, least });
 }
 
 /// Replaces `columns` by R⁻ᵀ of them, R the factor that [`whiten`] left in `factor`.
 pub fn whiten_more(isa: Isa, factor: &Panel, columns: &mut Panel) {
     if columns.width > 0 {
-        isa.across().run(WhitenMore { factor, columns });
+        isa.run(WhitenMore { factor, columns });
     }
 }
 
 /// Solves Rx = b in place, R the factor that [`whiten`] left in `factor`; b ends in zeros.
 pub fn back(isa: Isa, factor: &Panel, b: &mut [Wide]) {
-    isa.across().run(Back { factor, b });
+    isa.run(Back { factor, b });
 }
 
 struct Whiten<'a> {

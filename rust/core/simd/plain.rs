@@ -1,4 +1,4 @@
-//! Registers made of arrays: any processor, and the one-lane twin of the tests.
+//! Registers made of arrays: eight lanes for any processor, one lane for single numbers.
 
 use super::{Add, Div, LANES, LaneBits, Lanes, Mul, Neg, Sub, Wide};
 

@@ -71,8 +71,6 @@ struct Run<'a> {
 impl<'d> Single<'d> {
     /// Room for one design; coefficients are still to be written.
     pub fn new(isa: Isa, d: &'d JointDesign) -> Single<'d> {
-        // One lane alone is a twin of replicates, not of lines.
-        let isa = if isa == Isa::One { Isa::Plain } else { isa };
         let (w, blocks) = JointSpace::single(d);
         let q = d.outputs();
         Single {

@@ -144,7 +144,7 @@ impl NoisePlan {
         let count = count.next_multiple_of(2);
         let (re, im) = (&sources.re[..count], &sources.im[..count]);
         let roots = &self.roots;
-        isa.across().run(Wave { roots, re, im, first, intervals, share, out });
+        isa.run(Wave { roots, re, im, first, intervals, share, out });
         if let Sums::Uneven { squares, .. } = &self.sums {
             out.iter_mut().zip(squares).for_each(|(x, square)| *x *= square.sqrt());
         }

@@ -25,7 +25,7 @@ impl Spot {
         loads.resize_with(self.loads.len(), Windows::new);
         self.loads.iter().zip(loads).for_each(|(own, to)| own.windows(to));
         parts.iter_mut().for_each(|part| part.resize(count.div_ceil(LANES), Wide::ZERO));
-        isa.across().run(Covariance {
+        isa.run(Covariance {
             pairs,
             spectra: &self.spectra,
             entries: &mut self.entries,

@@ -24,7 +24,7 @@ impl Spot {
             if pairs.place[s].iter().all(Option::is_none) {
                 continue;
             }
-            isa.across().run(Noise {
+            isa.run(Noise {
                 places: &pairs.place[s],
                 sources: &self.sources,
                 spectra: &self.spectra,
