@@ -11,7 +11,6 @@ import numpy as np
 from .._core import coefficients
 from ..base.arrays import F64
 from ..errors import DataError, FitError, SpecError
-from ..models.free import refuse_priors
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -55,7 +54,6 @@ def referenced_fit(
         Rounds that do not settle, because the reference moves the inputs too little.
     """
     names = options.reference
-    refuse_priors(f"fit: reference={', '.join(names)!r}", structure)
     _refuse(records, structure, options)
     inner = options.replace(reference=())
     direct = fit_once(records, structure, inner)

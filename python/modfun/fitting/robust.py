@@ -11,16 +11,17 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import FitError, ModfunError, SpecError
-from ..models.free import refuse_priors
 from ..models.options import Options
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..results.priors import shares
 
 __all__ = ["robust_fit"]
 
 ROUNDS = 20
 SETTLED = 0.02  # of a standard error: change of a parameter that ends the rounds
 TAILS = (1.0, 60.0)  # degrees of freedom that are tried; beyond, noise is normal
+COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
 GAIN = 3.0  # of log likelihood over normal noise, without which noise is taken as normal
 
 
@@ -43,13 +44,12 @@ def robust_fit(
     FitError
         A fit whose response cannot be simulated beside its records.
     """
-    able = options.initial_state == "unknown" and options.method in ("ml", "awls")
+    able = options.initial_state in ("unknown", "rest", "zero") and options.method in ("ml", "awls")
     if not able or options.reference:
         raise SpecError(
-            'fit: robust=True weights samples, which goes with "ml" and "awls", initial_state="unknown" and '
-            "no reference=; leave the other option out"
+            'fit: robust=True weights samples, which goes with "ml" and "awls", an initial_state that is '
+            'unknown, "rest" or "zero", and no reference=; leave the other option out'
         )
-    refuse_priors("fit: robust=True", structure)
     options = options.replace(robust=False)
     fit = first = fit_once(records, structure, options)
     if not first.usable:
@@ -69,15 +69,9 @@ def robust_fit(
         if moved < SETTLED:
             break
     # Weights count as known in the covariances; that they follow the residuals costs information.
-    lost = _lost(fit, tail, weights, errors)
-    return replace(
-        fit,
-        options=asked,
-        tail=tail,
-        cov_nonrobust=fit.cov_nonrobust * lost,
-        cov_hc3=fit.cov_hc3 * lost,
-        cov_spectral=fit.cov_spectral * lost,
-    )
+    lost, (_, told) = _lost(fit, tail, weights, errors), shares(fit)
+    wider = {name: told + lost * (getattr(fit, name) - told) for name in COVARIANCES}
+    return replace(fit, options=asked, tail=tail, **wider)
 
 
 def _lost(fit: Any, tail: float, weights: Sequence[F64], errors: Sequence[F64]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._core import normal_rows
 from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.names import nearest
@@ -16,8 +17,9 @@ from ..base.student import confidence
 from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_many, fit_quietly, threads_of
-from ..models.free import refuse_priors
+from ..models.free import Free, priors_of, to_plain
 from ..models.options import Options
+from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.fit import Fit
@@ -198,7 +200,8 @@ def bootstrap(
 
     A replicate is the fitted model's response to the fit's inputs, from the initial state and with the
     trend found for each record, plus noise; it is fitted by the same structure and options, the band
-    held at the fit's. The kinds differ in the noise and in what they take for granted:
+    held at the fit's. Means of priors are drawn anew, too, around the estimates. The kinds differ
+    in the noise and in what they take for granted:
 
     "parametric"
         Independent normal samples of covariance `fit.noise_cov`, the level seen in the fit's band ("ls"
@@ -261,7 +264,6 @@ def bootstrap(
     (3, 2)
     """
     records = _records(fit)
-    refuse_priors("bootstrap, which would draw records and no priors", fit.structure)
     if kind not in KINDS:
         raise SpecError(f"bootstrap: kind={kind!r} is not available; {nearest(kind, KINDS)}")
     count = whole("bootstrap", "replicates", replicates, 2, 10**9)
@@ -276,7 +278,8 @@ def bootstrap(
     with Progress(progress, f"{kind} bootstrap") as bar:
         for block in _blocks(count, records):
             ys = [np.add(y, e, out=e) for y, e in zip(clean, noise(block), strict=True)]
-            parts.append(_refit(fit, records, ys, held, workers))
+            structures = _redrawn(fit, block, address)
+            parts.append(_refit(fit, records, ys, held, workers, structures))
             bar(block.stop, count)
     names = ["params", "bse_even", "status", "cost", "nit"]  # the noise of refits does not change
     figures: dict[str, Any] = {n: np.concatenate([getattr(part, n) for part in parts]) for n in names}
@@ -302,7 +305,7 @@ def _held(fit: Fit) -> Options:
     """The fit's options with the band that a rule chose written down."""
     if fit.options.band is not None or fit.options.harmonics is not None:
         return fit.options
-    if len(fit.lines) == 1:
+    if len(fit.lines) == 1 and not fit.with_past:
         return fit.options.replace(harmonics=fit.harmonics)
     return fit.options.replace(band=fit.band)
 
@@ -313,10 +316,39 @@ def _blocks(count: int, records: tuple[Record, ...]) -> Iterator[range]:
         yield range(start, min(start + size, count))
 
 
-def _refit(fit: Fit, records: tuple[Record, ...], ys: list[F64], held: Options, threads: int) -> FitMany:
+def _redrawn(fit: Fit, block: range, seed: int) -> list[Any]:
+    """The structure for each replicate, with means of priors as the fitted system might have given them."""
+    priors = priors_of(fit.structure)
+    if not priors:
+        return [fit.structure] * len(block)
+    rows = normal_rows(seed, "bootstrap", 1, block.start, 0, len(block), len(priors))
+    return [_with_means(fit, dict(zip(priors, row.tolist(), strict=True))) for row in rows]
+
+
+def _with_means(fit: Fit, errors: dict[str, float]) -> Any:
+    """The structure with the means of its priors at the estimates and so many standard deviations off."""
+    structure, priors = fit.structure, priors_of(fit.structure)
+    moved = {
+        name: Free(
+            min(max(fit[name] + error * (priors[name].sd or 0.0), priors[name].min), priors[name].max),
+            min=priors[name].min, max=priors[name].max, sd=priors[name].sd,
+        )
+        for name, error in errors.items()
+    }  # fmt: skip
+    params = {name: moved.get(name, given) for name, given in structure.params}
+    if not isinstance(structure, TransferFunction):
+        plain = {name: to_plain(given) for name, given in params.items()}
+        return type(structure).from_dict({**structure.to_dict(), "params": plain})
+    words = {name: getattr(structure, name) for name in ("poles", "zeros", "denominator")}
+    return TransferFunction(**words, delay=moved.get("delay", structure.delay), params=params)
+
+
+def _refit(
+    fit: Fit, records: tuple[Record, ...], ys: list[F64], held: Options, threads: int, structures: list[Any]
+) -> FitMany:
     """Fits of replicates whose samples are `ys`, (replicate, output, time) a record."""
     first = records[0]
-    alike = first.mask is None and first.sigma is None
+    alike = first.mask is None and first.sigma is None and not priors_of(fit.structure)
     if len(records) == 1 and first.dt is not None and alike:
         batch = Batch(
             y=ys[0],
@@ -330,10 +362,10 @@ def _refit(fit: Fit, records: tuple[Record, ...], ys: list[F64], held: Options, 
     fits = [
         fit_quietly(
             tuple(rec._like(y=y) for rec, y in zip(records, own, strict=True)),
-            fit.structure,
+            structure,
             held,
         )
-        for own in zip(*ys, strict=True)
+        for structure, *own in zip(structures, *ys, strict=True)
     ]
     return FitMany.of_fits(fits, fit.structure, held)
 

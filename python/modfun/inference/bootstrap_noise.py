@@ -84,6 +84,11 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
             "bootstrap: kind='wild' needs the spectrum of the residuals and a record is sampled unevenly; "
             "resample it, or use kind='parametric'"
         )
+    if fit.with_past:
+        raise SpecError(
+            "bootstrap: kind='wild' needs lines of the records alone, and the fit's are those of the records "
+            "and their past; use kind='parametric'"
+        )
     leads = [rec.intervals - used for rec, used in zip(records, fit.intervals, strict=True)]
     lines = [_lines(rec.y - y, lead) for rec, (y, _), lead in zip(records, found, leads, strict=True)]
     if isinstance(fit.structure, TransferFunction):

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ..base.arrays import F64
     from .estimates import Estimates
 
-__all__ = ["contradicted_priors", "known_beforehand"]
+__all__ = ["contradicted_priors", "distance", "known_beforehand", "shares"]
 
 TOLD = 1e-10  # of a prior's variance: what the record must take from it to be heard
 LEAST = 1e-3  # part of the residual variance that is noise in any case
@@ -20,6 +20,25 @@ LEAST = 1e-3  # part of the residual variance that is noise in any case
 def known_beforehand(fit: Estimates) -> list[str]:
     """Means and standard deviations beforehand, in words."""
     return [f"{fit.param_names[k]} = {mean:.6g} ± {sd:.4g}" for k, mean, sd in fit.layout.priors]
+
+
+def distance(fit: Estimates) -> float:
+    """Σ ((θ − mean)/sd)² over what was known: their part of −2 log likelihood."""
+    return float(sum(((fit.params[k] - mean) / sd) ** 2 for k, mean, sd in fit.layout.priors))
+
+
+def shares(fit: Estimates) -> tuple[F64, F64]:
+    """What estimates take of the errors that the records alone would leave, and what errors of priors add.
+
+    With B the information of records and priors, of which P is the priors' own, an error e of the records
+    alone and an error p of the means are (1 − B⁻¹P) e + B⁻¹P p: the first matrix, and B⁻¹PB⁻¹.
+    """
+    both = np.nan_to_num(fit.cov_nonrobust)
+    told = np.zeros(len(both))
+    for k, _, sd in fit.layout.priors:
+        told[k] = sd**-2
+    pulled = both * told
+    return np.eye(len(both)) - pulled, pulled @ both
 
 
 def contradicted_priors(fit: Estimates) -> tuple[float, str]:

@@ -10,12 +10,13 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import FitError, ModfunError, SpecError
-from ..models.free import refuse_priors
+from ..models.free import priors_of
 from ..models.transfer_function import TransferFunction
 from ..systems.polynomials import roots as roots_of
 from .cures import on_band
 from .derived import stable
 from .estimates import Estimates
+from .priors import distance
 
 __all__ = ["MARGIN", "deviance", "stable_neighbour"]
 
@@ -63,8 +64,8 @@ def stable_neighbour(fit: Any) -> Any:
 
 
 def deviance(fit: Estimates) -> float:
-    """−2 log likelihood, but for a constant that fits on the same lines share."""
-    return float(fit.bic - fit.params.size * log(fit.df_resid + fit.params.size))
+    """−2 log likelihood, of priors too, but for a constant that fits on the same lines share."""
+    return float(fit.bic - fit.params.size * log(fit.df_resid + fit.params.size)) + distance(fit)
 
 
 def _refuse(fit: Any) -> None:
@@ -78,7 +79,6 @@ def _refuse(fit: Any) -> None:
             f"stable: the criterion of noise={fit.options.noise!r} counts poles by their distance from the "
             'axis alone; fit with noise="output"'
         )
-    refuse_priors("stable", fit.structure)
     if not fit.inputs:
         raise SpecError("stable: free motion has no numerator that could follow; bound its coefficients")
     dens = {
@@ -168,7 +168,17 @@ class _Search:
     def criterion(self, x: F64) -> float:
         """How much higher than the free fit's."""
         found = self.held(np.maximum(x, 0.0))
-        return inf if found is None else deviance(found) - self.lowest
+        return inf if found is None else self._above(found)
+
+    def _above(self, found: Any) -> float:
+        """Deviance over the free fit's; priors of denominators count, though these are held."""
+        priors = priors_of(self.fit.structure)
+        gaps = [
+            (value - priors[name].start) / priors[name].sd
+            for name, value in found.layout.held.items()
+            if name in priors
+        ]
+        return deviance(found) - self.lowest + float(np.sum(np.square(gaps)))
 
     def finished(self, x: F64) -> Any:
         """The fit of the structure itself at these denominators.
@@ -192,7 +202,7 @@ class _Search:
             df_resid=fit.df_resid + len(slopes),
             nit=fit.nit + found.nit,
             options=fit.options.replace(stable=True),
-            stability_cost=deviance(found) - self.lowest,
+            stability_cost=self._above(found),
         )
 
     def _at_margin(self, params: F64) -> F64:

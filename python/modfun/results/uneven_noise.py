@@ -17,6 +17,7 @@ from ..models.options import Options
 from .doubts import Doubt
 from .estimates import Estimates
 from .further import stationary
+from .priors import shares
 from .slopes import response_slopes
 
 __all__ = [
@@ -213,7 +214,11 @@ def _of_samples(fit: Estimates, found: Uneven) -> F64:
     shown = max((rows - columns * taken / usually) / (rows - columns), LEAST) if rows > columns else 1.0
     more = _of_weights(fit, filters, (rows - columns) / len(fit.outputs), levels)
     cov, free = np.zeros_like(fit.cov_spectral), np.ix_(moving, moving)
-    cov[free] = turn @ fit.cov_spectral[free] @ turn.T * np.outer(more, more) / shown
+    part, told = (own[free] for own in shares(fit))
+    # Of errors that the records alone would leave; what priors alone tell has none.
+    back = size[:, None] * np.linalg.pinv(part * size / size[:, None], rcond=SAME) / size
+    turn = part @ (turn * np.reshape(more, (-1, 1))) @ back
+    cov[free] = turn @ (fit.cov_spectral[free] - told) @ turn.T / shown + told
     return cov
 
 
@@ -292,7 +297,7 @@ def allows(options: Options) -> bool:
 
 def _allowed_for(fit: Estimates) -> bool:
     """Whether errors of such a fit can."""
-    own = fit.window_weights or isfinite(fit.stability_cost) or fit.instrumented or fit.layout.priors
+    own = fit.window_weights or isfinite(fit.stability_cost) or fit.instrumented
     return allows(fit.options) and not own
 
 

@@ -152,6 +152,24 @@ def test_masks_weights_delays_and_records_of_one_problem() -> None:
     assert [one.t.size for one in both.with_past or ()] == [201 + 40, 161 + 32]
 
 
+def test_spikes_beside_a_known_start() -> None:
+    model = mf.TransferFunction(poles=2, zeros=0)
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8]), input=stairs(256), duration=3.0, intervals=256, intersample="zoh", nsr=0.03,
+        seed=8,
+    )  # fmt: skip
+    y = rec["y"].copy()
+    y[[40, 100, 180]] += [0.4, -0.4, 0.4]
+    free, rest = (mf.fit(rec.assign(y=y), model, robust=True, initial_state=k) for k in ("unknown", "rest"))
+    assert rest.tail < 20
+    assert np.all(np.abs(rest.params - [3, 8, 5]) < 4 * rest.bse)
+    assert np.max(free.bse / rest.bse) > 2
+    boot = mf.bootstrap(mf.fit(duffing(0.05, 2), DUFFING, initial_state="zero"), replicates=12)
+    assert boot.usable.all()
+    with pytest.raises(mf.errors.SpecError, match="and their past"):
+        mf.bootstrap(boot.fit, replicates=4, kind="wild")
+
+
 def test_many_fits_are_single_ones() -> None:
     records = [duffing(0.05, seed) for seed in (1, 2)]
     many = mf.fit_many(records, DUFFING, initial_state="zero", band=12.0)

@@ -136,7 +136,7 @@ def test_several_outputs_records_and_equations() -> None:
     [
         (lambda: mf.fit(spiked(0), MODEL, robust="yes"), "robust='yes' must be True"),
         (lambda: mf.fit(spiked(0), MODEL, robust=True, method="ls"), "leave the other option out"),
-        (lambda: mf.fit(spiked(0), MODEL, robust=True, initial_state="zero"), "leave the other option out"),
+        (lambda: mf.fit(spiked(0), MODEL, robust=True, initial_state="periodic"), "leave the other"),
         (lambda: mf.fit_many([spiked(0)], MODEL, robust=True), "robust=True is for mf.fit"),
         (
             lambda: mf.MonteCarlo(
