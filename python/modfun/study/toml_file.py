@@ -15,6 +15,7 @@ from ..base.names import nearest
 from ..base.words import TRENDS
 from ..errors import DataError, ModfunError, SpecError
 from ..fitting.fit import Estimator
+from ..models.free import Free
 from ..models.transfer_function import TransferFunction
 from ..systems.lti import LTI
 from ..systems.making import ss, tf
@@ -60,6 +61,8 @@ den = [1, 0.2, 1]
 #
 #   [estimators]
 #   "ml, wide band" = { method = "ml", harmonics = 20, model = { poles = 2, zeros = 0 } }
+#   "at rest" = { method = "ml", initial_state = "rest", model = { poles = 2, zeros = 0 } }
+#   prior = { method = "ml", model = { poles = 2, zeros = 0, params = { a1 = { start = 2.9, sd = 0.1 } } } }
 #   oe = { rival = "output_error", model = { poles = 2, zeros = 0 } }
 #   mine = "my_functions:mine"   # mine(record, rng) in my_functions.py beside this file
 #
@@ -185,10 +188,30 @@ def _zeros(key: Key, value: Any) -> Any:
     return degrees if isinstance(value, list) else degrees[0]
 
 
+def _parameter(key: Key, value: Any) -> Any:
+    """A number that is held, or the words of `mf.Free`."""
+    if isinstance(value, dict):
+        return _made(key, Free, **key.read(value, FREE))
+    if not values.is_a(value, int, float):
+        raise key.wrong(value, "a number, or what is known of it, as { start = 2.9, sd = 0.1 }")
+    return value
+
+
+def _delay(key: Key, value: Any) -> Any:
+    if isinstance(value, dict):
+        return _parameter(key, value)
+    return values.several("seconds: a number, a list with one per input, or { max = 0.5 }", int, float)(
+        key, value
+    )
+
+
+FREE: dict[str, Reader] = dict.fromkeys(("start", "min", "max", "sd"), values.plain("a number", int, float))
 STRUCTURE: dict[str, Reader] = {
     "poles": values.plain("a whole number", int),
     "zeros": _zeros,
-    "delay": values.several("seconds: a number, or a list with one per input", int, float),
+    "delay": _delay,
+    "params": values.table(_parameter, "a table, as { a1 = 3.0, a2 = { start = 8.1, sd = 0.2 } }"),
+    "denominator": values.plain('"common" or "separate"', str),
 }
 
 
@@ -212,6 +235,12 @@ def _state(key: Key, value: Any) -> Any:
     if isinstance(value, str) or (isinstance(value, list) and values.numeric(value)):
         return value
     raise key.wrong(value, '"zero", "random", a list of the states at t = 0, or "module:name"')
+
+
+def _known_state(key: Key, value: Any) -> Any:
+    if not isinstance(value, str) and not (isinstance(value, list) and values.numeric(value)):
+        raise key.wrong(value, '"unknown", "rest", "zero", "periodic", or a list: the state at t = 0')
+    return value
 
 
 def _noise(key: Key, value: Any) -> Any:
@@ -309,6 +338,7 @@ OPTIONS: dict[str, Reader] = {
 ESTIMATOR = OPTIONS | {
     "model": _structure,
     "method": values.plain('"ls", "wls", "awls" or "ml"', str),
+    "initial_state": _known_state,
     "noise": values.plain('"output", "process", "equation", "coloured" or "errors-in-variables"', str),
 }
 RIVALS: dict[str, Callable[..., Any]] = {

@@ -93,7 +93,60 @@ def test_the_estimators_in_the_comments_of_the_example_can_be_used(file: Any, tm
     assert inner is not None
     text = re.sub(r"(?m)^(estimators|harmonics|trend) = .*\n", "", toml_file.EXAMPLE)
     study = toml_file.load(file(text + re.sub(r"(?m)^#   ", "", inner[0])))
-    assert study.estimators == ("ml, wide band", "oe", "mine")
+    assert study.estimators == ("ml, wide band", "at rest", "prior", "oe", "mine")
+
+
+def test_what_is_known_has_the_words_of_python(file: Any) -> None:
+    known = mf.TransferFunction(
+        poles=2, zeros=0, params={"a1": mf.Free(2.9, sd=0.1), "a2": 8.0, "b0": mf.Free(min=0.0)}
+    )
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.1, max=0.4, sd=0.05))
+    study = mf.MonteCarlo(
+        system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=64, nsr=0.1,
+        estimators={
+            "told": mf.Estimator(known, method="ml", harmonics=6),
+            "late": mf.Estimator(late, harmonics=6),
+            "rest": mf.Estimator(TF2, initial_state="rest", harmonics=6),
+            "given": mf.Estimator(TF2, initial_state=[0.0, 0.5], harmonics=6),
+        },
+    )  # fmt: skip
+    text = PLAIN.replace('estimators = ["ls"]\nharmonics = 6\n', "") + """
+[estimators]
+rest = { initial_state = "rest", harmonics = 6, model = { poles = 2, zeros = 0 } }
+given = { initial_state = [0.0, 0.5], harmonics = 6, model = { poles = 2, zeros = 0 } }
+[estimators.told]
+method = "ml"
+harmonics = 6
+model = { poles = 2, zeros = 0, params = { a1 = { start = 2.9, sd = 0.1 }, a2 = 8.0, b0 = { min = 0 } } }
+[estimators.late]
+harmonics = 6
+model = { poles = 2, zeros = 0, delay = { start = 0.1, max = 0.4, sd = 0.05 } }
+"""  # fmt: skip
+    made = toml_file.load(file(text))
+    assert made.estimators == ("rest", "given", "told", "late")
+    for one in made.plan.contenders:
+        other = next(two for two in study.plan.contenders if two.name == one.name)
+        assert one.estimators == other.estimators
+    found = made.run(replicates=8)
+    assert np.squeeze(found.sel(estimator="told").status["ok"]) == 8
+
+
+@pytest.mark.parametrize(
+    ("model", "says"),
+    [
+        (
+            "params = { a1 = { start = 2.9, sd = 0.0 } }",
+            r"params.a1: Free: sd=0.0 must be finite and above 0",
+        ),
+        ("params = { a1 = { mean = 2.9 } }", r"model.params.a1 has no key 'mean'"),
+        ('params = { a1 = "three" }', r"give a number, or what is known of it, as"),
+        ("delay = { start = 0.1, max = true }", r"model.delay.max = True; give a number"),
+    ],
+)
+def test_what_is_known_wrongly_is_named(file: Any, model: str, says: str) -> None:
+    text = PLAIN + f"model = {{ poles = 2, zeros = 0, {model} }}\n"
+    with pytest.raises(mf.SpecError, match=says):
+        toml_file.load(file(text))
 
 
 FULL = """
