@@ -32,7 +32,7 @@ from .of_gains import fit_response
 from .past import fit_with_past
 from .prepared import counts_start, prepare, refuse_standing
 from .robust import robust_fit
-from .undeclared import settled
+from .undeclared import decided_by_fit, fit_as_read, read_alike, read_as
 
 __all__ = [
     "Estimator",
@@ -297,8 +297,8 @@ def fit_many(
     ----------
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length or rate are
-        fitted one after the other, with the band of the first. Inputs that nobody declared are held or
-        smooth as their samples look; with a reference, as `fit` reads them.
+        fitted one after the other, with the band of the first. Where nobody declared how an input goes
+        between samples, fits of the first four decide for all, as in `fit`; `FitMany.notes` says so.
     model : TransferFunction, Equation or StateSpace
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
@@ -339,22 +339,24 @@ def fit_many(
     if isinstance(data, Batch) or not checked.reference:  # records may keep references
         checked.refuse_alone("fit_many")
     structure = structure_of(model, "fit_many")
-    if not isinstance(data, Batch):
-        data = records_of(data, "fit_many")
     count = threads_of(threads)
+    given = data if isinstance(data, Batch) else records_of(data, "fit_many")
+    read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
-    if known and not counts_start(structure, checked, data if isinstance(data, Batch) else data[:1]):
-        data = tuple([data[k] for k in range(len(data))])  # each with a past of its own
-        return fit_each(data, structure, checked, fit_quietly, progress)
-    if not isinstance(data, Batch):
-        first = data[0]
-        alike = (first.y.shape[1], first.dt)
-        if checked.reference:
-            return fit_each(data, structure, checked, _fit_settled, progress)
-        uneven = any(rec.mask is not None or rec.sigma is not None for rec in data)
-        if first.dt is None or uneven or any((rec.y.shape[1], rec.dt) != alike for rec in data):
-            return fit_each(data, structure, checked, fit_quietly, progress)
-    return fit_batch(data, structure, checked, fit_quietly, count, progress)
+    if known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1]):
+        each = tuple([read[k] for k in range(len(read))])  # each with a past of its own
+        return fit_each(each, structure, checked, fit_quietly, progress, notes)
+    if isinstance(read, Batch) or _alike(read, checked):
+        return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
+    return fit_each(read, structure, checked, fit_quietly, progress, notes)
+
+
+def _alike(records: tuple[Record, ...], options: Options) -> bool:
+    """Whether records can go into the compiled core together."""
+    first = records[0]
+    uneven = any(rec.mask is not None or rec.sigma is not None for rec in records)
+    lengths = {(rec.y.shape[1], rec.dt) for rec in records}
+    return not options.reference and first.dt is not None and not uneven and len(lengths) == 1
 
 
 # The way to the core -----------------------------------------------------------------------------
@@ -366,10 +368,11 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
         if isinstance(data, FrequencyResponse):
             result: Fit = fit_response(data, structure, options)
         elif options.robust:
-            records = settled(records_of(data), structure, options, fit_quietly)
-            result = robust_fit(records, structure, options, fit_quietly)
+            records = records_of(data)
+            words = decided_by_fit([records], structure, options, fit_quietly)
+            result = robust_fit(read_as(records, words), structure, options, fit_quietly)
         else:
-            result = _fit_settled(records_of(data), structure, options)
+            result = fit_as_read(records_of(data), structure, options, fit_quietly)
     except DataError as error:
         if options.band is None or FEW_LINES not in str(error):
             raise
@@ -382,11 +385,6 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     for text in result.remarks():
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
-
-
-def _fit_settled(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
-    """One fit without its warnings, of inputs read as it prefers where their samples leave it open."""
-    return fit_quietly(settled(records, structure, options, fit_quietly), structure, options)
 
 
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:

@@ -34,6 +34,7 @@ def fit_batch(
     fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
     threads: int,
     progress: str | bool,
+    notes: tuple[str, ...],
 ) -> FitMany:
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
     if not isinstance(data, Batch):
@@ -60,7 +61,7 @@ def fit_batch(
     look = None
     if may_change(made.layout, options, made.intervals[0]):
         look = Changes(data, made.layout, made.intervals[0], found["lines"][0], found["omega0"][0], fit_one)
-    return FitMany.of_core(found, made.layout, structure, options, look)
+    return FitMany.of_core(found, made.layout, structure, options, look, notes)
 
 
 def fit_each(
@@ -69,6 +70,7 @@ def fit_each(
     options: Options,
     fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
     progress: str | bool,
+    notes: tuple[str, ...],
 ) -> FitMany:
     """Fit records of different lengths or rates one after the other, with the band of the first."""
     with Progress(progress, *SHOWN) as bar:
@@ -77,4 +79,4 @@ def fit_each(
         for rec in records[1:]:
             bar(len(fits), len(records))
             fits.append(fit_one((rec,), structure, later))
-    return FitMany.of_fits(fits, structure, options)
+    return FitMany.of_fits(fits, structure, options, notes)

@@ -1,86 +1,192 @@
-"""Inputs that nobody declared and whose samples leave it open whether they were held: the fit decides."""
+"""Inputs that nobody declared and whose samples leave it open how they move between: the fit decides."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
+from math import nan
+from typing import Any, NamedTuple
 
-from ..base.between import BY_FIT, DOUBTFUL, LOOP
+import numpy as np
+
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP
 from ..errors import ModfunError
 from ..models.options import Options
+from ..records.batches import Batch
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band
+from ..results.diagnosis import growth
 from ..results.fit import Fit
+from ..results.misfit import suspicious
 
-__all__ = ["settled"]
+__all__ = ["Word", "decided_by_fit", "fit_as_read", "in_sentences", "read_alike", "read_as"]
 
-# Differences of BIC (Kass and Raftery, 1995): positive evidence, and very strong evidence where the record is
-# one of a loop. There the noise that comes back biases both fits, and a computer holds what it commands.
-POSITIVE, VERY_STRONG = 2.0, 10.0
+FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
+
+FEW = 4  # records that are asked where each of many is fitted by itself
+
+# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides. Very strong evidence is needed in a
+# loop, where the noise that comes back biases both fits and a computer holds what it commands, and of inputs
+# that look held. Most of those were; steps and square waves that passed through straight lines look the same,
+# and so do those that switch between two samples. Strong evidence that they were not held is said.
+POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
+SAID = {
+    BY_FIT: "which the fit prefers",
+    CLOSE: "though straight lines between its samples fit better",
+    LOOP: "as a computer that closes a loop holds it",
+}
+OTHER = {"zoh": "smooth", "smooth": "zoh"}
 
 
-def settled(
-    records: tuple[Record, ...],
+class Word(NamedTuple):
+    """How an input is read, and what decided it."""
+
+    word: str
+    why: str
+
+
+def fit_as_read(records: tuple[Record, ...], structure: Any, options: Options, fit_once: FitOnce) -> Fit:
+    """One fit, of records whose open inputs are read as it prefers."""
+    words, fits = _asked([records], structure, options, fit_once)
+    if fits and not words and _plain(options) == options:
+        return fits[0]
+    return fit_once(read_as(records, words), structure, options)
+
+
+def decided_by_fit(
+    problems: Iterable[tuple[Record, ...]],
     structure: Any,
     options: Options,
-    fit_once: Callable[[tuple[Record, ...], Any, Options], Fit],
-) -> tuple[Record, ...]:
-    """The records with each open input held or smooth, whichever the fit of the structure prefers.
+    fit_once: FitOnce,
+    *,
+    many: bool = False,
+) -> dict[str, Word]:
+    """How each open input is read, whichever way the fits of the structure prefer, all together.
 
-    Open are undeclared inputs that look `DOUBTFUL`. With a reference all undeclared inputs that move smoothly
-    are open, too, and rough ones are held unless the fit says otherwise.
+    `many`: what they prefer is for many more records, whose mean shows a small error.
+
+    Open are undeclared inputs that look `DOUBTFUL`, held or smooth, and those that look held, which may be
+    straight lines from sample to sample. With a reference all undeclared inputs that move smoothly are open,
+    too, and rough ones are held unless the fits say otherwise. Inputs that stay as they look are not named.
     """
-    loop = bool(options.reference)
-    bar, forms = (VERY_STRONG, {*DOUBTFUL, "smooth"}) if loop else (POSITIVE, {*DOUBTFUL})
-    names = [name for name in records[0].inputs if _forms(records, name) & forms]
-    names = [name for name in names if name not in options.reference]
-    if not names:
+    return _asked(problems, structure, options, fit_once, many)[0]
+
+
+def read_as(records: tuple[Record, ...], words: Mapping[str, Word]) -> tuple[Record, ...]:
+    """The records with their inputs read so."""
+    if not words:
         return records
-    for name in names:
-        if loop and "rough" in _forms(records, name):
-            records = _read(records, name, "zoh", LOOP)
-    plain = options.replace(reference=(), robust=False, stable=False)
-    best = _fit(records, structure, plain, fit_once)
-    if best is None:
-        return records
-    for name in names:
-        if name not in best.inputs:
-            continue
-        word = records[0].intersample[records[0].inputs.index(name)]
-        changed = _read(records, name, "smooth" if word == "zoh" else "zoh", BY_FIT)
-        other = _fit(changed, structure, on_band(best, best.band), fit_once)
-        if other is None:
-            continue
-        gain = bic_beside(best, best) - bic_beside(other, best)
-        if gain > bar:
-            records, best = changed, other
-        elif gain < -bar:
-            records = _read(records, name, word, BY_FIT)
-    return records
-
-
-def _forms(records: Sequence[Record], name: str) -> set[str]:
-    """What the samples of an input look like; nothing where a record declares it."""
-    forms = [rec._seen.get(name, "") for rec in records]
-    return {*forms} if all(forms) else set()
-
-
-def _read(records: Sequence[Record], name: str, word: str, why: str) -> tuple[Record, ...]:
-    """The records with an input read so, for a reason."""
-    at = records[0].inputs.index(name)
+    kinds = {name: word for name, (word, _) in words.items()}
+    why = {name: reason for name, (_, reason) in words.items()}
     return tuple(
         rec._like(
-            intersample=(*rec.intersample[:at], word, *rec.intersample[at + 1 :]),
-            _seen={**rec._seen, name: why},
+            intersample=tuple(
+                kinds.get(name, own) for name, own in zip(rec.inputs, rec.intersample, strict=True)
+            ),
+            _seen={**rec._seen, **why},
         )
         for rec in records
     )
 
 
-def _fit(records: Any, structure: Any, options: Options, fit_once: Any) -> Fit | None:
+def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -> tuple[Any, tuple[str, ...]]:
+    """A batch or many records with inputs as fits of the first few prefer them, and what was decided."""
+    some: Iterable[Record]
+    if isinstance(data, Batch):
+        some = (data[k] for k in range(len(data)) if np.isfinite(data.y[k]).all())
+    else:
+        some = sorted(data, key=lambda rec: len(rec._seen))  # what one record declares holds for all
+    few = [(rec,) for rec in islice(some, FEW)]
+    words = decided_by_fit(few, structure, options, fit_once, many=True)
+    if isinstance(data, Batch):
+        return data._read_as({name: word for name, (word, _) in words.items()}), in_sentences(words)
+    return read_as(data, words), in_sentences(words)
+
+
+def in_sentences(words: Mapping[str, Word]) -> tuple[str, ...]:
+    """What was decided."""
+    return tuple(f"Input {name!r} is read as {word}, {SAID[why]}." for name, (word, why) in words.items())
+
+
+def _asked(
+    problems: Iterable[tuple[Record, ...]],
+    structure: Any,
+    options: Options,
+    fit_once: FitOnce,
+    many: bool = False,
+) -> tuple[dict[str, Word], list[Fit]]:
+    """How open inputs are read, and the fits of the problems so."""
+    each, loop = list(problems), bool(options.reference)
+    if not each:
+        return {}, []
+    wanted = {"held", *DOUBTFUL} | ({"smooth"} if loop else set())
+    forms = {name: _forms(each, name) for name in each[0][0].inputs if name not in options.reference}
+    forms = {name: seen for name, seen in forms.items() if seen & wanted}
+    if not forms:
+        return {}, []
+    found = {name: Word("zoh", LOOP) for name, seen in forms.items() if loop and "rough" in seen}
+    plain = _plain(options)
+    asked = [(records, _fit(read_as(records, found), structure, plain, fit_once)) for records in each]
+    each = [records for records, fit in asked if fit is not None]
+    fits = [fit for _, fit in asked if fit is not None]
+    for name, seen in forms.items():
+        held = "held" in seen
+        if not fits or name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
+            continue
+        word = fits[0].intersample[fits[0].inputs.index(name)]
+        bar = VERY_STRONG if loop or held or many else POSITIVE
+        changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}
+        others = [
+            _fit(read_as(records, changed), structure, on_band(fit, fit.band), fit_once)
+            for records, fit in zip(each, fits, strict=True)
+        ]
+        gain = _gain(fits, others)
+        if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
+            again = [
+                _fit(read_as(records, found), structure, on_band(fit, fit.band), fit_once)
+                for records, fit in zip(each, fits, strict=True)
+            ]
+            gain = min(gain, _gain(again, others))
+        if gain > bar:
+            found, fits = changed, [other for other in others if other is not None]
+        elif gain < -bar and not held:
+            found[name] = Word(word, BY_FIT)
+        elif gain > STRONG and held:
+            found[name] = Word(word, CLOSE)
+    return found, fits
+
+
+def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
+    """By how much others lower BIC; nan where one has no answer, or is unstable where the fit is not."""
+    pairs = zip(fits, others, strict=True)
+    return sum(
+        bic_beside(fit, fit) - bic_beside(other, fit)
+        if fit is not None and other is not None and not growth(other) > 0 >= growth(fit)
+        else nan
+        for fit, other in pairs
+    )
+
+
+def _forms(problems: Sequence[Sequence[Record]], name: str) -> set[str]:
+    """What the samples of an input look like; nothing where a record declares it."""
+    forms = {rec._seen.get(name, "") for records in problems for rec in records}
+    return set() if "" in forms else forms
+
+
+def _contradicted(fit: Fit) -> bool:
+    """Whether another reading is worth a fit: those of equations take long, so that residuals decide."""
+    return fit.layout.rational or suspicious(fit)
+
+
+def _plain(options: Options) -> Options:
+    """Options of the fits that are compared."""
+    return options.replace(reference=(), robust=False, stable=False)
+
+
+def _fit(records: Any, structure: Any, options: Options, fit_once: FitOnce) -> Fit | None:
     """A fit with an answer; what is wrong without one, the fit of the user says."""
     try:
-        fit: Fit = fit_once(records, structure, options)
+        fit = fit_once(records, structure, options)
     except ModfunError:
         return None
     return fit if fit.usable else None

@@ -10,6 +10,7 @@ from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of, structure_of
+from ..fitting.undeclared import fit_as_read
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -69,7 +70,7 @@ def collinearity(
     '5.4'
     """
     structure, chosen = _model(model, options)
-    return collinearity_of(fit_quietly(records_of(data, "collinearity"), structure, chosen))
+    return collinearity_of(fit_as_read(records_of(data, "collinearity"), structure, chosen, fit_quietly))
 
 
 def _model(model: Any, options: Any) -> tuple[Any, Options]:

@@ -11,6 +11,7 @@ from ..base.arguments import public
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of
+from ..fitting.undeclared import fit_as_read
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import again, bic_beside, on_band
@@ -268,7 +269,8 @@ def cross_validate(
     columns: dict[str, list[Any]] = {name: [] for name in names}
     for name, estimator in made.items():
         for k, rec in enumerate(all_records):
-            fit = fit_quietly(all_records[:k] + all_records[k + 1 :], estimator.model, estimator.options)
+            others = all_records[:k] + all_records[k + 1 :]
+            fit = fit_as_read(others, estimator.model, estimator.options, fit_quietly)
             status = fit.status
             rows: list[dict[str, Any]] = [{"output": output} for output in rec.outputs]
             try:

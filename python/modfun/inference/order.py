@@ -19,11 +19,13 @@ from ..base.tables import Table
 from ..errors import FitError, SpecError
 from ..fitting.fit import fit_quietly, records_of
 from ..fitting.prepared import plain_words
+from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
+from ..results.cures import bic_beside, on_band
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.doubts import FINEST
@@ -199,6 +201,8 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.plain_layout(records[0].inputs, "select_order")
+    words = decided_by_fit([records], structures, checked, _best_of)
+    records = read_as(records, words)
     fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
@@ -208,7 +212,21 @@ def select_order(
             band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
     else:
         band = fits[-1].band
-    return race.run(band).selection()
+    return race.run(band).selection(in_sentences(words))
+
+
+def _best_of(records: tuple[Record, ...], structures: Sequence[TransferFunction], options: Options) -> Fit:
+    """Of fits over the band of the largest candidate the one of the lowest BIC.
+
+    A superfluous zero does what reading the input otherwise would: the largest candidate alone tells little.
+    """
+    last = fit_quietly(records, structures[-1], options)
+    best = last
+    for structure in structures[:-1]:
+        fit = fit_quietly(records, structure, on_band(last, last.band))
+        if fit.usable and bic_beside(fit, last) < bic_beside(best, last):
+            best = fit
+    return best
 
 
 def candidates(
@@ -363,7 +381,7 @@ class _Judged:
         row = self.rows[k]
         return cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if row["usable"] else nan
 
-    def selection(self) -> OrderSelection:
+    def selection(self, notes: tuple[str, ...]) -> OrderSelection:
         from scipy.special import fdtrc
 
         race, rows, n, best = self.race, self.rows, self.n, self.best
@@ -387,7 +405,7 @@ class _Judged:
             "stable": [growth < 0 for growth in growths],
             "status": [row["status"] for row in rows],
         }
-        notes = self.notes
+        notes = (*self.notes, *notes)
         if not columns["stable"][best]:
             notes += (
                 f"The chosen candidate is unstable: a pole has real part {growths[best]:.3g} rad/s. "

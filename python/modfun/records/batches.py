@@ -78,7 +78,7 @@ class Batch:
     5
     """
 
-    __slots__ = ("dt", "inputs", "intersample", "outputs", "u", "y")
+    __slots__ = ("_told", "dt", "inputs", "intersample", "outputs", "u", "y")
 
     y: F64
     u: F64
@@ -86,6 +86,7 @@ class Batch:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     intersample: tuple[str, ...]
+    _told: tuple[str, ...]  # the same with "auto" where nobody declared it
 
     def __init__(
         self,
@@ -128,13 +129,15 @@ class Batch:
         refuse_duplicates((*out_names, *in_names))
         for one in us:
             refuse_nonfinite(in_names, one)
+        told = intersample_of(intersample, in_names)
         for name, value in {
             "y": frozen(ys),
             "u": frozen(us),
             "dt": positive(dt, "dt", "seconds"),
             "outputs": out_names,
             "inputs": in_names,
-            "intersample": _between(intersample_of(intersample, in_names), us),
+            "intersample": _between(told, us),
+            "_told": told,
         }.items():
             object.__setattr__(self, name, value)
 
@@ -142,7 +145,7 @@ class Batch:
         raise AttributeError(f"a Batch cannot be changed ({name})")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self.intersample)
+        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self._told)
 
     def __len__(self) -> int:
         """Return the number of replicates."""
@@ -157,8 +160,15 @@ class Batch:
             dt=self.dt,
             outputs=self.outputs,
             inputs=self.inputs,
-            intersample=self.intersample,
-        )
+            intersample=self._told,
+        )._read_as(self.intersample)
+
+    def _read_as(self, words: Mapping[str, str]) -> Batch:
+        """Return the batch with these words for inputs, by name."""
+        if not words:
+            return self
+        kinds = [words.get(name, own) for name, own in zip(self.inputs, self.intersample, strict=True)]
+        return _restore_batch(self.y, self.u, self.dt, self.outputs, self.inputs, kinds)
 
     def __repr__(self) -> str:
         replicates, channels, count = self.y.shape

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
-from ..base.between import LOOP, form_of
+from ..base.between import CLOSE, LOOP, form_of
 from ..base.tables import Findings
 from ..base.units import angle_of
 from .mask import runs
@@ -187,6 +187,11 @@ def _doubtful(record: Samples, name: str, form: str) -> Iterator[str]:
         yield (
             f"Input {name!r} is assumed held: it goes up and down by one step at a time. If it was measured "
             "and coarsely rounded, give intersample='smooth'; else declare intersample='zoh'."
+        )
+    if form == CLOSE:
+        yield (
+            f"Input {name!r} is assumed held, since its samples repeat, but straight lines between them fit "
+            "better, as in a simulation that interpolates. Declare what it was, intersample='zoh' or 'foh'."
         )
     if form == LOOP:
         yield (

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, log, pi
 from typing import Any
 
+from ..base.between import BY_FIT
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
@@ -106,7 +107,7 @@ def _neighbours(
             given = repr(kinds) if several else repr(word)
             changed = tuple(rec._like(intersample=tuple(kinds)) for rec in records)
             yield f"intersample={given} in the record", changed, fit.structure
-    if fit.intersample[channel] == "zoh":
+    if fit.intersample[channel] == "zoh" or records[0]._seen.get(name) == BY_FIT:
         words = f"{name} a sample earlier, since it acts in its own sample (y[:-1] with {name}[1:])"
         yield words, tuple(_earlier(rec, channel) for rec in records), fit.structure
     delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
@@ -170,11 +171,11 @@ def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Est
 
 
 def _earlier(rec: Record, channel: int) -> Record:
-    """The record with an input a sample earlier, and so a sample shorter."""
+    """The record with a held input a sample earlier, and so a sample shorter."""
     short = rec.window(rec.t[0], rec.t[-2])
-    u = short.u.copy()
-    u[channel] = rec.u[channel, 1:]
-    return short._like(u=u)
+    u, kinds = short.u.copy(), list(rec.intersample)
+    u[channel], kinds[channel] = rec.u[channel, 1:], "zoh"
+    return short._like(u=u, intersample=tuple(kinds))
 
 
 def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:

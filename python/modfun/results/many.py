@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base import html
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.cached import cached_property
@@ -63,6 +64,8 @@ class FitMany(Elsewhere):
         standard errors.
     level_names : tuple of str
         What each of them is of, such as "measurement of y" and "process of y".
+    notes : tuple of str
+        How inputs that nobody declared are read where their samples leave it open, in sentences.
     """
 
     _elsewhere = FITS
@@ -80,6 +83,7 @@ class FitMany(Elsewhere):
     degrees: Any
     levels: tuple[F64, F64] | None = None
     level_names: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None = None
 
     @cached_property
@@ -177,16 +181,19 @@ class FitMany(Elsewhere):
     def __repr__(self) -> str:
         failed = ", ".join(f"{n} {word}" for word, n in self.failures.items())
         low, high = self.band
-        return (
+        line = (
             f"FitMany of {len(self)} records by {self.structure!r}: {int(self.success.sum())} ok"
             f"{', ' + failed if failed else ''}, {self.options.method}, band {low:.4g} to {high:.4g} rad/s"
         )
+        return "\n".join((line, *self.notes))
 
     def _repr_html_(self) -> str:
-        return self.table()._repr_html_()
+        return self.table()._repr_html_() + html.listing(self.notes)
 
     @staticmethod
-    def of_fits(fits: Sequence[Fit], structure: Any, options: Options) -> FitMany:
+    def of_fits(
+        fits: Sequence[Fit], structure: Any, options: Options, notes: tuple[str, ...] = ()
+    ) -> FitMany:
         """Single fits as one result; what differs between them is that of the first."""
         first = fits[0]
         made = FitMany(
@@ -201,6 +208,7 @@ class FitMany(Elsewhere):
             band=first.band,
             structure=structure,
             options=options,
+            notes=notes,
             **_driven([_of_fit(f) for f in fits], first.layout, options),
         )
         made.__dict__["_looked"] = np.array([f.changing for f in fits]), np.array([f.bse for f in fits])
@@ -213,6 +221,7 @@ class FitMany(Elsewhere):
         structure: Any,
         options: Options,
         look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None,
+        notes: tuple[str, ...] = (),
     ) -> FitMany:
         """The core's answer for a batch; `look` finds noise that changes and the errors that allow for it."""
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
@@ -228,6 +237,7 @@ class FitMany(Elsewhere):
             band=(low * omega0, high * omega0),
             structure=structure,
             options=options,
+            notes=notes,
             look=look,
             **_driven(
                 zip(found["process_levels"], found["bse_process_levels"], strict=True)

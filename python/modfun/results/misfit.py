@@ -12,7 +12,7 @@ from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 from .origin import gain_of_colour, gain_of_process, origin
 
-__all__ = ["UNLIKELY", "misfit", "of_colour", "of_residuals", "too_large", "too_small"]
+__all__ = ["UNLIKELY", "misfit", "of_colour", "of_residuals", "suspicious", "too_large", "too_small"]
 
 UNLIKELY = 0.01  # p-value below which a test speaks
 PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far above the noise
@@ -24,13 +24,13 @@ SPIKE = 10.0  # times the mean fourth difference, in which one sample alone show
 
 def misfit(fit: Estimates) -> Doubt | None:
     """The first doubt that residuals give, if it is beyond doubt; looked for where cheap tests speak."""
-    if fit.df_resid < 2 or not _suspicious(fit) or noise_free(fit) is not None:
+    if fit.df_resid < 2 or not suspicious(fit) or noise_free(fit) is not None:
         return None
     found = of_residuals(fit, diagnose(fit, PLAUSIBLE), sure_only=True)
     return next((doubt for doubt in found if doubt and doubt.sure), None)
 
 
-def _suspicious(fit: Estimates) -> bool:
+def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
     level = level_p(fit)
     if level < LOOK or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base import html
+from ..base.between import BY_FIT, CLOSE, LOOP
 from ..base.names import nearest
 from ..base.student import root, student_p
 from ..base.tables import Findings, Table
@@ -69,6 +70,16 @@ def _path(fit: Estimates) -> str:
     return f"{', '.join(fit.inputs)} -> {names}" if fit.inputs else f"free motion of {names}"
 
 
+def _read(fit: Estimates) -> str:
+    """Inputs that nobody declared and whose samples did not decide how they go between them."""
+    return ", ".join(
+        f"{name} {word}"
+        for rec in (fit.records or ())[:1]
+        for name, word in zip(rec.inputs, rec._between_words(), strict=True)
+        if rec._seen.get(name) in (BY_FIT, CLOSE, LOOP)
+    )
+
+
 class Summary:
     """The fit on one page: prints as text, shows as HTML in a notebook."""
 
@@ -113,6 +124,7 @@ def facts(fit: Estimates) -> list[tuple[str, str]]:
     return [
         ("Model", f"{_path(fit)}: {fit.structure}{late}"),
         ("Records", f"{len(spans)}: {'; '.join(spans[:4])}{'; ...' if len(spans) > 4 else ''}"),
+        *([("Inputs", read)] if (read := _read(fit)) else []),
         *([("Weights", f"of the records: {numbers(fit.window_weights)}")] if fit.window_weights else []),
         ("Method", f"{fit.options.method}; {fit.status}. {fit.message}"),
         ("Band", _band(fit)),

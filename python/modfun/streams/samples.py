@@ -11,10 +11,38 @@ from numpy.typing import ArrayLike
 
 from ..base.arrays import F64
 from ..base.between import AUTO
+from ..base.samples import Names, names_of
 from ..errors import DataError, SpecError
+from ..fitting.fit import Estimator, fit_quietly
+from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
+from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 
-__all__ = ["block_of", "refuse_record"]
+__all__ = ["block_of", "channels_of", "refuse_record", "words_of"]
+
+
+def channels_of(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]:
+    """Names of the outputs or inputs of a stream, as its model has them or as its user gave them."""
+    if not isinstance(model, TransferFunction):
+        own: tuple[str, ...] = getattr(model, which)
+        return own if given is None else names_of(given, len(own), letter, which)
+    count = model.n_outputs if which == "outputs" else model.n_inputs
+    if count is None:
+        count = 1 if given is None or isinstance(given, str) else len(given)
+    return names_of(given, count, letter, which)
+
+
+def words_of(
+    rec: Record, told: tuple[str, ...], estimator: Estimator
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """How the inputs of a first window go between samples where that was not told, and what decided it."""
+    both = list(zip(rec.inputs, told, rec.intersample, strict=True))
+    rec = rec._like(
+        intersample=tuple(theirs if own == AUTO else own for _, own, theirs in both),
+        _seen={name: rec._seen[name] for name, own, _ in both if own == AUTO and name in rec._seen},
+    )
+    found = decided_by_fit([(rec,)], estimator.model, estimator.options, fit_quietly)
+    return read_as((rec,), found)[0].intersample, in_sentences(found)
 
 
 def block_of(

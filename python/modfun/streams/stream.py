@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from .._core import Stream as CoreStream
 from ..base.arguments import public, real
 from ..base.arrays import F64
-from ..base.between import AUTO, decided
+from ..base.between import AUTO
 from ..base.progress import Progress
-from ..base.samples import Names, intersample_of, names_of
+from ..base.samples import Names, intersample_of
 from ..base.words import STATUS
 from ..errors import DataError, SpecError
 from ..fitting.fit import Estimator, fit_quietly
@@ -27,7 +27,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from .forgetting import loss, unweighted, weights_of
-from .samples import block_of, refuse_record
+from .samples import block_of, channels_of, refuse_record, words_of
 from .track import Track, joined
 
 __all__ = ["Stream"]
@@ -66,8 +66,9 @@ class Stream:
         Names of the channels. Default: those of an equation or state space; else ``y`` and ``u``, numbered
         if the structure has several.
     intersample : {"auto", "smooth", "zoh", "foh"}, or a sequence or mapping of them, default "auto"
-        How the inputs go between samples, as in `Record`. "auto" decides when the first window is full, or
-        takes the words of the record that is followed.
+        How the inputs go between samples, as in `Record`. "auto" decides when the first window is full, by
+        its samples and, where these leave it open, by a fit of it as in `fit`; or takes what the record
+        that is followed declares.
     units : mapping of str to str, optional
         Units by channel name, for labels.
     t0 : float, default 0.0
@@ -150,11 +151,12 @@ class Stream:
         self.weights = weights_of(
             self.window, None if forgetting is None else _seconds("forgetting", forgetting)
         )
-        self.outputs = _names(model, "outputs", outputs, "y")
-        self.inputs = _names(model, "inputs", inputs, "u")
+        self.outputs = channels_of(model, "outputs", outputs, "y")
+        self.inputs = channels_of(model, "inputs", inputs, "u")
         self._said = intersample_of(intersample, self.inputs)
         self._words = tuple("smooth" if word == AUTO else word for word in self._said)
         self._open = AUTO in self._said
+        self._notes: tuple[str, ...] = ()
         self._units = dict(units or {})
         channels = len(self.outputs) + len(self.inputs)
         self._record(np.zeros((channels, FEWEST)), 0.0)  # checks names and units
@@ -240,8 +242,7 @@ class Stream:
             if not self.count:
                 self._begin = float(rec.t[0])
             if self._open:
-                both = zip(self._said, rec.intersample, strict=True)
-                self._settle(tuple(theirs if own == AUTO else own for own, theirs in both))
+                self._decide(rec._slice(0, min(total, self._samples)))
             for at in range(0, total, AT_ONCE):
                 found.append(self._followed(block[:, at : at + AT_ONCE], int(every)))
                 report(min(at + AT_ONCE, total), total)
@@ -252,7 +253,7 @@ class Stream:
         with self._lock:
             self._latest = None
             self._core.clear()
-            self._open = AUTO in self._said
+            self._open, self._notes = AUTO in self._said, ()
             self._begin = self._t0
 
     # What comes out ------------------------------------------------------------------------------
@@ -338,7 +339,8 @@ class Stream:
         if len(self.weights) > 1:
             past += f", {len(self.weights)} of them, each weighted {self.weights[1]:.2g} of the next"
         filled = "ready" if self.ready else f"{self.count} of {self._samples} samples"
-        return f"Stream({self.estimator!r}, {past}, step {self.dt:g} s): {filled}"
+        line = f"Stream({self.estimator!r}, {past}, step {self.dt:g} s): {filled}"
+        return "\n".join((line, *self._notes))
 
     # Inside --------------------------------------------------------------------------------------
 
@@ -349,7 +351,7 @@ class Stream:
             if 0 < first <= block.shape[1]:
                 self._core.push(np.ascontiguousarray(block[:, :first]))
                 block = np.ascontiguousarray(block[:, first:])
-                self._settle(decided(self._said, self._core.past()[len(self.outputs) :])[0])
+                self._decide(self._record(self._core.past(), self._begin))
             if block.size:
                 self._core.push(block)
 
@@ -360,8 +362,9 @@ class Stream:
         self._made = prepare_stream(model, options, names, self._intervals, self.dt, self.weights)
         self._core = self._made.core
 
-    def _settle(self, words: tuple[str, ...]) -> None:
-        """Take the words that samples said; those that came already, all of them, go into a new core."""
+    def _decide(self, rec: Record) -> None:
+        """Take the words of a first window; samples that came already go into a new core."""
+        words, self._notes = words_of(rec, self._said, self.estimator)
         self._open = False
         changed, self._words = words != self._words, words
         if changed and self._made is not None:
@@ -439,16 +442,17 @@ class Stream:
 
     def _record(self, samples: F64, begin: float) -> Record:
         q = len(self.outputs)
-        return Record(
+        rec = Record(
             y=samples[:q],
             u=samples[q:] if self.inputs else None,
             dt=self.dt,
             t0=begin,
             outputs=self.outputs,
             inputs=self.inputs,
-            intersample=self.intersample,
+            intersample=self._said,
             units=self._units,
         )
+        return rec if self._open else rec._read_as(self._words)
 
 
 def _slides(layout: Layout, options: Options) -> bool:
@@ -481,16 +485,6 @@ def _intervals(length: float, dt: float) -> int:
             "are needed"
         )
     return intervals
-
-
-def _names(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]:
-    if not isinstance(model, TransferFunction):
-        own: tuple[str, ...] = getattr(model, which)
-        return own if given is None else names_of(given, len(own), letter, which)
-    count = model.n_outputs if which == "outputs" else model.n_inputs
-    if count is None:
-        count = 1 if given is None or isinstance(given, str) else len(given)
-    return names_of(given, count, letter, which)
 
 
 def _seconds(name: str, given: Any) -> float:

@@ -82,7 +82,7 @@ def estimate(plan: Plan, contender: Contender, group: Group | Generated, rec: Re
         With the exception as its cause.
     """
     if contender.call is None:
-        return attempt("", _fit_one, contender.estimators[group.index], rec)
+        return attempt("", _fit_one, contender.estimators[group.index], contender.read(group, rec))
     return attempt("", contender.call, rec, generator("estimator", plan.seed, replicate, group.index))
 
 
@@ -128,7 +128,7 @@ class _Cell:
     def take(self, row: int, replicate: int, rec: Record) -> None:
         """Estimate from a record now, or where that suffices with others of its kind at the end."""
         if self.contender.call is None and not self.plan.metrics:
-            self._waiting.append((row, rec))
+            self._waiting.append((row, self.contender.read(self.group, rec)))
             return
         start = time.perf_counter()
         try:

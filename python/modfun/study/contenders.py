@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,9 @@ from ..base.arrays import F64
 from ..base.callables import source
 from ..base.names import nearest
 from ..errors import DataError, ModfunWarning, SpecError
-from ..fitting.fit import Estimator
+from ..fitting.fit import Estimator, fit_quietly
 from ..fitting.prepared import joint_words, plain_words, prepare, spans
+from ..fitting.undeclared import Word, decided_by_fit, read_as
 from ..fitting.weights import weighting
 from ..models.layout import Layout
 from ..models.options import WORDS, Options
@@ -47,6 +48,8 @@ class Contender:
         Names of the parameters, one per group.
     truth : tuple of ndarray
         True parameters, one per group; nan where unknown.
+    words : tuple of dict
+        How open inputs of undeclared records are read, decided once by the first record of each group.
     """
 
     name: str
@@ -55,6 +58,11 @@ class Contender:
     structures: tuple[Any, ...]
     params: tuple[tuple[str, ...], ...]
     truth: tuple[F64, ...]
+    words: tuple[dict[str, Word], ...] = ()
+
+    def read(self, group: Group | Generated, rec: Record) -> Record:
+        """The record as the estimator reads it: no record of a study decides by itself."""
+        return read_as((rec,), self.words[group.index])[0]._like(_seen={})
 
     def names(self, group: Group | Generated) -> tuple[str, ...]:
         """Names of the parameters in a group."""
@@ -170,8 +178,17 @@ def contenders(
                 f"MonteCarlo: the estimator {name!r} is a {type(value).__name__}; give a method name, an "
                 "mf.Estimator, one of mf.rivals or a function of (record, rng)"
             )
-        settled = tuple(_settled(e, g, rec) for e, g, rec in zip(own, found, firsts, strict=True))
-        made.append(_contender(str(name), None, settled, tuple(e.model for e in own), found))
+        read = tuple(
+            decided_by_fit([(rec,)], e.model, e.options, fit_quietly, many=True)
+            for e, rec in zip(own, firsts, strict=True)
+        )
+        settled = tuple(
+            _settled(e, g, read_as((rec,), one)[0])
+            for e, g, rec, one in zip(own, found, firsts, read, strict=True)
+        )
+        made.append(
+            replace(_contender(str(name), None, settled, tuple(e.model for e in own), found), words=read)
+        )
     return tuple(made)
 
 

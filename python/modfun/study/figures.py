@@ -18,6 +18,7 @@ from ..equations.state_space import StateSpace
 from ..equations.written import Written
 from ..errors import DataError, SpecError
 from ..experiments.bound import crlb
+from ..fitting.undeclared import in_sentences
 from ..models.free import priors_of
 from ..models.process import ProcessNoise
 from ..records.record import Record
@@ -166,7 +167,7 @@ class Figures(Elsewhere):
                 columns["crlb"].append(self.crlb[where][k])
                 for name, counts in counted.items():
                     columns[name].append(int(counts[where]))
-        return Table(columns, title=self._title())
+        return Table(columns, title=self._titled())
 
     def relative(self) -> Table:
         """Figures relative to the true parameters, in %, root mean square over the parameters.
@@ -197,7 +198,7 @@ class Figures(Elsewhere):
                 columns[name].append(int(counts[where]))
         zero = [name for k, name in enumerate(self.param_names) if np.any(self.truth[..., k] == 0)]
         left = f"; {', '.join(zero)} left out where the true value is 0" if zero else ""
-        return Table(columns, title=f"{self._title()}; % of the true parameters{left}")
+        return Table(columns, title=self._titled(f"; % of the true parameters{left}"))
 
     def _counted(self) -> dict[str, I64]:
         """Outcomes that tables count: failures, and what did not settle where anything did not."""
@@ -223,8 +224,31 @@ class Figures(Elsewhere):
         for where in product(*(range(len(labels)) for labels in used)):
             yield where, tuple(labels[k] for labels, k in zip(used, where, strict=True))
 
-    def _title(self) -> str:
-        return f"{self.replicates} replicates, seed {self._plan.seed}"
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What has to be known to read the tables, in sentences, which stand in their titles."""
+        found: dict[str, None] = {}
+        for g in self._plan.groups:
+            if isinstance(g, Group) and g.noise_sd != 1:
+                found[
+                    f"The noise that noise= returns has the standard deviation {g.noise_sd:.3g} where nsr "
+                    f"counts on 1, so that each nsr is {g.noise_sd:.3g} times as large as its label."
+                ] = None
+            for c in self._plan.contenders:
+                if c.name not in self.estimators:
+                    continue
+                if isinstance(g, Group) and np.isnan(c.truth[g.index]).any():
+                    found[
+                        f"The structure of {c.name!r} does not hold the system, so that it has no true "
+                        "parameters: bias, rmse and coverage are nan."
+                    ] = None
+                if c.words:
+                    found |= dict.fromkeys(f"{c.name}: {said}" for said in in_sentences(c.words[g.index]))
+        return tuple(found)
+
+    def _titled(self, more: str = "") -> str:
+        line = f"{self.replicates} replicates, seed {self._plan.seed}{more}"
+        return "\n".join((line, *self.notes))
 
     def to_dict(self) -> dict[str, Any]:
         """All figures as plain Python values, tables by column."""
@@ -232,6 +256,7 @@ class Figures(Elsewhere):
             "replicates": self.replicates,
             "seed": self._plan.seed,
             "draw": self.draw,
+            "notes": list(self.notes),
             "axes": {name: list(labels) for name, labels in self.axes.items()},
             "table": self.table().to_dict(),
             "relative": self.relative().to_dict(),

@@ -22,9 +22,12 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis
-from .functions import attempt, generator, series
+from .functions import Failed, attempt, generator, series
 
 __all__ = ["Group", "groups"]
+
+HEARD = 20  # replicates whose noise is measured
+SURELY, FAR = 6.0, 0.05  # Student's t with 19 degrees of freedom is beyond 6 once in 100,000 times
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,8 @@ class Group:
         What noise in the system adds to each replicate.
     process_noise : float, tuple of float or ProcessNoise
         Its levels.
+    noise_sd : float
+        Standard deviation of the user's noise where its first draws contradict 1, else 1.
     """
 
     index: int
@@ -64,6 +69,7 @@ class Group:
     drawn: bool = False
     driven: Driven | None = None
     process_noise: Any = 0.0
+    noise_sd: float = 1.0
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -153,15 +159,36 @@ class Group:
         if self.driven is not None:
             y = y + self.driven.response(seed, replicate, self.index)
         if self.noise is not None:
-            rng = generator("noise", seed, replicate, self.index)
-            given = y[0].copy() if len(y) == 1 else y.copy()
-            drawn = attempt("noise", self.noise, rng, given, self.rest.dt)
-            noise = series(drawn, "noise", given.shape, "noise of unit standard deviation for each sample")
+            noise = self._drawn(seed, replicate, y)
         else:
             noise = np.array(
                 [normals(seed, "noise_y", k, replicate, self.index, y.shape[1]) for k in range(len(y))]
             )
         return [self.record(y + s * self.unit[:, None] * noise) for s in sigma]
+
+    def _drawn(self, seed: int, replicate: int, y: F64) -> F64:
+        """Noise by the user's function; `Failed` where it failed."""
+        assert self.noise is not None
+        rng = generator("noise", seed, replicate, self.index)
+        given = y[0].copy() if len(y) == 1 else y.copy()
+        drawn = attempt("noise", self.noise, rng, given, self.rest.dt)
+        return series(drawn, "noise", given.shape, "noise of unit standard deviation for each sample")
+
+    def heard(self, seed: int) -> Group:
+        """The group with the standard deviation of the user's noise, as the first replicates draw it.
+
+        It counts where the mean square is `SURELY` standard errors, by its scatter between replicates, and
+        `FAR` from 1: noise with heavy tails, or that goes with the signal, has no level that is known well.
+        """
+        if self.noise is None:
+            return self
+        try:
+            squares = [np.mean(self._drawn(seed, r, self.clean(seed, r)) ** 2) for r in range(HEARD)]
+        except (Failed, SpecError):  # the replicates say so
+            return self
+        mean, error = float(np.mean(squares)), float(np.std(squares, ddof=1)) / HEARD**0.5
+        sd = mean**0.5
+        return replace(self, noise_sd=sd) if abs(mean - 1) > SURELY * error and abs(sd - 1) > FAR else self
 
     @property
     def functions(self) -> dict[str, Any]:

@@ -200,6 +200,7 @@ class MonteCarlo:
         else:
             _refuse(own, "{} belongs to generate=, a function that makes the records")
             axes, found = _simulated(**simulated)
+            found = tuple(g.heard(seed) for g in found)
             firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
             if (doubt := doubtful_nsr("MonteCarlo", max(axes[-1].labels))) is not None:
                 warnings.warn(doubt, ModfunWarning, stacklevel=3)

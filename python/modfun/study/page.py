@@ -82,7 +82,8 @@ def page_of(results: Figures, directory: str | os.PathLike[str] | None, title: s
 
 
 def _findings(results: Figures) -> Iterable[str]:
-    """What each estimator did, over all cells."""
+    """What each estimator did, over all cells, and what has to be known to read the figures."""
+    yield from results.notes
     for k, name in enumerate(results.estimators):
         tried, failed = (
             results.failures[..., k].size * results.replicates,
