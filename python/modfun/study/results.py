@@ -69,6 +69,8 @@ class Results(Figures):
     messages : Table
         What functions raised, and why records or metrics are missing: cell, estimator, replicate, text; of
         the first hundred. `status` counts all.
+    notes : tuple of str
+        What has to be known to read the tables, which have it in their titles.
     replicates : int
 
     See Also

@@ -483,3 +483,38 @@ def test_errors_of_studies_allow_for_noise_of_the_user_that_changes() -> None:
     ]
     assert covers[0] > 0.898
     assert covers[1] < 0.92
+
+
+def quiet_noise(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    return 0.3 * rng.standard_normal(y.shape)
+
+
+def heavy_noise(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    return rng.standard_t(2, y.shape)  # of no variance: nobody can scale it to 1
+
+
+def unit_noise(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    white = rng.standard_normal(y.size + 1)
+    return (white[1:] + white[:-1]).reshape(y.shape) / np.sqrt(2)
+
+
+def test_noise_of_another_level_than_nsr_counts_on_is_told() -> None:
+    """A level of 0.3 made each nsr 0.3 times as large in silence. False alarms: once in 100,000 studies."""
+    found = simulated(noise=quiet_noise, replicates=3).run(progress=False)
+    level = found._plan.groups[0].noise_sd
+    assert level == pytest.approx(0.3, rel=0.05)
+    assert f"has the standard deviation {level:.3g} where nsr counts on 1" in repr(found)
+    assert "standard deviation" in str(found.to_dict()["notes"])
+    for noise in (unit_noise, heavy_noise):
+        assert simulated(noise=noise, replicates=3).run(progress=False).notes == ()
+
+
+def test_a_structure_that_does_not_hold_the_system_says_why_figures_are_nan() -> None:
+    wrong = {"one": mf.Estimator(mf.TransferFunction(poles=1, zeros=0), harmonics=8)}
+    right = {"two": mf.Estimator(TF2, harmonics=8)}
+    found = mf.MonteCarlo(**BASE, nsr=0.1, estimators=wrong | right).run(replicates=3, progress=False)
+    said = "The structure of 'one' does not hold the system"
+    assert [text.startswith(said) for text in found.notes] == [True]
+    assert said in found.table().title
+    assert said in repr(found)
+    assert found.sel(estimator="two").notes == ()
