@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .base.tables import Table
     from .equations.equation import Equation
     from .equations.nonlinear import NonlinearModel
+    from .equations.series import through
     from .equations.state_space import StateSpace
     from .experiments.bound import crlb
     from .experiments.simulation import simulate
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from .models.free import Free
     from .models.noise import Noise
     from .models.process import ProcessNoise, dryden
-    from .models.series import through
     from .models.transfer_function import TransferFunction
     from .records.batches import Batch
     from .records.reading import columns, read
@@ -72,7 +72,7 @@ _NAMES = {
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
     ".models.process": ("ProcessNoise", "dryden"),
-    ".models.series": ("through",),
+    ".equations.series": ("through",),
     ".models.transfer_function": ("TransferFunction",),
     ".records.batches": ("Batch",),
     ".records.reading": ("columns", "read"),

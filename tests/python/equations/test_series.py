@@ -94,3 +94,63 @@ def test_what_is_refused(told: dict[str, Any], error: type[Exception], said: str
     uneven = mf.Record(np.arange(9.0), np.arange(9.0), t=np.arange(9.0) ** 1.1)
     with pytest.raises(mf.errors.DataError, match="uneven"):
         mf.through(uneven, sensor=LAG)
+
+
+MOTION = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+DERIVATIVES = {"Za": -0.8, "Ma": -4.5, "Mq": -1.2, "Zd": -0.1, "Md": -5.0}
+VANE, GYRO = mf.tf([2, 30], [1, 40]), mf.tf([1], [0.15, 1])
+
+
+def test_sensors_of_a_state_space_multiply_its_responses() -> None:
+    scaled = mf.StateSpace(
+        [["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], [["V", 0], [0, 1], ["V*Za/9.81", 0]],
+        [[0], [0], ["V*Zd/9.81"]], states=["alpha", "q"], inputs=["de"], outputs=["w", "q", "nz"],
+    )  # fmt: skip
+    values = {**DERIVATIVES, "V": 60.0}
+    sensors = {"w": VANE, "q": mf.tf([3, 400], [1, 28, 400]), "nz": mf.tf([0.5], [0.01, 0.3, 1])}
+    seen = mf.through(scaled, sensor=sensors)
+    omega = np.array([0.1, 1.0, 3.0, 20.0])
+    plant, measured = (m.model(values).frequency_response(omega).response[:, 0] for m in (scaled, seen))
+    known = np.array([sensor(1j * omega) for sensor in sensors.values()])
+    np.testing.assert_allclose(measured, known * plant, rtol=1e-9)
+    assert seen.outputs == scaled.outputs
+    assert seen.states == ("alpha", "q_true", "w_1", "q", "q_2", "nz", "nz_2")
+
+
+@pytest.mark.statistics
+def test_a_sensor_of_one_output_costs_no_bias_and_reaches_the_bound() -> None:
+    """30 records: means within four standard errors, scatter 0.6 to 1.5 (false alarm 1 in 1,000)."""
+    seen = mf.through(MOTION, sensor={"q": GYRO})
+    assert seen.states == ("alpha", "q_true", "q")
+    de = mf.signals.multistep("de", [3, 2, 1, 1], unit=0.4, dt=0.02, amplitude=0.03, duration=8.0)
+    truth = np.array(list(DERIVATIVES.values()))
+    errors, blind = [], []
+    for seed in range(30):
+        rec = mf.simulate(seen.model(DERIVATIVES), input=de, nsr=0.05, seed=seed, outputs=["alpha", "q"])
+        fit = mf.fit(rec, seen)
+        assert fit.param_names == tuple(DERIVATIVES)
+        errors.append(fit.params - truth)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            blind.append((mf.fit(rec, MOTION).params - truth) / fit.bse)
+    bound = mf.crlb(seen, rec, params=DERIVATIVES, nsr=0.05, trend="constant").sd
+    mean, scatter = np.mean(errors, axis=0) / bound, np.std(errors, axis=0, ddof=1) / bound
+    assert np.all(np.abs(mean) < 4 / np.sqrt(30)), mean
+    assert np.all((scatter > 0.6) & (scatter < 1.5)), scatter
+    assert np.max(np.abs(np.mean(blind, axis=0))) > 30
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: mf.through(MOTION, sensor=GYRO), "takes sensors by output"),
+        (lambda: mf.through(MOTION, sensor={"q": GYRO}, actuator=SERVO), "actuators go through the record"),
+        (lambda: mf.through(MOTION, sensor={"r": GYRO}), "sensor= names 'r'"),
+        (lambda: mf.through(MOTION, sensor={"q": mf.tf([1], [1, 1], delay=0.1)}), "has a delay"),
+        (lambda: mf.through(MOTION, sensor={"q": mf.tf([1], [1, -1])}), "must be stable"),
+        (lambda: mf.through(record(PLANT), sensor={"y": LAG}), "give a StateSpace"),
+    ],
+)
+def test_sensors_that_do_not_fit(call: Any, says: str) -> None:
+    with pytest.raises(mf.SpecError, match=says):
+        call()

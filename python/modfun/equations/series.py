@@ -1,10 +1,10 @@
-"""Known systems in series with the plant: sensors and actuators, taken over to the inputs."""
+"""Known systems in series with the plant: taken over to the inputs of a record, or into a state space."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from math import ceil
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from ..errors import DataError, SpecError
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import linear, tf
+from .matrices import Entry
+from .state_space import StateSpace
 
 __all__ = ["through"]
 
@@ -21,15 +23,25 @@ FORGOTTEN = 9.0  # time constants of the slowest pole, after which 1e-4 is left 
 QUIET = 4  # samples with steady inputs, before which the filters are taken as steady
 
 
+@overload
+def through(
+    rec: Record, *, actuator: Any = None, sensor: Any = None, settle: float | None = None
+) -> Record: ...
+@overload
+def through(rec: StateSpace, *, sensor: Mapping[str, Any]) -> StateSpace: ...
 @public
 def through(
-    rec: Record,
+    rec: Any,
     *,
     actuator: Any = None,
     sensor: Any = None,
     settle: float | None = None,
-) -> Record:
+) -> Any:
     """The record in which known actuators and a known sensor are part of the inputs.
+
+    Of a `StateSpace`: the model with a sensor for each output that is named. The sensors' states become those
+    of the model, with known coefficients, so that the parameters are the plant's alone, and the noise of the
+    measured outputs stays white.
 
     The plant G sees K u behind the actuator K, and the sensor H shows H G K u. Systems in series change
     places: H G K u = G (H K u), so that G is fitted between the inputs H K u and the outputs as they were
@@ -37,12 +49,14 @@ def through(
 
     Parameters
     ----------
-    rec : Record
-        Evenly sampled.
+    rec : Record or StateSpace
+        A record is evenly sampled.
     actuator : LTI, or mapping of str to LTI, optional
         Stable systems of one input and output: one for all inputs, or by input.
-    sensor : LTI, optional
-        Stable; one for all outputs, since their inputs are the same.
+    sensor : LTI, or mapping of str to LTI, optional
+        Stable; of a record one for all outputs, since their inputs are the same; of a model a mapping of
+        outputs to systems without delay. A plant's state that has the name of such an output is then called
+        ``q_true``.
     settle : float, optional
         Seconds that are cut off at the beginning, where the states of actuator and sensor are unknown.
         Default: nine of their longest time constants and their delay; none where the inputs stand at first,
@@ -50,8 +64,8 @@ def through(
 
     Returns
     -------
-    Record
-        The same outputs, and inputs H K u, smooth between samples.
+    Record or StateSpace
+        The same outputs, and inputs H K u, smooth between samples; or the model with its sensors.
 
     Raises
     ------
@@ -77,9 +91,21 @@ def through(
     >>> fit = mf.fit(mf.through(rec, actuator=servo), mf.TransferFunction(poles=2, zeros=0))
     >>> print(fit.params.round(3))
     [3. 8. 5.]
+
+    >>> motion = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"])
+    >>> mf.through(motion, sensor={"q": mf.tf([1], [0.15, 1])}).states
+    ('alpha', 'q_true', 'q')
     """
+    if isinstance(rec, StateSpace):
+        return _seen_through(rec, actuator, sensor, settle)
     if rec.dt is None:
         raise DataError("through: the record's steps are uneven; resample it, so that inputs can be filtered")
+    if isinstance(sensor, Mapping):
+        raise SpecError(
+            "through: inputs are the same for all outputs, so a record takes one sensor for all of them; for "
+            "a sensor of each output give a StateSpace, mf.through(model, sensor={...}), or fit each output "
+            "alone"
+        )
     shown = None if sensor is None else _checked(sensor, "sensor")
     by_input = actuator if isinstance(actuator, Mapping) else dict.fromkeys(rec.inputs, actuator)
     for name in by_input:
@@ -112,6 +138,58 @@ def through(
     seen = {name: form for name, form in rec._seen.items() if name not in filtered_names}
     filtered = rec._like(u=u, intersample=tuple(kinds), _seen=seen)
     return filtered.window(rec.t[cut], rec.t[-1]) if cut else filtered
+
+
+def _seen_through(model: StateSpace, actuator: Any, sensor: Any, settle: Any) -> StateSpace:
+    """The model with a sensor for each output that is named."""
+    if actuator is not None or settle is not None or not isinstance(sensor, Mapping) or not sensor:
+        raise SpecError(
+            "through: a StateSpace takes sensors by output, sensor={'q': mf.tf([1], [0.1, 1])}; actuators go "
+            "through the record, mf.through(rec, actuator=...)"
+        )
+    for name in sensor:
+        if name not in model.outputs:
+            raise SpecError(f"through: sensor= names {name!r}; {nearest(name, model.outputs)}")
+    systems = {name: _checked(own, f"sensor of {name}") for name, own in sensor.items()}
+    if late := [name for name, own in systems.items() if np.any(own.path_delays)]:
+        raise SpecError(
+            f"through: the sensor of {late[0]} has a delay, which no state is; shift its samples instead"
+        )
+    states = [f"{name}_true" if name in systems else name for name in model.states]
+    size = len(states) + sum(own.den.size - 1 for own in systems.values())
+    a, b = ([list(row) for row in matrix] for matrix in (model.A, model.B))
+    a = [[*row, *[0.0] * (size - len(row))] for row in a]
+    c = [[*row, *[0.0] * (size - len(row))] for row in model.C]
+    d = [list(row) for row in model.D]
+    for i, name in enumerate(model.outputs):
+        if name not in systems:
+            continue
+        den = systems[name].den / systems[name].den[0]
+        num = np.append(np.zeros(den.size - np.size(systems[name].num)), systems[name].num)
+        num, first, direct = num / systems[name].den[0], len(a), float(num[0] / systems[name].den[0])
+        # Its states: z_k' = z_(k+1) − a_k z_1 + b_k v with v from the plant; its output is z_1 + b_0 v.
+        for k, (pole, zero) in enumerate(zip(den[1:], num[1:] - direct * den[1:], strict=True)):
+            row = [_times(float(zero), entry) for entry in c[i]]
+            row[first] = -float(pole)
+            if k + 2 < den.size:
+                row[first + k + 1] = 1.0
+            a.append(row)
+            b.append([_times(float(zero), entry) for entry in d[i]])
+        c[i], d[i] = ([_times(direct, entry) for entry in row] for row in (c[i], d[i]))
+        if den.size > 1:
+            c[i][first] = 1.0
+        states += [name if k == 0 and direct == 0 else f"{name}_{k + 1}" for k in range(den.size - 1)]
+    return StateSpace(
+        a, b if model.inputs else None, c, d if model.inputs else None,
+        states=states, inputs=model.inputs, outputs=model.outputs, params=dict(model.params),
+    )  # fmt: skip
+
+
+def _times(factor: float, entry: Entry) -> Entry:
+    """An entry of a matrix times a number."""
+    if isinstance(entry, str) and factor not in (0.0, 1.0):
+        return f"{factor!r}*({entry})"
+    return entry if factor == 1.0 else 0.0 if factor == 0.0 else factor * float(entry)
 
 
 def _checked(given: Any, what: str) -> LTI:
