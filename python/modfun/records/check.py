@@ -15,7 +15,7 @@ from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["check_record", "remarks_for_fits"]
+__all__ = ["check_record", "mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
@@ -36,7 +36,7 @@ def check_record(record: Samples) -> Findings:
             sentences += _outliers(record, name)
         if name in record.outputs:
             sentences += _trend(record, name)
-    sentences += [*_noise(record), *_alike(record), *_angles(record)]
+    sentences += [*_noise(record), *_alike(record), *mixed_angles(record)]
     size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
     return Findings(f"Record, {size}", sentences)
 
@@ -80,10 +80,15 @@ def _missing(record: Samples) -> Iterator[str]:
 
 
 def _clock(record: Samples) -> Iterator[str]:
+    usual = float(np.median(np.diff(record.t)))
+    if usual >= 2 and np.all(record.t == np.rint(record.t)):
+        yield (
+            f"Steps of {usual:g} are taken as seconds; if they are milliseconds, give dt={1e-3 * usual:g}, "
+            "or the times in seconds."
+        )
     if record.dt is not None:
         return
     steps = np.diff(record.t)
-    usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > 1.5 * usual)
     if gaps.size:
         worst = int(np.argmax(steps))
@@ -351,7 +356,7 @@ def _alike(record: Samples) -> Iterator[str]:
                 )
 
 
-def _angles(record: Samples) -> Iterator[str]:
+def mixed_angles(record: Samples) -> Iterator[str]:
     """Say that outputs have angles in two units, which no equation between them can do without a factor."""
     first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
     if first.keys() >= {"deg", "rad"}:

@@ -18,6 +18,7 @@ from .doubts import (
     contradicted,
     few_samples,
     in_hertz,
+    in_two_units,
     mean,
     minima,
     noise_free,
@@ -69,8 +70,8 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, unexpected, unexplained, fed_back, unsettled, unstable,
-    condition,
+    offset, mean, repeated, on_bound, contradicted, unexpected, in_two_units, unexplained, fed_back,
+    unsettled, unstable, condition,
 )  # fmt: skip
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.names import listed
-from ..records.check import remarks_for_fits
+from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
 from .cures import again, on_band
-from .diagnosis import fewest_samples, growth, overlapping, surely_stable
+from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
 from .priors import contradicted_priors
@@ -30,6 +30,7 @@ __all__ = [
     "contradicted",
     "few_samples",
     "in_hertz",
+    "in_two_units",
     "mean",
     "minima",
     "noise_free",
@@ -426,6 +427,14 @@ def clipped(fit: Estimates) -> Doubt | None:
             if kind == "clipped" and channel in rec.outputs:
                 return Doubt(text)
     return None
+
+
+def in_two_units(fit: Estimates) -> Doubt | None:
+    """That equations go between outputs with angles in degrees and in radians; free gains may make up."""
+    if fit.layout.rational or not fit.records:
+        return None
+    text = next(mixed_angles(fit.records[0]), None)  # all have the same units
+    return Doubt(text, sure=not fit.success or level_p(fit) < SURE) if text else None
 
 
 def of_records(fit: Estimates, said: Sequence[str]) -> list[Doubt]:

@@ -364,6 +364,16 @@ def test_check_angles_of_outputs_in_two_units():
     assert not any("unit of angle" in sentence for sentence in rec.convert(q="deg/s").check())
 
 
+def test_check_steps_that_may_be_milliseconds():
+    sentence = (
+        "Steps of 20 are taken as seconds; if they are milliseconds, give dt=0.02, or the times in seconds."
+    )
+    assert sentence in list(Record(y=Y, u=U, dt=20).check())
+    assert sentence in list(Record(y=Y, u=U, t=20.0 * np.arange(Y.size)).check())
+    for step in (1, 0.02, 2.5):
+        assert not any("milliseconds" in sentence for sentence in Record(y=Y, u=U, dt=step).check())
+
+
 def test_check_codes_for_missing_values():
     coded = Y.copy()
     coded[[50, 51, 52, 300]] = -9999

@@ -142,3 +142,26 @@ def test_an_offset_that_bends_the_estimate_is_told(model):
 
     assert 'channels have an offset. Fit with trend="constant"' in said(trimmed)
     assert "have an offset" not in said(rec)
+
+
+def test_angles_in_two_units_are_told_where_an_equation_suffers():
+    """alpha in degrees beside q in rad/s: the fit did not settle, and blamed its iterations."""
+    equation = mf.Equation(
+        ["alpha' = q - Za*alpha + Zd*d + c1", "q' = Ma*alpha + Mq*q + Md*d + c2"],
+        outputs=["alpha", "q"],
+        inputs=["d"],
+    )
+    plant = mf.ss([[-1.2, 1.0], [-9.0, -2.0]], [[-0.1], [-12.0]], np.eye(2), np.zeros((2, 1)))
+    words = {"input": "1*(t>1) - 2*(t>4) + 1*(t>7)", "intersample": "zoh"}
+    made = mf.simulate(plant, **words, duration=12.0, intervals=600, nsr=0.03, seed=1)
+    names = {"outputs": ["alpha", "q"], "inputs": "d", "intersample": "zoh"}
+    y = made.y * [[180 / np.pi], [1.0]]
+    rec = mf.Record(y=y, u=made.u, dt=made.dt, units={"alpha": "deg", "q": "rad/s"}, **names)
+    with pytest.warns(mf.ModfunWarning, match="fit: Output 'alpha' is in deg and 'q' in rad/s: equations"):
+        fit = mf.fit(rec, equation)
+    assert "Output 'alpha' is in deg" in fit.check()
+    right = mf.fit(rec.convert(alpha="rad"), equation)
+    assert np.max(np.abs((right["Ma"] + 9.0) / right.bse[3])) < 4
+    assert "in deg" not in right.check()
+    each = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, denominator="common"))
+    assert "in deg" not in each.check()  # a transfer function to each needs no common unit
