@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.stability import deviance
+from .from_states import fit_from_states
 
 __all__ = ["fit_with_past"]
 
@@ -24,7 +26,7 @@ PART = 0.2  # of a record's intervals that stand before it
 FEWEST = 8  # samples of a past
 CERTAIN = 0.01  # noise of a sample of the past over that of the record's: certain next to these
 COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
-QUIET = 4  # samples from which a level is first guessed
+QUIET, SHORT = 4, 12  # samples from which a level is first guessed, steady and in motion
 STEP = 0.2  # of the noise: differences of levels
 SETTLED = 0.1  # of its standard error: change of a level that ends the search
 ROUNDS = 8
@@ -34,7 +36,7 @@ Fits = Callable[[tuple[Record, ...], Any, Options], Any]
 
 
 def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> Any:
-    """The fit of records that begin at rest ("rest", "zero"), by what they were before.
+    """The fit of records that begin at rest ("rest", "zero"), or in given states, by what they were before.
 
     The steady state before the first sample is known without noise, so it is a piece of record with next to
     none: samples of it are put before the first one with a small `sigma`, and the modulating functions cover
@@ -49,7 +51,16 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     SpecError
         Options or a structure that do not go with a past.
     """
+    if isinstance(structure, StateSpace) and not isinstance(options.initial_state, str):
+        _refuse_kind(structure, options)
+
+        def from_zero(beside: tuple[Record, ...], model: Any, zero: Options) -> Any:
+            return fit_with_past(beside, model, zero, fit_once)
+
+        return replace(fit_from_states(records, structure, options, from_zero), again=fit_once)
     _refuse(records, structure, options)
+    if not isinstance(structure, TransferFunction):
+        records = tuple([structure.own_channels(rec) for rec in records])
     search = _Search(records, structure, options, fit_once)
     fit = search.fit(search.levels)
     if not fit.usable:
@@ -73,7 +84,7 @@ class _Search:
         self.inner = options.replace(initial_state="unknown", **more)
         self.levels = np.zeros((len(records), len(records[0].outputs)))
         if self.free:
-            self.levels[:] = [_first_level(rec) for rec in records]
+            self.levels[:] = [_first_level(rec, _past_inputs(rec, self.rest)) for rec in records]
 
     def fit(self, levels: F64) -> Any:
         """The fit under these levels."""
@@ -140,20 +151,24 @@ def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
     count = max(ceil(PART * rec.intervals), FEWEST) + ceil(late / step - 1e-9)
     sigma = np.ones_like(rec.y) if rec.sigma is None else rec.sigma
     usual = CERTAIN * np.median(sigma, axis=1, keepdims=True)
-    u = rec.u[:, :1] if rest else np.zeros((len(rec.u), 1))
 
     def before(past: Any, samples: Any) -> Any:
         return np.hstack([np.repeat(past, count, axis=1), samples])
 
     return rec._like(
         y=before(levels[:, None], rec.y),
-        u=before(u, rec.u),
+        u=before(_past_inputs(rec, rest), rec.u),
         t=np.concatenate([rec.t[0] - step * np.arange(count, 0, -1), rec.t]),
         sigma=before(usual, sigma),
         mask=None if rec.mask is None else before(np.ones((len(rec.y), 1), bool), rec.mask),
         _keep={},
         _lost=None,
     )
+
+
+def _past_inputs(rec: Record, rest: bool) -> F64:
+    """Inputs before the first sample, (input, 1)."""
+    return rec.u[:, :1] if rest else np.zeros((len(rec.u), 1))
 
 
 def _moved(records: Sequence[Record], structure: Any) -> bool:
@@ -169,12 +184,20 @@ def _moved(records: Sequence[Record], structure: Any) -> bool:
     return driven or any(e != 0 for e in still)
 
 
-def _first_level(rec: Record) -> F64:
-    """Means of the outputs while the inputs stand still."""
-    moving = np.any(rec.u != rec.u[:, :1], axis=0)
-    count = max(int(np.argmax(moving)) if moving.any() else 0, QUIET)
+def _first_level(rec: Record, past: F64) -> F64:
+    """Means of the outputs while the inputs stand as they did before, or where a parabola begins."""
+    moving = np.any(rec.u != past, axis=0)
+    count = int(np.argmax(moving)) if moving.any() else 0
+    degree = 0 if count >= QUIET else 2
+    count = max(count, QUIET if degree == 0 else SHORT)
     good = np.ones((len(rec.y), count)) if rec.mask is None else rec.mask[:, :count] + 1e-9
-    return np.asarray(np.average(rec.y[:, :count], axis=1, weights=good))
+    t = rec.t[:count] - rec.t[0]
+    return np.array(
+        [
+            np.polynomial.Polynomial.fit(t, y[:count], degree, w=own)(0.0)
+            for y, own in zip(rec.y, good, strict=True)
+        ]
+    )
 
 
 def _trend(structure: Any, options: Options) -> str | None:
@@ -197,19 +220,9 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
     if options.initial_state not in ("rest", "zero"):
         raise SpecError(
             f"{told} is for transfer functions of one output in white noise, without free delays, masks and "
-            'sigma; take "rest", "zero" or "unknown"'
+            'sigma, and numbers also for a StateSpace; take "rest", "zero" or "unknown"'
         )
-    plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
-    if not plain or options.method not in ("ml", "awls"):
-        raise SpecError(
-            f'{told} goes with noise of the outputs, noise="output" or mf.Noise(y=...), by "ml" or "awls"; '
-            'leave the other option out, or take initial_state="unknown"'
-        )
-    if _trend(structure, options) == "linear":
-        raise SpecError(
-            f'{told}: a drift, trend="linear", has no beginning, so nothing rests before it; take '
-            'trend="constant"'
-        )
+    _refuse_kind(structure, options)
     if not isinstance(structure, TransferFunction):
         _refuse_time(told, structure)
     if options.initial_state == "rest":
@@ -222,6 +235,21 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
                     f'(intersample={kind!r}), so it would jump from zero there; take "rest", or begin the '
                     "record before the input moves"
                 )
+
+
+def _refuse_kind(structure: Any, options: Options) -> None:
+    told = f"fit: initial_state={options.initial_state!r}"
+    plain = options.noise == "output" or (isinstance(options.noise, Noise) and options.noise.u is None)
+    if not plain or options.method not in ("ml", "awls"):
+        raise SpecError(
+            f'{told} goes with noise of the outputs, noise="output" or mf.Noise(y=...), by "ml" or "awls"; '
+            'leave the other option out, or take initial_state="unknown"'
+        )
+    if _trend(structure, options) == "linear":
+        raise SpecError(
+            f'{told}: a drift, trend="linear", has no beginning, so nothing rests before it; take '
+            'trend="constant"'
+        )
 
 
 def _refuse_time(told: str, structure: Any) -> None:

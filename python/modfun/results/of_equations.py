@@ -192,7 +192,9 @@ class EquationFit(Fit):
 
     def _from_past(self, rec: Record) -> tuple[F64, InitialState] | None:
         """The same for one of the fit's records that has a past, whose samples tell where it begins."""
-        for own, longer in zip(self.records or (), self.with_past or (), strict=False):
+        for k, (own, longer) in enumerate(zip(self.records or (), self.with_past or (), strict=False)):
+            if own == rec and not isinstance(self.options.initial_state, str):
+                return simulate_equations(self, rec, self.options.states(len(self.lines))[k])
             if own == rec:
                 simulated, past = simulate_equations(self, longer, None)
                 simulated = simulated[:, -rec.t.size :]
