@@ -23,6 +23,8 @@ from .summary import one_line
 
 __all__ = ["ResponseFit"]
 
+LEAST = 2.1  # complex degrees of freedom of a variance, at least: below 2 the misfit has none itself
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ResponseFit(Fit):
@@ -72,6 +74,24 @@ class ResponseFit(Fit):
         return self.cost if self.data.cov is not None else nan
 
     @property
+    def misfit_p(self) -> float:
+        """Probability of a misfit as large if the model is right; nan without variances of the gains.
+
+        Where the gains came with degrees of freedom, their variances are estimates: each gain has Hotelling's
+        T² for its misfit, and their sum an F law with the same mean and variance. Else it is chi-square.
+        """
+        from scipy.special import chdtrc, fdtrc
+
+        if self.data.cov is None:
+            return nan
+        df = float(self.df_resid)
+        law = None if self.data.degrees is None else scattered(self.data, df)
+        if law is None:
+            return float(chdtrc(df, self.chi2))
+        mean, free = law
+        return float(fdtrc(df, free, self.chi2 / mean * free / (free - 2)))
+
+    @property
     def sigma(self) -> float:
         """Level of the misfit: over the standard errors of the gains, or without these of the gains."""
         return float(np.sqrt(self.cost / max(self.df_resid, 1)))
@@ -115,14 +135,12 @@ class ResponseFit(Fit):
     @cached_property
     def _findings(self) -> Findings:
         """What is wrong or doubtful about the fit, in sentences with numbers."""
-        from scipy.special import chdtrc
-
         found = self._failings()
-        if self.data.cov is not None and chdtrc(self.df_resid, self.chi2) < UNLIKELY:
+        if self.misfit_p < UNLIKELY:
             found.append(
                 f"The misfit is {self.sigma:.3g} times the standard errors of the gains (chi-square "
-                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom): the model misses something, or "
-                "the gains are biased, as those of wide neighbourhoods are at resonances."
+                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom, p = {self.misfit_p:.2g}): the model "
+                "misses something, or the gains are biased, as those of wide neighbourhoods are at resonances."
             )
         return Findings(f"Check of {one_line(self)}", found)
 
@@ -144,3 +162,23 @@ class ResponseFit(Fit):
                 "system, else a sign of too many poles."
             )
         return found
+
+
+def scattered(data: FrequencyResponse, df: float) -> tuple[float, float] | None:
+    """Mean of the misfit, and degrees of freedom of the F law that has its variance; None for chi-square.
+
+    Of p complex gains whose noise of q outputs has ν complex degrees of freedom, the misfit is 2pν/ν' times
+    F(2p, 2ν'), ν' = ν − q + 1. A law without a variance, ν' of 2 or less, is taken as one that has one.
+    """
+    assert data.degrees is not None
+    first, count = 2.0 * len(data.outputs) * len(data.inputs), float(len(data.outputs))
+    freedom = data.degrees
+    left = 2 * np.maximum(freedom - count + 1, LEAST)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scale = np.where(np.isfinite(left), (left + 2 * count - 2) / (left - 2), 1.0)
+        wide = np.where(np.isfinite(left), 2 * (first + left - 2) / (first * (left - 4)), 2 / first)
+    mean, spread = scale.mean(), float(np.mean(scale**2 * wide)) * first / scale.mean() ** 2
+    more = spread - 2  # relative variance of the sum times its degrees of freedom, beyond that of chi-square
+    if not more > 1e-9:
+        return None
+    return df * float(mean), (2 * df - 4 + 4 * spread) / more
