@@ -139,8 +139,9 @@ class ResponseFit(Fit):
         if self.misfit_p < UNLIKELY:
             found.append(
                 f"The misfit is {self.sigma:.3g} times the standard errors of the gains (chi-square "
-                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom, p = {self.misfit_p:.2g}): the model "
-                "misses something, or the gains are biased, as those of wide neighbourhoods are at resonances."
+                f"{self.chi2:.4g} for {self.df_resid} degrees of freedom, p = {self.misfit_p:.2g}): the "
+                "model misses something, or gains are biased, as those of wide neighbourhoods are at "
+                "resonances."
             )
         return Findings(f"Check of {one_line(self)}", found)
 
