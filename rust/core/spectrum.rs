@@ -4,6 +4,8 @@
 //! [`FOLDED_HARMONICS`] harmonics, a real FFT above, direct sums for uneven samples.
 
 mod folded;
+mod held;
+mod kind;
 mod offset;
 mod padded;
 mod shifted;
@@ -16,15 +18,17 @@ use std::sync::Arc;
 use modfun_fft::{Complex, RealToComplex};
 
 use crate::Error;
-use crate::math::{root_of_unity, sin_cos_turns_1};
+use crate::math::sin_cos_turns_1;
 use crate::quadrature::{Hold, Rule, Weights, cell_moments, check_times, times};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use folded::FoldedSums;
+use held::HoldFactor;
+pub use kind::Kind;
 use offset::{levelled, offset, offsets};
 pub use padded::Padded;
 pub(crate) use shifted::Shifted;
 pub use sliding::Sliding;
-use source::{Between, Eight, One, Records, Source, Taps};
+use source::{Between, Eight, One, Source, Taps};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
 pub const FOLDED_HARMONICS: usize = 64;
@@ -32,51 +36,6 @@ pub const FOLDED_HARMONICS: usize = 64;
 const ROUNDING: f64 = 1e-9;
 /// Samples of a record that no machine holds.
 const MOST: usize = 1 << 36;
-
-/// How the samples of a channel stand for a signal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Smooth: a quadrature rule.
-    Rule(Rule),
-    /// Held between the samples: exact coefficients.
-    Hold(Hold),
-}
-
-impl Kind {
-    /// All kinds, rules first.
-    pub const ALL: [Kind; 6] = [
-        Kind::Rule(Rule::Staircase),
-        Kind::Rule(Rule::Trapezoid),
-        Kind::Rule(Rule::Parabolic),
-        Kind::Rule(Rule::Gregory),
-        Kind::Hold(Hold::Zoh),
-        Kind::Hold(Hold::Foh),
-    ];
-
-    /// The name users see.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Rule(rule) => rule.name(),
-            Kind::Hold(hold) => hold.name(),
-        }
-    }
-
-    /// The kind of that name.
-    ///
-    /// # Errors
-    /// [`Error::Spec`] with the list of names.
-    pub fn from_name(name: &str) -> Result<Kind, Error> {
-        Kind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
-            let names: Vec<_> =
-                Kind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
-            Error::Spec(format!(
-                "there is no quadrature rule or hold \"{name}\"; use one of {}",
-                names.join(", ")
-            ))
-        })
-    }
-}
 
 /// Scratch memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call
 /// for eight records allocates (its tables), and the first record with a large offset.
@@ -121,13 +80,6 @@ enum Sums {
         t: Vec<f64>,
         weights: Vec<f64>,
     },
-}
-
-/// What turns the plain sum F(m) of held values into the coefficient: α F + β₀ (u_N − u_0) + β₁ (u_{N+1} − u_1).
-#[derive(Debug, Clone, Copy)]
-struct HoldFactor {
-    sum: (f64, f64),
-    ends: [(f64, f64); 2],
 }
 
 impl CoefficientPlan {
@@ -430,30 +382,6 @@ impl CoefficientPlan {
         Ok(())
     }
 
-    /// Makes the plain sums of held values coefficients.
-    #[inline(always)]
-    fn hold<R: Records>(&self, samples: &[R::Stored], re: &mut [R::Stored], im: &mut [R::Stored]) {
-        if self.holds.is_empty() {
-            return;
-        }
-        let sample = |k: usize| R::load(&samples[self.first + k]);
-        let mut both = [sample(self.intervals) - sample(0), R::zero()];
-        if self.first < self.lead {
-            both[1] = sample(self.intervals + 1) - sample(1);
-        }
-        for ((factor, re), im) in self.holds.iter().zip(re).zip(im) {
-            let (x, y) = (R::load(re), R::load(im));
-            let mut real = R::scaled(x, factor.sum.0) - R::scaled(y, factor.sum.1);
-            let mut imag = R::scaled(x, factor.sum.1) + R::scaled(y, factor.sum.0);
-            for (by, end) in factor.ends.iter().zip(both) {
-                real = R::add_scaled(end, by.0, real);
-                imag = R::add_scaled(end, by.1, imag);
-            }
-            R::store(real, re);
-            R::store(imag, im);
-        }
-    }
-
     /// One record with uneven samples: sums over samples, or over cells of a held signal.
     fn direct(&self, t: &[f64], weights: &[f64], samples: &[f64], re: &mut [f64], im: &mut [f64]) {
         let span = t[self.intervals] - t[0];
@@ -477,23 +405,6 @@ impl CoefficientPlan {
             (re[m], im[m]) = (sum.0 / span, sum.1 / span);
         }
         im[0] = 0.0;
-    }
-}
-
-impl HoldFactor {
-    /// With F₁ = W⁻(F + u_N − u_0), F₂ = W⁻(F₁ + u_{N+1} − u_1) the sums shifted by one and two samples,
-    /// W⁻ = e^{ix}, the coefficient is c₀F + c₁F₁ + c₂F₂.
-    fn new(hold: Hold, m: usize, intervals: usize, ahead: f64) -> HoldFactor {
-        let [c0, c1, c2] = hold.cell(m as f64 / intervals as f64, ahead);
-        let shift = root_of_unity(m as u64, intervals as u64);
-        let (once, twice) = (times(c1, shift), times(times(c2, shift), shift));
-        let both = (once.0 + twice.0, once.1 + twice.1);
-        let by = 1.0 / intervals as f64;
-        let second = times(c2, shift);
-        HoldFactor {
-            sum: (c0.0 + both.0, c0.1 + both.1),
-            ends: [(by * both.0, by * both.1), (by * second.0, by * second.1)],
-        }
     }
 }
 

@@ -417,6 +417,7 @@ fn account(py: Python<'_>, rule: Option<BandRule>) -> PyResult<Option<Bound<'_, 
     account.set_item("cost_wide", rule.costs[0])?;
     account.set_item("cost_narrow", rule.costs[1])?;
     account.set_item("k", rule.chosen as f64)?;
+    account.set_item("meets_end", f64::from(rule.meets_end()))?;
     Ok(Some(account))
 }
 

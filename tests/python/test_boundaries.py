@@ -38,7 +38,7 @@ LEVEL = {room: k for k, rooms in enumerate(LEVELS) for room in rooms}
 
 LONGEST = 500
 # Files that hold one concept and are longer.
-LONG: frozenset[str] = frozenset()
+LONG: frozenset[str] = frozenset({"rust/core/estimate/joint/fitter.rs"})
 
 
 def name_of(path: Path) -> str:
@@ -164,7 +164,10 @@ def test_no_circles_between_files() -> None:
 
 
 def test_files_are_short_enough_to_be_read() -> None:
-    lines = {name: len(path.read_text().splitlines()) for name, path in modules().items()}
+    core = sorted((ROOT / "rust").rglob("*.rs"))
+    assert len(core) > 100
+    files = {**modules(), **{path.relative_to(ROOT).as_posix(): path for path in core}}
+    lines = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in files.items()}
     long = {name for name, count in lines.items() if count > LONGEST}
     assert long == LONG, long ^ LONG
 

@@ -38,9 +38,8 @@ def beyond(fit: Estimates) -> Doubt | None:
 
 
 def _meets_end(fit: Estimates) -> bool:
-    """Whether the default rule chose a band up to where it looked (`BandRule::meets_end` in the core)."""
-    rule = fit.band_rule
-    return rule is not None and 10 * rule["k"] >= 9 * rule["k_max"]
+    """Whether the default rule chose a band up to where it looked; files of old do not say."""
+    return fit.band_rule is not None and fit.band_rule.get("meets_end", 0.0) > 0.0
 
 
 def _was_asked(fit: Estimates) -> bool:

@@ -10,34 +10,40 @@ use super::{ls, straight, uncertainty};
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Method;
 
-/// The estimate once more, from where it stands, of an output that has changed a little.
-pub(super) fn again(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    let nit = w.progress.nit;
-    w.begin(live);
-    match (rule, d.method) {
-        (Some(rule), _) => {
-            prepare(isa, d, w);
-            isa.run(uncertainty::Transients { design: d, space: w });
-            iterate(isa, d, w, rule, o);
-        }
-        (None, Method::Ls) => {
-            if !straight::ls(isa, d, w) {
-                isa.run(ls::LsStep { design: d, space: w });
+/// How an estimate of the eight lanes is carried on, again and again.
+#[derive(Clone, Copy)]
+pub(super) struct Estimation<'a> {
+    pub isa: Isa,
+    pub design: &'a Design,
+    /// Its steps; none where the start is all.
+    pub rule: Option<Rule>,
+    pub options: &'a Options,
+}
+
+impl Estimation<'_> {
+    /// The estimate once more, from where it stands, of an output that has changed a little.
+    pub fn again(&self, w: &mut Workspace, live: [bool; LANES]) {
+        let Estimation { isa, design: d, rule, options: o } = *self;
+        let nit = w.progress.nit;
+        w.begin(live);
+        match (rule, d.method) {
+            (Some(rule), _) => {
+                prepare(isa, d, w);
+                isa.run(uncertainty::Transients { design: d, space: w });
+                iterate(isa, d, w, rule, o);
             }
+            (None, Method::Ls) => {
+                if !straight::ls(isa, d, w) {
+                    isa.run(ls::LsStep { design: d, space: w });
+                }
+            }
+            (None, _) => iterate(isa, d, w, Rule::Wls, o),
         }
-        (None, _) => iterate(isa, d, w, Rule::Wls, o),
-    }
-    if rule.is_none() {
-        w.progress.active = Wide::ZERO;
-    }
-    for lane in 0..LANES {
-        w.progress.nit.0[lane] += nit.0[lane];
+        if rule.is_none() {
+            w.progress.active = Wide::ZERO;
+        }
+        for lane in 0..LANES {
+            w.progress.nit.0[lane] += nit.0[lane];
+        }
     }
 }

@@ -15,11 +15,10 @@
 
 use std::f64::consts::TAU;
 
-use super::again::again;
+use super::again::Estimation;
 use super::aliasing::Fold;
 use super::design::Design;
 use super::iterate::iterate;
-use super::options::Options;
 use super::pass::prepare;
 use super::rest::moved;
 use super::rule::Rule;
@@ -52,76 +51,66 @@ impl Design {
     }
 }
 
-/// The estimate with what sampling folds taken out of the output, in all live lanes.
-pub(super) fn settle(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-    take_few_lines(d, w);
-    turn(d, w);
-    w.begin(live);
-    if d.method == Method::Ls {
-        again(isa, d, w, live, rule, o);
-    } else {
-        iterate(isa, d, w, Rule::Wls, o);
+impl Estimation<'_> {
+    /// The estimate with what sampling folds taken out of the output, in all live lanes.
+    pub fn settle(&self, w: &mut Workspace, live: [bool; LANES]) {
+        let Estimation { isa, design: d, rule, options: o } = *self;
+        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+        take_few_lines(d, w);
+        turn(d, w);
+        w.begin(live);
+        if d.method == Method::Ls {
+            self.again(w, live);
+        } else {
+            iterate(isa, d, w, Rule::Wls, o);
+        }
+        if let Some(rule) = rule {
+            iterate(isa, d, w, rule, o);
+        }
+        turn_back(d, w);
+        self.rounds(w, live);
+        if w.records.iter().any(|r| r.limit < r.lines) {
+            w.records.iter_mut().for_each(|r| r.limit = r.lines);
+            self.rounds(w, live);
+        }
     }
-    if let Some(rule) = rule {
-        iterate(isa, d, w, rule, o);
-    }
-    turn_back(d, w);
-    rounds(isa, d, w, live, rule, o);
-    if w.records.iter().any(|r| r.limit < r.lines) {
-        w.records.iter_mut().for_each(|r| r.limit = r.lines);
-        rounds(isa, d, w, live, rule, o);
-    }
-}
 
-/// Rounds of what is folded at the estimate and of half the way to the estimate that follows, each lane until it
-/// stands.
-fn rounds(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
-    for _ in 0..ROUNDS {
-        take_out(isa, d, w);
-        w.before.copy(&w.iterates, [true; LANES]);
-        again(isa, d, w, left, rule, o);
-        for lane in 0..LANES {
-            if !left[lane] {
-                continue;
+    /// Rounds of what is folded at the estimate and of half the way to the estimate that follows, each lane until it
+    /// stands.
+    fn rounds(&self, w: &mut Workspace, live: [bool; LANES]) {
+        let Estimation { isa, design: d, .. } = *self;
+        let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
+        for _ in 0..ROUNDS {
+            take_out(isa, d, w);
+            w.before.copy(&w.iterates, [true; LANES]);
+            self.again(w, left);
+            for lane in 0..LANES {
+                if !left[lane] {
+                    continue;
+                }
+                (unsettled[lane], dependent[lane]) =
+                    (w.progress.active.0[lane] > 0.0, w.dependent[lane]);
+                let each = w.iterates.theta.now.iter_mut().zip(&w.before.theta.now);
+                left[lane] = moved(
+                    SETTLED,
+                    each.map(|(now, before)| {
+                        let (from, to) = (before.0[lane], now.0[lane]);
+                        now.0[lane] = 0.5 * (from + to);
+                        (from, to)
+                    }),
+                );
             }
-            (unsettled[lane], dependent[lane]) =
-                (w.progress.active.0[lane] > 0.0, w.dependent[lane]);
-            let each = w.iterates.theta.now.iter_mut().zip(&w.before.theta.now);
-            left[lane] = moved(
-                SETTLED,
-                each.map(|(now, before)| {
-                    let (from, to) = (before.0[lane], now.0[lane]);
-                    now.0[lane] = 0.5 * (from + to);
-                    (from, to)
-                }),
-            );
+            if left == [false; LANES] {
+                break;
+            }
         }
-        if left == [false; LANES] {
-            break;
+        // As the estimate says, however many rounds other lanes took.
+        take_out(isa, d, w);
+        for lane in 0..LANES {
+            w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
         }
+        w.dependent = dependent;
     }
-    // As the estimate says, however many rounds other lanes took.
-    take_out(isa, d, w);
-    for lane in 0..LANES {
-        w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
-    }
-    w.dependent = dependent;
 }
 
 /// What the estimate that stands folds, out of the output.

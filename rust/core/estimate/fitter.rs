@@ -1,33 +1,34 @@
 //! A structure, a method and a way of sampling made ready: what the samples do not change is made once, for
 //! any number of fits.
 
+mod coefficients;
+mod desk;
+mod finish;
+
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+pub(crate) use desk::{Desk, Problem, binary_unit};
+
 use super::aliasing::Aliasing;
-use super::answer::{Answer, unit_diagonal};
-use super::band::{BandRule, CLOSE, Choice, Range};
+use super::answer::Answer;
+use super::band::{BandRule, Choice, Range};
 use super::design::Design;
 use super::fit::{Fit, FitOptions, RecordView, Time};
-use super::many::Many;
-use super::options::{Options, Start, Wanted};
+use super::options::Start;
 use super::outcome::End;
 use super::record_levels::{misfits, settle};
-use super::replicates::estimate;
-use super::rest::{Course, Drives, Initial, KnownStart};
+use super::rest::{Course, Initial, KnownStart};
 use super::shared::Shared;
 use super::spare::Spare;
-use super::uncertainty::Residuals;
-use super::window::{Spectra, Window, coefficient_plans};
-use super::workspace::Workspace;
+use super::wider::reaches_further;
+use super::window::{Window, coefficient_plans};
 use crate::error::Error;
 use crate::modulation::Lines;
 use crate::quadrature::Hold;
-use crate::simd::{Isa, LANES, Wide};
-use crate::spectrum::{CoefficientPlan, Scratch};
+use crate::simd::{Isa, LANES};
+use crate::spectrum::CoefficientPlan;
 use crate::structure::{Method, Noise};
 
-/// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
-const PROBLEMS: usize = 4;
 /// Bands lately chosen for batches that are kept.
 const BANDS: usize = 4;
 
@@ -58,42 +59,6 @@ pub struct Fitter {
     doublings: u32,
     /// The same with a band twice as wide, made when a record asks for it; none where samples show no more.
     wider: OnceLock<Option<Box<Fitter>>>,
-}
-
-/// Memory of one fit.
-pub(crate) struct Desk {
-    /// Of each record, each channel.
-    spectra: Vec<Vec<Spectrum>>,
-    /// Power of two at the size of each channel over all records.
-    units: Vec<f64>,
-    /// Noise variance of each record over a common one.
-    levels: Vec<f64>,
-    /// Of each record, what its inputs do to states from a known start.
-    drives: Vec<Arc<Drives>>,
-    problems: Vec<Problem>,
-}
-
-/// Coefficients of one channel.
-struct Spectrum {
-    scratch: Scratch,
-    re: Vec<f64>,
-    im: Vec<f64>,
-}
-
-/// A choice of lines with its workspace.
-pub(crate) struct Problem {
-    ranges: Vec<Range>,
-    levels: Vec<f64>,
-    pub design: Design,
-    /// The design's scales before a record's units.
-    scale: Vec<f64>,
-    pub space: Workspace,
-}
-
-/// The power of two at the size of a channel, so that dividing by it changes no digit; one for nothing.
-pub(crate) fn binary_unit(size: f64) -> f64 {
-    let power = f64::from_bits(size.to_bits() & (0x7ff << 52));
-    if power.is_normal() { power } else { 1.0 }
 }
 
 impl Fitter {
@@ -177,14 +142,8 @@ impl Fitter {
             let sampling: Vec<_> = self.records.iter().map(even).collect::<Option<_>>()?;
             let wider =
                 Fitter::doubled(self.doublings + 1, None, self.o.clone(), &sampling, self.isa);
-            let goes_on = |wider: &Fitter| {
-                wider
-                    .records
-                    .iter()
-                    .zip(&self.records)
-                    .any(|(wider, own)| wider.range.1 > own.range.1)
-            };
-            wider.ok().filter(goes_on).map(Box::new)
+            let further = |wider: &Fitter| reaches_further(&wider.ranges(), &self.ranges());
+            wider.ok().filter(further).map(Box::new)
         };
         self.wider.get_or_init(make).as_deref()
     }
@@ -196,69 +155,6 @@ impl Fitter {
     /// result.
     pub fn fit(&self, records: &[RecordView<'_>]) -> Result<Fit, Error> {
         self.fit_best(records, &[])
-    }
-
-    /// The same from coefficients of each record and channel, output first, on lines that were given.
-    ///
-    /// # Errors
-    /// As [`Fitter::fit`], and [`Error::Spec`] where the lines were not given.
-    pub(crate) fn fit_coefficients(&self, spectra: &Spectra) -> Result<Fit, Error> {
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let ranges = self.take(desk, spectra)?;
-        self.finish(desk, &ranges, Start::Wls, None)
-    }
-
-    /// The same of up to eight moments, one a lane.
-    ///
-    /// # Errors
-    /// As [`Fitter::fit_coefficients`].
-    pub(crate) fn fit_moments(&self, moments: &[Spectra]) -> Result<Many, Error> {
-        let mut out = Many::default();
-        let Some(first) = moments.first() else { return Ok(out) };
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let ranges = self.take(desk, first)?;
-        let mut problem = self.problem(desk, &ranges)?;
-        let lines = problem.design.lines();
-        for (lane, spectra) in moments.iter().enumerate().skip(1) {
-            for (k, (channels, own)) in spectra.iter().zip(&lines).enumerate() {
-                for (signal, ((re, im), unit)) in channels.iter().zip(&desk.units).enumerate() {
-                    let to = problem.space.signal_mut(k, signal);
-                    let from = re[own.first..].iter().zip(&im[own.first..]);
-                    for ((to_re, to_im), (re, im)) in to.0.iter_mut().zip(to.1).zip(from) {
-                        (to_re.0[lane], to_im.0[lane]) = (re / unit, im / unit);
-                    }
-                }
-            }
-        }
-        let live = std::array::from_fn(|lane| lane < moments.len());
-        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let (d, w) = (&problem.design, &mut problem.space);
-        let outcome = estimate(self.isa, d, w, live, Start::Wls, &options);
-        (0..moments.len()).for_each(|lane| out.push(d, w, lane, &outcome));
-        desk.keep(problem);
-        Ok(out)
-    }
-
-    /// Coefficients onto the desk; the lines, as given.
-    fn take(&self, desk: &mut Desk, spectra: &Spectra) -> Result<Vec<Range>, Error> {
-        if self.o.band_is_sought() {
-            return Err(Error::Spec("fitting coefficients: no band was given".into()));
-        }
-        if self.o.initial != Initial::Unknown {
-            return Err(Error::Spec(
-                "fitting coefficients: a known initial state needs the record from its start; \
-                 take initial_state=\"unknown\""
-                    .into(),
-            ));
-        }
-        for ((re, im), to) in spectra.iter().flatten().zip(desk.spectra.iter_mut().flatten()) {
-            to.re.copy_from_slice(re);
-            to.im.copy_from_slice(im);
-        }
-        desk.begin();
-        Ok(self.records.iter().map(|r| r.range).collect())
     }
 
     /// The same on lines that were given, iterated from `wls` and from each of these parameters: the best of all.
@@ -344,7 +240,7 @@ impl Fitter {
         before: Option<&[f64]>,
     ) -> Result<Choice, Error> {
         self.load(desk, records)?;
-        let ranges: Vec<Range> = self.records.iter().map(|r| r.range).collect();
+        let ranges = self.ranges();
         match self.o.band_is_sought() {
             true => {
                 self.find_levels(desk, &self.narrow(&ranges), Start::Wls);
@@ -393,6 +289,11 @@ impl Fitter {
         })?;
         desk.levels = levels;
         Ok(fit)
+    }
+
+    /// The lines of each record, as given or up to the widest of the default rule.
+    fn ranges(&self) -> Vec<Range> {
+        self.records.iter().map(|r| r.range).collect()
     }
 
     /// What the records of a batch share: lines as given, or those the default rule finds on one record.
@@ -488,201 +389,6 @@ impl Fitter {
             inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),
             initial: o.initial,
             states: o.states.clone(),
-        })
-    }
-
-    fn desk(&self) -> Desk {
-        let spectrum = |plan: &CoefficientPlan| {
-            let none = vec![0.0; plan.harmonics() + 1];
-            Spectrum { scratch: plan.scratch(), re: none.clone(), im: none }
-        };
-        let spectra = |r: &RecordPlan| r.plans.iter().map(spectrum).collect();
-        Desk {
-            spectra: self.records.iter().map(spectra).collect(),
-            units: Vec::new(),
-            levels: vec![1.0; self.records.len()],
-            drives: Vec::new(),
-            problems: Vec::new(),
-        }
-    }
-
-    /// Coefficients of all channels, and their units.
-    fn load(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<(), Error> {
-        if records.len() != self.records.len() {
-            return Err(Error::Data(format!(
-                "fitting: {} records were given where {} were announced",
-                records.len(),
-                self.records.len()
-            )));
-        }
-        let inputs = self.o.structure.numerators.len();
-        for ((record, plan), spectra) in records.iter().zip(&self.records).zip(&mut desk.spectra) {
-            if record.u.len() != inputs {
-                return Err(Error::Data(format!(
-                    "fitting: the structure has {inputs} inputs but a record has {}",
-                    record.u.len()
-                )));
-            }
-            let channels = std::iter::once(&record.y).chain(&record.u);
-            for ((plan, samples), s) in plan.plans.iter().zip(channels).zip(spectra) {
-                plan.run_in(self.isa, samples, &mut s.re, &mut s.im, &mut s.scratch)?;
-            }
-        }
-        desk.begin();
-        desk.drives.clear();
-        if matches!(self.o.initial, Initial::Zero | Initial::Rest) {
-            let known = self.known_start(1.0)?;
-            let drives = |(k, record): (usize, &RecordView<'_>)| {
-                Arc::new(known.drives(k, &desk.units, |_, input| record.u[input]))
-            };
-            desk.drives = records.iter().enumerate().map(drives).collect();
-        }
-        Ok(())
-    }
-
-    /// The problem on lines (first, last) a record, its workspace loaded. Put it back with
-    /// [`Desk::keep`].
-    pub(crate) fn problem(&self, desk: &mut Desk, ranges: &[Range]) -> Result<Problem, Error> {
-        let same = |p: &Problem| p.ranges == ranges && p.levels == desk.levels;
-        let mut problem = match desk.problems.iter().position(same) {
-            Some(at) => desk.problems.remove(at),
-            None => {
-                let design = self.design(ranges, &desk.levels)?;
-                let (scale, space) = (design.scale.clone(), Workspace::new(&design));
-                Problem {
-                    ranges: ranges.to_vec(),
-                    levels: desk.levels.clone(),
-                    design,
-                    scale,
-                    space,
-                }
-            }
-        };
-        problem.load(desk);
-        Ok(problem)
-    }
-
-    /// The estimate on the chosen lines with everything a user sees; of several starts the best.
-    fn finish(
-        &self,
-        desk: &mut Desk,
-        ranges: &[Range],
-        start: Start<'_>,
-        band_rule: Option<BandRule>,
-    ) -> Result<Fit, Error> {
-        let mut problem = self.problem(desk, ranges)?;
-        let (d, w) = (&problem.design, &mut problem.space);
-        let options = Options { wanted: Wanted::Covariance, ..self.o.options };
-        let live = start.lanes();
-        let outcome = estimate(self.isa, d, w, live, start, &options);
-        let end = |lane: usize| End { status: outcome.status[lane], cost: w.cost(lane) };
-        let better =
-            |best: usize, k: usize| if end(k).is_better_than(end(best)) { k } else { best };
-        let lane = (0..LANES).filter(|k| live[*k]).fold(0, better);
-        let degrees_of_freedom = d.degrees_of_freedom();
-        let plain_sigma = (w.cost(lane) / degrees_of_freedom as f64).sqrt();
-        let mut residuals = Vec::new();
-        self.isa.run(Residuals { design: d, space: w, out: &mut residuals });
-        let over = |v: &[Wide; 2]| (v[0].0[lane] / plain_sigma, v[1].0[lane] / plain_sigma);
-        let mut fit = Fit {
-            answer: Answer {
-                theta: w.theta(d, lane).collect(),
-                cov_nonrobust: w.cov_nonrobust(d, lane),
-                cov_hc3: w.cov_hc3(d, lane),
-                cov_spectral: w.cov_spectral(d, lane),
-                degrees: w.degrees(lane).collect(),
-                noise_spectrum: w.spectral.told(&d.bins, lane),
-                gram: unit_diagonal(|k| w.gram[k].0[lane], d.parameters()),
-                cost: w.cost(lane) * d.cost_unit() * d.cost_unit(),
-                degrees_of_freedom,
-                status: outcome.status[lane],
-                nit: outcome.nit[lane],
-                lines: d.lines(),
-                band_rule,
-            },
-            sigma: plain_sigma * d.cost_unit(),
-            free_cost: None,
-            levels: w.refined.as_ref().map(|own| own.levels(d, lane)),
-            record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
-            residuals: match &w.refined {
-                Some(own) => own.residuals(lane),
-                None => residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
-            },
-        };
-        fit.free_cost = self.free_cost(&mut problem, &fit.answer.theta, &options);
-        desk.keep(problem);
-        Ok(fit)
-    }
-
-    /// The cost on the same lines without what is known of the initial states, where something is.
-    fn free_cost(&self, problem: &mut Problem, theta: &[f64], o: &Options) -> Option<f64> {
-        let known = problem.design.known_start.take()?;
-        let (d, w) = (&problem.design, &mut problem.space);
-        if d.aliasing.is_some() {
-            w.records.iter_mut().for_each(|r| r.measured.give_back(&mut r.re, &mut r.im));
-        }
-        let start = Start::Theta(theta);
-        estimate(self.isa, d, w, start.lanes(), start, o);
-        let cost = w.cost(0) * d.cost_unit() * d.cost_unit();
-        problem.design.known_start = Some(known);
-        Some(cost)
-    }
-}
-
-impl Desk {
-    /// Units of the coefficients that stand, the power of two at the size of each channel over all records; noise of
-    /// one level.
-    fn begin(&mut self) {
-        self.levels.fill(1.0);
-        let size = |k: usize| {
-            let parts = self.spectra.iter().flat_map(|s| s[k].re.iter().chain(&s[k].im));
-            parts.fold(0.0, |most: f64, v| most.max(v.abs()))
-        };
-        let channels = self.spectra.first().map_or(0, Vec::len);
-        self.units = (0..channels).map(|k| binary_unit(size(k))).collect();
-    }
-
-    /// Keeps a problem for the next fit, the latest first.
-    pub(crate) fn keep(&mut self, problem: Problem) {
-        self.problems.truncate(PROBLEMS - 1);
-        self.problems.insert(0, problem);
-    }
-}
-
-impl Problem {
-    /// Writes a desk's coefficients into the workspace, in the desk's units.
-    fn load(&mut self, desk: &Desk) {
-        self.design.scale.copy_from_slice(&self.scale);
-        self.design.set_units(&desk.units);
-        for (k, (spectra, range)) in desk.spectra.iter().zip(self.design.lines()).enumerate() {
-            for ((signal, s), unit) in spectra.iter().enumerate().zip(&desk.units) {
-                let (re, im) = self.space.signal_mut(k, signal);
-                let from = s.re[range.first..].iter().zip(&s.im[range.first..]);
-                for ((re, im), (from_re, from_im)) in re.iter_mut().zip(im).zip(from) {
-                    *re = Wide::splat(from_re / unit);
-                    *im = Wide::splat(from_im / unit);
-                }
-            }
-            // The band rule may have asked for fewer.
-            self.space.records[k].limit = self.space.records[k].lines;
-            if let Some(drives) = desk.drives.get(k) {
-                self.space.records[k].tie.drives = drives.clone();
-            }
-        }
-    }
-
-    /// Runs without covariance from `wls` and from these parameters, a lane each, close to the end: costs.
-    pub(crate) fn trial(&mut self, fitter: &Fitter, starts: &[Vec<f64>]) -> [f64; LANES] {
-        let (d, w) = (&self.design, &mut self.space);
-        let given = fitter.o.options;
-        let options = Options { wanted: Wanted::Cost, tol: given.tol.max(CLOSE), ..given };
-        let start = if starts.is_empty() { Start::Wls } else { Start::Each(starts) };
-        let live = start.lanes();
-        let outcome = estimate(fitter.isa, d, w, live, start, &options);
-        let unit = d.cost_unit() * d.cost_unit();
-        std::array::from_fn(|lane| match live[lane] {
-            true => End { status: outcome.status[lane], cost: w.cost(lane) * unit }.cost(),
-            false => f64::INFINITY,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
-use super::again::again;
+use super::again::Estimation;
 use super::aliasing::ROUNDS;
 use super::band::SAME;
 use super::completion::{complete, status};
@@ -12,10 +12,9 @@ use super::pass::prepare;
 use super::refine::refine;
 use super::rest::{self, KnownStart};
 use super::rule::Rule;
-use super::second_start::go_again;
 use super::unalias::unalias;
 use super::workspace::Workspace;
-use super::{at_once, ls, straight, uncertainty};
+use super::{ls, straight, uncertainty};
 use crate::error::Status;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -55,13 +54,14 @@ pub fn estimate(
         Method::Ml if d.adapts() => Some(Rule::Ml),
         _ => None,
     };
+    let estimation = Estimation { isa, design: d, rule, options: o };
     let at_once = d.acts_at_once();
     match rule {
-        _ if at_once => at_once::settle(isa, d, w, live, rule, o),
+        _ if at_once => estimation.settle(w, live),
         Some(rule) => {
             iterate(isa, d, w, rule, o);
             if start == Start::Wls {
-                go_again(isa, d, w, live, rule, o);
+                estimation.go_again(w, live, rule);
             }
         }
         None => w.progress.active = Wide::ZERO,
@@ -73,10 +73,10 @@ pub fn estimate(
                 if at_once {
                     w.records.iter_mut().for_each(|r| r.measured.give_back(&mut r.re, &mut r.im));
                 }
-                start_known(isa, d, w, known, live, rule, o);
+                estimation.start_known(w, known, live);
             }
             _ if at_once => {}
-            _ => unfold(isa, d, w, live, rule, o),
+            _ => estimation.unfold(w, live),
         }
     }
     if o.wanted != Wanted::Theta {
@@ -93,97 +93,86 @@ pub fn estimate(
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }
 
-/// Rounds of what sampling folds at the estimate, and of the estimate that follows.
-fn unfold(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    if d.aliasing.is_none() {
-        return;
-    }
-    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-    for _ in 0..ROUNDS {
-        if d.method == Method::Ls {
-            prepare(isa, d, w);
-            isa.run(uncertainty::Transients { design: d, space: w });
+impl Estimation<'_> {
+    /// Rounds of what sampling folds at the estimate, and of the estimate that follows.
+    fn unfold(&self, w: &mut Workspace, live: [bool; LANES]) {
+        let Estimation { isa, design: d, .. } = *self;
+        if d.aliasing.is_none() {
+            return;
         }
-        unalias(isa, d, w);
-        again(isa, d, w, live, rule, o);
+        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+        for _ in 0..ROUNDS {
+            if d.method == Method::Ls {
+                prepare(isa, d, w);
+                isa.run(uncertainty::Transients { design: d, space: w });
+            }
+            unalias(isa, d, w);
+            self.again(w, live);
+        }
     }
-}
 
-/// Rounds of the transient that the estimate makes of a known start, and of the estimate that follows, in each lane
-/// until it stands: what is linear in a round is not in the whole.
-fn start_known(
-    isa: Isa,
-    d: &Design,
-    w: &mut Workspace,
-    known: &KnownStart,
-    live: [bool; LANES],
-    rule: Option<Rule>,
-    o: &Options,
-) {
-    w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-    let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
-    let (mut best, mut cost) = (w.iterates.theta.now.clone(), [f64::INFINITY; LANES]);
-    for round in 0..rest::ROUNDS {
+    /// Rounds of the transient that the estimate makes of a known start, and of the estimate that follows, in each lane
+    /// until it stands: what is linear in a round is not in the whole.
+    fn start_known(&self, w: &mut Workspace, known: &KnownStart, live: [bool; LANES]) {
+        let Estimation { isa, design: d, rule, .. } = *self;
+        w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
+        let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
+        let (mut best, mut cost) = (w.iterates.theta.now.clone(), [f64::INFINITY; LANES]);
+        for round in 0..rest::ROUNDS {
+            isa.run(Ties { design: d, known, space: w });
+            unalias(isa, d, w);
+            w.forget_products();
+            complete(isa, d, w, live, false);
+            let mut onward = left;
+            for lane in 0..LANES {
+                if !left[lane] {
+                    continue;
+                }
+                let own = w.progress.cost.0[lane];
+                // `wls` under output noise does not make the cost small.
+                let lower = round == 0 || rule.is_none() || own <= cost[lane] * (1.0 + SAME);
+                let now = w.iterates.theta.now.iter_mut().zip(&mut best);
+                let moved = rest::moved(
+                    rest::SETTLED,
+                    now.map(|(now, best)| {
+                        let before = best.0[lane];
+                        match lower {
+                            true => best.0[lane] = now.0[lane],
+                            // Too far for what was linear there.
+                            false => now.0[lane] = 0.5 * (now.0[lane] + before),
+                        }
+                        (before, now.0[lane])
+                    }),
+                );
+                left[lane] = round == 0 || moved;
+                if lower {
+                    cost[lane] = own;
+                }
+                onward[lane] = lower && left[lane];
+            }
+            if left == [false; LANES] {
+                break;
+            }
+            self.again(w, onward);
+            for lane in (0..LANES).filter(|k| onward[*k]) {
+                unsettled[lane] = w.progress.active.0[lane] > 0.0;
+                dependent[lane] = w.dependent[lane];
+            }
+        }
+        for lane in (0..LANES).filter(|k| live[*k]) {
+            for (now, best) in w.iterates.theta.now.iter_mut().zip(&best) {
+                now.0[lane] = best.0[lane];
+            }
+        }
+        // As the estimate says, however many rounds other lanes took.
         isa.run(Ties { design: d, known, space: w });
         unalias(isa, d, w);
         w.forget_products();
-        complete(isa, d, w, live, false);
-        let mut onward = left;
         for lane in 0..LANES {
-            if !left[lane] {
-                continue;
-            }
-            let own = w.progress.cost.0[lane];
-            // `wls` under output noise does not make the cost small.
-            let lower = round == 0 || rule.is_none() || own <= cost[lane] * (1.0 + SAME);
-            let now = w.iterates.theta.now.iter_mut().zip(&mut best);
-            let moved = rest::moved(
-                rest::SETTLED,
-                now.map(|(now, best)| {
-                    let before = best.0[lane];
-                    match lower {
-                        true => best.0[lane] = now.0[lane],
-                        // Too far for what was linear there.
-                        false => now.0[lane] = 0.5 * (now.0[lane] + before),
-                    }
-                    (before, now.0[lane])
-                }),
-            );
-            left[lane] = round == 0 || moved;
-            if lower {
-                cost[lane] = own;
-            }
-            onward[lane] = lower && left[lane];
+            w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
         }
-        if left == [false; LANES] {
-            break;
-        }
-        again(isa, d, w, onward, rule, o);
-        for lane in (0..LANES).filter(|k| onward[*k]) {
-            unsettled[lane] = w.progress.active.0[lane] > 0.0;
-            dependent[lane] = w.dependent[lane];
-        }
+        w.dependent = dependent;
     }
-    for lane in (0..LANES).filter(|k| live[*k]) {
-        for (now, best) in w.iterates.theta.now.iter_mut().zip(&best) {
-            now.0[lane] = best.0[lane];
-        }
-    }
-    // As the estimate says, however many rounds other lanes took.
-    isa.run(Ties { design: d, known, space: w });
-    unalias(isa, d, w);
-    w.forget_products();
-    for lane in 0..LANES {
-        w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);
-    }
-    w.dependent = dependent;
 }
 
 /// The transients as functions of θ, where it stands.

@@ -19,17 +19,17 @@
 //! Lines are put together in bins no wider than an eighth of their frequency. A line of the spectrum that stands alone,
 //! a hum, is smoothed over; HC3 allows for it where enough lines carry the information.
 
-use crate::math::{exp2, ln, ln_1};
-use crate::modulation::Lines;
+mod bins;
+
+pub(crate) use bins::Bins;
+
+use crate::math::{exp2, ln};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
+use bins::{PRODUCTS, Terms};
 use std::f64::consts::LN_2;
 
 /// Terms of the logarithm of the spectrum.
 const TERMS: usize = 6;
-/// Terms that all products of two of them are sums of.
-const PRODUCTS: usize = 2 * TERMS - 1;
-/// T_0, T_1 and on at one place.
-type Terms = [f64; PRODUCTS];
 /// 2 ln 2/variance of the terms: standard deviations of 4, 2, 1.5, 1 and 0.7 behind the constant one, of ln s.
 const PRIOR: [f64; TERMS] = {
     let unit = 2.0 * LN_2;
@@ -43,20 +43,6 @@ const LONGEST: f64 = 1.5 / LN_2;
 const LEAST: f64 = 1e-3;
 /// Least degrees of freedom of a variance.
 const FEWEST: f64 = 2.0;
-/// Width of a bin over its frequency.
-const WIDTH: f64 = 0.125;
-
-/// Which lines stand together, and the terms there.
-#[derive(Debug, Clone)]
-pub(crate) struct Bins {
-    /// Bin of each line of each record.
-    pub of: Vec<Vec<usize>>,
-    /// T_j at the middle of each bin.
-    pub terms: Vec<Terms>,
-    /// Mean frequency of each bin, rad/s.
-    pub omega: Vec<f64>,
-}
-
 /// The noise spectrum that standard errors were made with, over that of white noise of the fit's level.
 #[derive(Debug, Clone, Default)]
 pub struct NoiseSpectrum {
@@ -66,54 +52,6 @@ pub struct NoiseSpectrum {
     pub power: Vec<Vec<f64>>,
     /// Standard deviation of the logarithm of each.
     pub log_error: Vec<Vec<f64>>,
-}
-
-impl Bins {
-    /// For these lines of records that share their noise.
-    pub fn new(lines: &[Lines]) -> Bins {
-        let unit = lines.iter().fold(f64::INFINITY, |unit, l| unit.min(l.omega0));
-        let place = |l: &Lines, m: usize| m as f64 * l.omega0 / unit;
-        let highest = lines.iter().fold(1.0, |top: f64, l| top.max(place(l, l.last)));
-        // Records whose lengths no number compares.
-        let highest = highest.min(f64::MAX);
-        let mut edges = vec![0.5];
-        while let Some(edge) = edges.last().copied().filter(|edge| *edge <= highest) {
-            edges.push(edge + (edge * WIDTH).round().max(1.0));
-        }
-        let bin = |x: f64| edges.partition_point(|edge| *edge <= x);
-        let mut found = vec![(0.0, 0.0, 0.0); edges.len() + 1];
-        for l in lines {
-            for m in l.first..=l.last {
-                let x = place(l, m);
-                let own = &mut found[bin(x)];
-                *own = (own.0 + 1.0, own.1 + ln_1(1.0 + x), own.2 + x);
-            }
-        }
-        // Bins that hold no line have no number.
-        let mut number = vec![0; found.len()];
-        let (mut terms, mut omega) = (Vec::new(), Vec::new());
-        for (number, (count, sum, places)) in number.iter_mut().zip(found) {
-            *number = terms.len();
-            if count > 0.0 {
-                omega.push(unit * places / count);
-                terms.push(chebyshev(2.0 * sum / (count * ln_1(1.0 + highest)) - 1.0));
-            }
-        }
-        let of = lines
-            .iter()
-            .map(|l| (l.first..=l.last).map(|m| number[bin(place(l, m))]).collect())
-            .collect();
-        Bins { of, terms, omega }
-    }
-}
-
-fn chebyshev(x: f64) -> Terms {
-    let mut t = [1.0; PRODUCTS];
-    t[1] = x;
-    for k in 2..PRODUCTS {
-        t[k] = 2.0 * x * t[k - 1] - t[k - 2];
-    }
-    t
 }
 
 /// What is summed over the rows of eight estimates, and the spectra and covariances made of it.
@@ -441,6 +379,7 @@ fn variance_of<L: Lanes>(m: &Factor<Wide>, mut of: [L; TERMS]) -> L {
 #[allow(clippy::disallowed_methods)]
 mod tests {
     use super::*;
+    use crate::modulation::Lines;
     use crate::simd::LANES;
 
     fn lines(first: usize, last: usize, omega0: f64) -> Lines {

@@ -11,6 +11,7 @@
 //!   so that it may go through infinity, and comes back on the right.
 
 use super::answer::Answer;
+use super::band::Range;
 use super::routh::unstable_poles;
 use crate::error::Status;
 use crate::linalg::qr::solve_square;
@@ -71,6 +72,11 @@ impl Candidate<'_> {
         let mut each = self.denominators.iter().zip(&wider.denominators);
         each.all(|(own, wider)| unstable_poles(wider) <= unstable_poles(own))
     }
+}
+
+/// Whether records have more lines than those of before: samples show no more at some time.
+pub(crate) fn reaches_further(wider: &[Range], before: &[Range]) -> bool {
+    wider.iter().zip(before).any(|(wider, before)| wider.1 > before.1)
 }
 
 /// Whether a variance falls by the square of the gain and none rises by it.

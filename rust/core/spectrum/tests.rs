@@ -1,6 +1,7 @@
 //! Tests of the coefficients: every fast path against the naive sum, held signals against integrals.
 
 use super::*;
+use crate::math::root_of_unity;
 use crate::quadrature::gauss_legendre;
 use proptest::prelude::*;
 

@@ -18,7 +18,7 @@ use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
 use crate::estimate::prior::{self, Prior};
 use crate::estimate::record_levels::{misfits, settle};
-use crate::estimate::wider::Candidate;
+use crate::estimate::wider::{Candidate, reaches_further};
 use crate::estimate::window::{Spectra, Window, coefficient_plans};
 use crate::modulation::Lines;
 use crate::quadrature::{Hold, Rule};
@@ -287,14 +287,8 @@ impl JointFitter {
             let sampling: Vec<_> = self.records.iter().map(even).collect::<Option<_>>()?;
             let (doublings, o) = (self.doublings + 1, self.o.clone());
             let wider = JointFitter::doubled(doublings, o, &sampling, &self.variances, self.isa);
-            let goes_on = |wider: &JointFitter| {
-                wider
-                    .records
-                    .iter()
-                    .zip(&self.records)
-                    .any(|(wider, own)| wider.range.1 > own.range.1)
-            };
-            wider.ok().filter(goes_on).map(Box::new)
+            let further = |wider: &JointFitter| reaches_further(&wider.ranges(), &self.ranges());
+            wider.ok().filter(further).map(Box::new)
         };
         self.wider.get_or_init(make).as_deref()
     }
