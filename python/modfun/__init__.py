@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .inference.terms import select_terms
     from .models.free import Free
     from .models.noise import Noise
-    from .models.process import ProcessNoise, dryden
+    from .models.process import Numerator, ProcessNoise, dryden
     from .models.transfer_function import TransferFunction
     from .records.batches import Batch
     from .records.reading import columns, read
@@ -71,7 +71,7 @@ _NAMES = {
     ".inference.terms": ("select_terms",),
     ".models.free": ("Free",),
     ".models.noise": ("Noise",),
-    ".models.process": ("ProcessNoise", "dryden"),
+    ".models.process": ("Numerator", "ProcessNoise", "dryden"),
     ".equations.series": ("through",),
     ".models.transfer_function": ("TransferFunction",),
     ".records.batches": ("Batch",),
@@ -100,7 +100,7 @@ _MODULES = ("plot", "rivals", "signals", "timelag")
 __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
-    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "OrderSelection", "ProcessNoise", "Record",
+    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "Numerator", "OrderSelection", "ProcessNoise", "Record",
     "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table",
     "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d", "coefficients",
     "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c", "dryden", "fit",

@@ -62,6 +62,11 @@ class NoiseModel:
 def noise_model(sys: Any, given: Any, who: str = "simulate") -> NoiseModel:
     """How noise of levels `given`, which `simulate` describes, moves the outputs of a linear system."""
     if isinstance(given, ProcessNoise):
+        if given.estimated:
+            raise SpecError(
+                f"{who}: process_noise: the numerator of {given.estimated[0]} has no numbers; give a filter, as "
+                "in mf.ProcessNoise(w=mf.tf([0.5, 1], [2, 1]))"
+            )
         return NoiseModel(*_through_inputs(sys, given, who), len(sys.A))
     levels = np.atleast_1d(reals(who, "process_noise", given))
     a, c, enters = _by_equation(sys, who)

@@ -103,7 +103,7 @@ def noise_of(fit: Fit) -> tuple[F64, Any]:
         if not np.all(own > 0):
             raise SpecError("crlb: the fit found no noise on the samples; give sigma=")
         if isinstance(noise, ProcessNoise):
-            return np.diag(own**2), noise.scaled(driving.tolist())
+            return np.diag(own**2), noise.scaled((driving**2).tolist())
         return np.diag(own**2), driving
     told = isinstance(noise, Noise) and noise.u is None and noise.white
     if noise != "output" and not told:

@@ -9,15 +9,74 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arguments import public, real
+from ..base.arguments import public, real, reals, whole
 from ..errors import SpecError
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import linear, tf
 
-__all__ = ["ProcessNoise", "dryden", "with_inputs"]
+__all__ = ["Numerator", "ProcessNoise", "dryden", "with_inputs"]
 
 Filter = tuple[tuple[float, ...], tuple[float, ...]]
+MOST = 2  # degree of a numerator that is estimated
+
+
+@public
+@dataclass(frozen=True)
+class Numerator:
+    """Filter of process noise whose numerator a fit estimates: c0, or c1 s + c0, or c2 s² + c1 s + c0, over `den`.
+
+    Parameters
+    ----------
+    degree : {1, 2}
+        Of the numerator; at most the order of every equation.
+    den : sequence of float, default (1,)
+        Known denominator, descending powers.
+
+    Raises
+    ------
+    SpecError
+        Another degree, or a denominator without numbers.
+
+    See Also
+    --------
+    modfun.ProcessNoise : Takes it for an input.
+
+    Notes
+    -----
+    The spectrum q0 + q1 ω² + q2 ω⁴ over that of `den` is a sum of white noises that are derived 0, 1 and 2 times,
+    of levels of at least 0. The numerator is its factor without zeros in the right half-plane. One of degree 2
+    therefore has a damping of at least 0.71.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> mf.ProcessNoise(w=mf.Numerator(1))
+    ProcessNoise(w=(c1 s + c0))
+    """
+
+    degree: int
+    den: tuple[float, ...] = (1.0,)
+
+    def __init__(self, degree: int, den: Sequence[float] = (1.0,)) -> None:
+        degree = whole("Numerator", "degree", degree, 1, MOST)
+        known = tuple(reals("Numerator", "den", den).ravel().tolist())
+        if not known or known[0] == 0 or not np.all(np.isfinite(known)):
+            raise SpecError(f"Numerator: den={den!r} must be coefficients in descending powers, as in (2.0, 1.0)")
+        object.__setattr__(self, "degree", degree)
+        object.__setattr__(self, "den", known)
+
+    def filters(self) -> list[Filter]:
+        """Those of the noises that add up, from the constant on."""
+        return [((1.0, *[0.0] * power), self.den) for power in range(self.degree + 1)]
+
+
+def factor(levels: Sequence[float]) -> list[float]:
+    """Numerator, descending powers, of which |C|² has these coefficients of ω⁰, ω², …, all at least 0."""
+    roots = [sqrt(level) for level in levels]
+    if len(roots) == MOST + 1:
+        roots[1] = sqrt(levels[1] + 2 * roots[0] * roots[2])
+    return roots[::-1]
 
 
 @public
@@ -27,10 +86,11 @@ class ProcessNoise:
 
     Parameters
     ----------
-    **inputs : float or LTI
+    **inputs : float or LTI or Numerator
         By the name of an input of the model: the filter that shapes white noise of unit power spectral
         density (two-sided, of hertz) into it, or a number for white noise of that root of the density. A fit
-        estimates a factor for each (`Fit.process_noise`); `simulate` takes them as they are.
+        estimates a factor for each (`Fit.process_noise`), or the coefficients of a `Numerator`; `simulate`
+        takes filters as they are.
 
     Raises
     ------
@@ -62,23 +122,72 @@ class ProcessNoise:
                 "ProcessNoise: name an unmeasured input of the model, as in ProcessNoise(w=1.0); "
                 'noise in each equation by itself is noise="process"'
             )
-        object.__setattr__(self, "filters", tuple((name, _filter(name, own)) for name, own in inputs.items()))
+        filters = [
+            (name, one)
+            for name, own in inputs.items()
+            for one in (own.filters() if isinstance(own, Numerator) else [_filter(name, own)])
+        ]
+        object.__setattr__(self, "filters", tuple(filters))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Inputs of the model through which it enters."""
-        return tuple(name for name, _ in self.filters)
+        return tuple(dict.fromkeys([name for name, _ in self.filters]))
 
-    def scaled(self, factors: Sequence[float]) -> ProcessNoise:
-        """The same with a factor for each filter, as a fit estimates them."""
-        each = zip(self.filters, factors, strict=True)
-        return ProcessNoise(**{name: tf(factor * np.array(num), den) for (name, (num, den)), factor in each})
+    @classmethod
+    def of_filters(cls, filters: Sequence[tuple[str, Filter]]) -> ProcessNoise:
+        """That of which `filters` are these, as files keep them."""
+        made = object.__new__(cls)
+        kept = [(name, (tuple(num), tuple(den))) for name, (num, den) in filters]
+        object.__setattr__(made, "filters", tuple(kept))
+        return made
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Inputs of which the numerator is estimated."""
+        return tuple([name for name, own in self._filters().items() if len(own) > 1])
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What each filter is for: its input, and of numerators the coefficient, as in "w: c1"."""
+        return tuple(
+            [
+                f"{name}: c{k}" if len(own) > 1 else name
+                for name, own in self._filters().items()
+                for k in range(len(own))
+            ]
+        )
+
+    def _filters(self) -> dict[str, list[Filter]]:
+        return {name: [own for other, own in self.filters if other == name] for name in self.names}
+
+    def coefficients(self, levels: Sequence[float]) -> list[float]:
+        """Factors of the filters and coefficients of the numerators, in the order of the filters, from levels.
+
+        Of a numerator the constant is first.
+        """
+        found, left = [], list(levels)
+        for own in self._filters().values():
+            found += factor(left[: len(own)])[::-1]
+            left = left[len(own) :]
+        return found
+
+    def scaled(self, levels: Sequence[float]) -> ProcessNoise:
+        """The same with the filters that a fit found: `levels` are squares of factors."""
+        found, left = {}, list(levels)
+        for name, own in self._filters().items():
+            num, den = (factor(left[: len(own)]), own[0][1]) if len(own) > 1 else own[0]
+            by = 1.0 if len(own) > 1 else sqrt(left[0])
+            found[name] = tf(by * np.array(num), den)
+            left = left[len(own) :]
+        return ProcessNoise(**found)
 
     def __repr__(self) -> str:
-        told = [
-            f"{name}={_told(num)}" + (f" / {_told(den)}" if len(den) > 1 else "")
-            for name, (num, den) in self.filters
-        ]
+        told = []
+        for name, own in self._filters().items():
+            num, den = own[0]
+            top = _told(num) if len(own) == 1 else f"({' + '.join(_power(k) for k in reversed(range(len(own))))})"
+            told.append(f"{name}={top}" + (f" / {_told(den)}" if len(den) > 1 else ""))
         return f"ProcessNoise({', '.join(told)})"
 
 
@@ -98,6 +207,10 @@ def with_inputs(rec: Record, noise: Any) -> Record:
         inputs=(*rec.inputs, *names),
         intersample=(*rec.intersample, *["smooth"] * len(names)),
     )
+
+
+def _power(k: int) -> str:
+    return f"c{k}" + ("" if k == 0 else " s" if k == 1 else f" s^{k}")
 
 
 def _filter(name: str, given: Any) -> Filter:

@@ -132,10 +132,7 @@ def _options_from_dict(values: dict[str, Any]) -> Options:
         ).output_weights
     given = options["noise"]
     if isinstance(given, dict) and "filters" in given:
-        filters = {
-            name: float(num[0]) if len(den) == 1 else tf(num, den) for name, (num, den) in given["filters"]
-        }
-        options["noise"] = ProcessNoise(**filters)
+        options["noise"] = ProcessNoise.of_filters(given["filters"])
     elif isinstance(given, dict):
         options["noise"] = Noise(**given)
     return Options(**options)

@@ -20,14 +20,16 @@ if TYPE_CHECKING:
 
 __all__ = ["in_words", "level_names", "levels_of", "of_many", "process_noise"]
 
+CHANGE = 1e-5  # relative, of a level, by which slopes are taken
+
 
 def process_noise(fit: Estimates, level: float) -> Table:
     """Levels of both kinds of noise; see `Fit.process_noise`.
 
     One row per level: of each output ("measurement", the standard deviation of a sample) and of each equation
     ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its
-    right, A(p) y = B(p) u + w; of `ProcessNoise` the factor of each filter); with its standard error, its
-    interval, normal on the logarithm, and its share of the noise of the output over the lines used.
+    right, A(p) y = B(p) u + w; of `ProcessNoise` the factor of each filter, or the coefficients of a
+    `Numerator`, "w: c1" for that of s); with its standard error, its interval, normal on the logarithm, and its share of the noise of the output over the lines used.
 
     Raises
     ------
@@ -40,6 +42,10 @@ def process_noise(fit: Estimates, level: float) -> Table:
     values, cov, shares = fit.process_levels
     count = len(shares)
     sizes, errors = levels_of(values, root(np.diag(cov)[-values.size :]))
+    noise = fit.options.noise
+    if isinstance(noise, ProcessNoise) and noise.estimated:
+        own = slice(cov.shape[0] - values.size + count, None)
+        sizes[count:], errors[count:] = _coefficients(noise, values[count:], cov[own, own])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         half = normal_factor(level) * errors / sizes
         low, high = sizes * np.exp(-half), sizes * np.exp(half)
@@ -61,6 +67,17 @@ def process_noise(fit: Estimates, level: float) -> Table:
         {name: column[told] for name, column in columns.items()},
         title="Standard deviation on a sample, and root of the density of what drives the system",
     )
+
+
+def _coefficients(noise: ProcessNoise, levels: F64, cov: F64) -> tuple[F64, F64]:
+    """Factors and coefficients of numerators, and their standard errors by the delta method."""
+    found = np.array(noise.coefficients(levels.tolist()))
+    slopes = np.zeros((levels.size, levels.size))
+    for k in np.flatnonzero(levels > 0):
+        ends = [levels + side * CHANGE * levels[k] * (np.arange(levels.size) == k) for side in (1, -1)]
+        above, below = (np.array(noise.coefficients(own.tolist())) for own in ends)
+        slopes[:, k] = (above - below) / (2 * CHANGE * levels[k])
+    return found, np.where(found > 0, root(np.diag(slopes @ cov @ slopes.T)), np.nan)
 
 
 def of_many(levels: tuple[F64, F64] | None, usable: Any, names: Sequence[str], noise: Any) -> Table:
@@ -115,7 +132,7 @@ def level_names(layout: Any, options: Options, count: int) -> tuple[str, ...]:
 def _whose(layout: Any, options: Options, count: int, driving: int) -> dict[str, NDArray[np.str_]]:
     """Kind of the levels, and the outputs, equations or inputs that they are of."""
     rows = layout.outputs if layout.rational else [f"equation {k + 1}" for k in range(len(layout.orders))]
-    names = options.noise.names if isinstance(options.noise, ProcessNoise) else rows
+    names = options.noise.parts if isinstance(options.noise, ProcessNoise) else rows
     return {
         "noise": np.repeat(["measurement", "process"], [count, driving]),
         "of": np.array([*layout.outputs[:count], *names]),

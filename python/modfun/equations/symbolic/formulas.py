@@ -307,15 +307,19 @@ class _Writer:
                     to = self._placed(slope, kind, late, {c: d for c, d in found.items() if d != 0})
                     slopes_of_signals.append((at, k, to))
         channels = self._channels()
-        noise = list(self.noise)
+        # An input whose noise has several spectra stands there as often; each has it as its slope.
+        distinct = dict(zip(dict.fromkeys(self.noisy), self.noise, strict=True))
+        noise = [distinct[name] for name in self.noisy]
         symbols = [c.symbol for c in channels]
-        inputs = [*symbols, *self.noise.values(), *self.common.values(), *parameters]
+        pairs = [self.common.get(both, sympy.Dummy()) for both in combinations(noise, 2)]
+        inputs = [*symbols, *[self.noise[c] for c in noise], *pairs, *parameters]
         results = [expr for expr, _, _ in self.signals]
         sensitivities = []
         for at, found in enumerate(self.sensitive):
-            for channel, slope in found.items():
-                sensitivities.append((at, noise.index(channel)))
-                results.append(slope)
+            for k, channel in enumerate(noise):
+                if channel in found:
+                    sensitivities.append((at, k))
+                    results.append(found[channel])
         slopes, derivatives = [], []
         for at, g in enumerate(self.coefficients):
             for k, parameter in enumerate(parameters):
