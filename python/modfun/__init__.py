@@ -100,12 +100,13 @@ _MODULES = ("plot", "rivals", "signals", "timelag")
 __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
     "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
-    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "Numerator", "OrderSelection", "ProcessNoise", "Record",
-    "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream", "Table",
-    "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d", "coefficients",
-    "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c", "dryden", "fit",
-    "fit_many", "frf", "load", "plot", "rank_test", "read", "reduce", "regressors", "rivals", "select_order",
-    "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "through", "timelag", "zpk",
+    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "Numerator", "OrderSelection", "ProcessNoise",
+    "Record", "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream",
+    "Table", "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d",
+    "coefficients", "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c",
+    "dryden", "fit", "fit_many", "frf", "load", "plot", "rank_test", "read", "reduce", "regressors",
+    "rivals", "select_order", "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "through",
+    "timelag", "zpk",
 ]  # fmt: skip
 
 

@@ -92,8 +92,8 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
         steep = max([len(num) - 1 for _, (num, _) in options.noise.filters])
         if options.noise.estimated and steep > min(compiled.orders):
             raise SpecError(
-                f"fit: noise=ProcessNoise: a numerator of degree {steep} asks for equations of that order, and "
-                f"one is of order {min(compiled.orders)}; give mf.Numerator({min(compiled.orders)})"
+                f"fit: noise=ProcessNoise: a numerator of degree {steep} asks for equations of that order, "
+                f"and one is of order {min(compiled.orders)}; give mf.Numerator({min(compiled.orders)})"
             )
     found = formulas(
         compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct

@@ -64,8 +64,8 @@ def noise_model(sys: Any, given: Any, who: str = "simulate") -> NoiseModel:
     if isinstance(given, ProcessNoise):
         if given.estimated:
             raise SpecError(
-                f"{who}: process_noise: the numerator of {given.estimated[0]} has no numbers; give a filter, as "
-                "in mf.ProcessNoise(w=mf.tf([0.5, 1], [2, 1]))"
+                f"{who}: process_noise: the numerator of {given.estimated[0]} has no numbers; give a "
+                "filter, as in mf.ProcessNoise(w=mf.tf([0.5, 1], [2, 1]))"
             )
         return NoiseModel(*_through_inputs(sys, given, who), len(sys.A))
     levels = np.atleast_1d(reals(who, "process_noise", given))

@@ -24,7 +24,7 @@ MOST = 2  # degree of a numerator that is estimated
 @public
 @dataclass(frozen=True)
 class Numerator:
-    """Filter of process noise whose numerator a fit estimates: c0, or c1 s + c0, or c2 s² + c1 s + c0, over `den`.
+    """Filter of process noise whose numerator a fit estimates: c1 s + c0, or c2 s² + c1 s + c0, over `den`.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class Numerator:
 
     Notes
     -----
-    The spectrum q0 + q1 ω² + q2 ω⁴ over that of `den` is a sum of white noises that are derived 0, 1 and 2 times,
-    of levels of at least 0. The numerator is its factor without zeros in the right half-plane. One of degree 2
-    therefore has a damping of at least 0.71.
+    The spectrum q0 + q1 ω² + q2 ω⁴, over that of `den`, is a sum of white noises that are differentiated 0, 1
+    and 2 times, of levels of at least 0. The numerator is its factor without zeros in the right half-plane.
+    One of degree 2 therefore has a damping ratio of at least 0.71.
 
     Examples
     --------
@@ -62,7 +62,9 @@ class Numerator:
         degree = whole("Numerator", "degree", degree, 1, MOST)
         known = tuple(reals("Numerator", "den", den).ravel().tolist())
         if not known or known[0] == 0 or not np.all(np.isfinite(known)):
-            raise SpecError(f"Numerator: den={den!r} must be coefficients in descending powers, as in (2.0, 1.0)")
+            raise SpecError(
+                f"Numerator: den={den!r} must be coefficients in descending powers, as in (2.0, 1.0)"
+            )
         object.__setattr__(self, "degree", degree)
         object.__setattr__(self, "den", known)
 
@@ -162,7 +164,7 @@ class ProcessNoise:
         return {name: [own for other, own in self.filters if other == name] for name in self.names}
 
     def coefficients(self, levels: Sequence[float]) -> list[float]:
-        """Factors of the filters and coefficients of the numerators, in the order of the filters, from levels.
+        """Factors of the filters and coefficients of numerators, in the order of the filters, from levels.
 
         Of a numerator the constant is first.
         """
@@ -186,7 +188,11 @@ class ProcessNoise:
         told = []
         for name, own in self._filters().items():
             num, den = own[0]
-            top = _told(num) if len(own) == 1 else f"({' + '.join(_power(k) for k in reversed(range(len(own))))})"
+            top = (
+                _told(num)
+                if len(own) == 1
+                else f"({' + '.join(_power(k) for k in reversed(range(len(own))))})"
+            )
             told.append(f"{name}={top}" + (f" / {_told(den)}" if len(den) > 1 else ""))
         return f"ProcessNoise({', '.join(told)})"
 

@@ -18,7 +18,6 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..systems.frequency_response import FrequencyResponse
-from ..systems.making import tf
 from .fit import Fit
 from .of_equations import EquationFit
 from .of_gains import ResponseFit

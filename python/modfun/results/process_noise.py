@@ -29,7 +29,8 @@ def process_noise(fit: Estimates, level: float) -> Table:
     One row per level: of each output ("measurement", the standard deviation of a sample) and of each equation
     ("process", the root of the power spectral density, two-sided, of hertz, of the white noise w on its
     right, A(p) y = B(p) u + w; of `ProcessNoise` the factor of each filter, or the coefficients of a
-    `Numerator`, "w: c1" for that of s); with its standard error, its interval, normal on the logarithm, and its share of the noise of the output over the lines used.
+    `Numerator`, "w: c1" for that of s); with its standard error, its interval, normal on the logarithm, and
+    its share of the noise of the output over the lines used.
 
     Raises
     ------

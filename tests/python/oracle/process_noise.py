@@ -15,12 +15,10 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from .systems import simulate, state_space
 
 
-def sampled(den, dt):
-    """Transition matrix and covariance of a sample's noise of unit density, for 1/A in observer form."""
+def sampled(den, dt, drive=(1.0,)):
+    """Transition matrix and covariance of a sample's noise of unit density, for C/A in observer form."""
     n = len(den) - 1
-    a = state_space(den, [[1.0]])[0]
-    g = np.zeros((n, 1))
-    g[-1] = 1.0
+    a, g = state_space(den, [list(drive)])[:2]
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -a * dt, g @ g.T * dt, a.T * dt
     whole = expm(block)
@@ -38,13 +36,11 @@ def spread(den):
     return float(np.sqrt(solve_continuous_lyapunov(a, -g @ g.T)[0, 0]))
 
 
-def drawn(den, density, dt, intervals, random, rest=False):
+def drawn(den, density, dt, intervals, random, rest=False, drive=(1.0,)):
     """Output that the noise drives, from its stationary distribution, or from rest: (N+1,)."""
-    transition, cov = sampled(den, dt)
+    transition, cov = sampled(den, dt, drive)
     n = len(den) - 1
-    a = state_space(den, [[1.0]])[0]
-    g = np.zeros((n, 1))
-    g[-1] = 1.0
+    a, g = state_space(den, [list(drive)])[:2]
     root = np.linalg.cholesky(cov * density + 1e-300 * np.eye(n))
     x = np.zeros(n)
     if not rest:
@@ -107,14 +103,14 @@ def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False, 
 
     `free(theta)` is (den, nums) of the parameters, `den` and `nums` those of the truth as `free` takes them
     apart: the first argument of it is made by concatenating den[1:] and the numerators. What `free` adds
-    besides, such as a pole at zero, is known.
+    besides, such as a pole at zero, is known; a third answer is the numerator C of the noise, 1 without it.
     """
     theta = np.concatenate([den[1:], *nums])
 
     def moments(theta, logs):
-        den, nums = free(theta)
+        den, nums, *drive = free(theta)
         response, _ = simulate(den, nums, inputs, dt, intervals)
-        cov = covariance(den, np.exp(logs[1]), np.exp(logs[0] / 2), dt, intervals)
+        cov = covariance(den, np.exp(logs[1]), np.exp(logs[0] / 2), dt, intervals, *drive)
         return response, cov
 
     logs = np.log([sigma**2, density])
@@ -144,9 +140,9 @@ def bound(den, nums, inputs, density, sigma, dt, intervals, free, offset=False, 
     return np.linalg.inv(information)
 
 
-def covariance(den, density, sigma, dt, intervals):
+def covariance(den, density, sigma, dt, intervals, drive=(1.0,)):
     """Covariance of the samples of an output that starts from a state that is known: (N+1, N+1)."""
-    transition, cov = sampled(den, dt)
+    transition, cov = sampled(den, dt, drive)
     n = len(den) - 1
     p, blocks = np.zeros((n, n)), []
     for _ in range(intervals + 1):
