@@ -298,7 +298,8 @@ def fit_many(
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length or rate are
         fitted one after the other, with the band of the first. Where nobody declared how an input goes
-        between samples, fits of the first four decide for all, as in `fit`; `FitMany.notes` says so.
+        between samples, fits of the first four (of equations the first) decide for all, as in `fit`;
+        `FitMany.notes` says so.
     model : TransferFunction, Equation or StateSpace
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP
 from ..errors import ModfunError
 from ..models.options import Options
+from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band
@@ -96,7 +97,8 @@ def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -
         some = (data[k] for k in range(len(data)) if np.isfinite(data.y[k]).all())
     else:
         some = sorted(data, key=lambda rec: len(rec._seen))  # what one record declares holds for all
-    few = [(rec,) for rec in islice(some, FEW)]
+    count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
+    few = [(rec,) for rec in islice(some, count)]
     words = decided_by_fit(few, structure, options, fit_once, many=True)
     if isinstance(data, Batch):
         return data._read_as({name: word for name, (word, _) in words.items()}), in_sentences(words)
