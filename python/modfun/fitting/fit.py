@@ -19,6 +19,7 @@ from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
+from ..records.lost_rows import refuse_gap
 from ..records.record import Record
 from ..records.samples import agreed
 from ..results.fit import Fit
@@ -425,6 +426,8 @@ def structure_of(model: Any, what: str) -> Any:
 def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
     """One record or several of the same channels, as a user gave them."""
     if isinstance(data, Record):
+        if data.dt is None:
+            refuse_gap(what, data.t)
         return (data,)
     if isinstance(data, Batch):
         raise SpecError(f"{what}: a Batch holds separate replicates; use fit_many(batch, model)")
@@ -447,6 +450,8 @@ def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
         if (rec.outputs, rec.inputs, rec.intersample) != wanted:
             _refuse_unlike(first, rec, k, what)
         agreeing(f"{what}: record {k}", rec, first.units, "record 0")
+        if rec.dt is None:
+            refuse_gap(f"{what}: record {k}", rec.t)
     return records
 
 

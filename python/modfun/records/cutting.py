@@ -1,4 +1,4 @@
-"""Where a record is cut into pieces: at equal times, or where a channel goes on and off."""
+"""Where a record is cut into pieces: at equal times, at gaps, or where a channel goes on and off."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import warnings
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arguments import real
 from ..base.arrays import F64
 from ..base.samples import FEWEST
 from ..errors import DataError, ModfunWarning, SpecError
 
-__all__ = ["SLACK", "pieces_every", "pieces_on"]
+__all__ = ["SLACK", "pieces_between", "pieces_every", "pieces_on"]
 
 SLACK = 1e-6  # of a mean step, so that 0.1·k typed as a decimal hits its sample
 
@@ -47,6 +48,29 @@ def pieces_every(t: F64, every: float) -> Pieces:
     return [(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={length:g})"
 
 
+def pieces_between(t: F64, gap: float) -> Pieces:
+    """Cut where neighbouring samples are more than `gap` seconds apart; pieces too short are left out.
+
+    Raises
+    ------
+    SpecError
+        If `gap` is not a positive number.
+    DataError
+        If no piece has 8 samples.
+    """
+    least = real("split", "gap", gap, finite=False)
+    if not least > 0:
+        raise SpecError(f"split: gap={gap!r} must be a positive number of seconds")
+    what, edges = f"split(gap={least:g})", np.flatnonzero(np.diff(t) > least) + 1
+    starts, ends = np.concatenate([[0], edges]), np.concatenate([edges, [len(t)]])
+    if np.max(ends - starts) < FEWEST:
+        raise DataError(
+            f"{what}: the longest of {len(starts)} pieces has {np.max(ends - starts)} samples, and a record "
+            f"needs {FEWEST}; the usual step is {np.median(np.diff(t)):.4g} s, so give a longer gap"
+        )
+    return _long_enough(t, starts, ends, what), what
+
+
 def pieces_on(t: F64, values: F64, channel: str) -> Pieces:
     """Cut where a channel of marks, or of numbers that last, is on; stretches too short are left out.
 
@@ -63,7 +87,11 @@ def pieces_on(t: F64, values: F64, channel: str) -> Pieces:
             "marks the pieces"
         )
     steady = FEWEST * np.count_nonzero(np.diff(values)) < len(values)
-    counter = low == 0 and high > 1 and steady and len(np.unique(values)) > 2 and not np.any(values % 1)
+    numbers = np.unique(values)
+    counts = len(numbers) > 2 or (
+        low > 0 and high == low + 1
+    )  # two values are a mark, but 1 and 2 are numbers
+    counter = low >= 0 and steady and counts and not np.any(values % 1)
     level = values if counter else np.where(values > 0.5 * (low + high), 1.0, 0.0)
     edges = np.flatnonzero(np.diff(level, prepend=np.nan, append=np.nan) != 0)
     on = level[edges[:-1]] > 0
@@ -76,11 +104,19 @@ def pieces_on(t: F64, values: F64, channel: str) -> Pieces:
             f"{times}{', ...' if len(starts) > 6 else ''} s); name another channel, or cut pieces that begin "
             "there with window"
         )
+    return _long_enough(t, starts, ends, what), what
+
+
+def _long_enough(
+    t: F64, starts: NDArray[np.intp], ends: NDArray[np.intp], what: str
+) -> list[tuple[int, int]]:
+    """The pieces of 8 samples and more, with a warning if there are others."""
+    long = ends - starts >= FEWEST
     if not long.all():
         warnings.warn(
             f"{what}: {int((~long).sum())} of {len(long)} pieces have fewer than {FEWEST} samples and are "
             f"left out, the first at t = {t[starts[~long][0]]:g} s",
             ModfunWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
-    return [(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)], what
+    return [(int(a), int(b)) for a, b in zip(starts[long], ends[long], strict=True)]

@@ -26,7 +26,7 @@ from ..base.samples import (
     times_of,
 )
 from ..errors import DataError, ModfunWarning, SpecError
-from .cutting import SLACK, pieces_every, pieces_on
+from .cutting import SLACK, pieces_between, pieces_every, pieces_on
 from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 
 __all__ = ["Samples", "agreed", "refuse_own_noise"]
@@ -194,7 +194,9 @@ class Samples(Elsewhere):
             y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma, _lost=lost
         )
 
-    def split(self, *, every: float | None = None, on: str | None = None) -> list[Self]:
+    def split(
+        self, *, every: float | None = None, on: str | None = None, gap: float | None = None
+    ) -> list[Self]:
         """Cut the record into several.
 
         Parameters
@@ -204,8 +206,10 @@ class Samples(Elsewhere):
             `every` exactly; a shorter rest at the end is left out.
         on : str, optional
             Name of a channel (such as an event marker carried along by `keep`): one record for each
-            time it is on, that is, above the middle of its range. A counter, of three or more whole
-            numbers from 0 on that last: one record for each stretch at a number that is not 0.
+            time it is on, that is, above the middle of its range. A counter, of whole numbers that last
+            (three or more, or n and n + 1 with n > 0): one record for each stretch at a number that is not 0.
+        gap : float, optional
+            Seconds: one record for each stretch whose samples are not farther apart.
 
         Returns
         -------
@@ -215,14 +219,16 @@ class Samples(Elsewhere):
         Raises
         ------
         SpecError
-            If not exactly one of `every` and `on` is given, or the channel does not exist.
+            If not exactly one of `every`, `on` and `gap` is given, or the channel does not exist.
         DataError
             If no piece would have 8 samples.
         """
-        if (every is None) == (on is None):
-            raise SpecError("split: give one of every= (seconds) and on= (name of a channel)")
+        if [every, on, gap].count(None) != 2:
+            raise SpecError("split: give one of every= (seconds), gap= (seconds) and on= (name of a channel)")
         if on is not None:
             return self._pieces(*pieces_on(self.t, self[on], on))
+        if gap is not None:
+            return self._pieces(*pieces_between(self.t, gap))
         assert every is not None
         return self._pieces(*pieces_every(self.t, every))
 

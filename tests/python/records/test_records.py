@@ -238,6 +238,37 @@ def test_split_on_event(rec):
     assert sum(len(p.t) for p in parts) == int((several["event"] > 0).sum())
 
 
+def test_split_on_numbers_keeps_each_of_them(rec):
+    run = 1.0 + (T > 3.0) + (T > 6.0)
+    parts = rec.assign(event=run).split(on="event")
+    assert [p["event"][0] for p in parts] == [1.0, 2.0, 3.0]
+    assert sum(len(p.t) for p in parts) == N + 1
+    assert len(rec.assign(event=run[::-1].copy()).split(on="event")) == 3
+    assert len(rec.assign(event=101.0 + (T > 3.0)).split(on="event")) == 2
+    (on,) = rec.assign(event=2.0 + 3.0 * (T > 3.0)).split(on="event")  # 2 and 5 V are a mark
+    assert on["event"].min() == 5.0
+
+
+def test_split_at_gaps(rec):
+    left = (rec.t < 3.0) | (rec.t > 5.0)
+    cut = Record(y=rec.y[:, left], u=rec.u[:, left], t=rec.t[left], outputs="q", inputs="de")
+    parts = cut.split(gap=0.5)
+    assert [p.dt for p in parts] == pytest.approx([rec.dt, rec.dt])
+    assert sum(len(p.t) for p in parts) == int(left.sum())
+    assert len(cut.split(gap=3.0)) == 1
+    with pytest.raises(DataError, match=r"longest of \d+ pieces has 1 samples, .* usual step is 0.02 s"):
+        cut.split(gap=1e-4)
+    with pytest.raises(SpecError, match="positive number of seconds"):
+        cut.split(gap=0.0)
+    model = mf.TransferFunction(poles=1, zeros=0)
+    with pytest.raises(
+        DataError, match=r"no samples between 2\.98 and 5\.02 s, .*mf\.fit\(rec\.split\(gap=1\)"
+    ):
+        mf.fit(cut, model)
+    with pytest.raises(DataError, match="record 1: the record has no samples"):
+        mf.fit([rec, cut], model)
+
+
 def test_split_on_warns_of_pieces_too_short(rec):
     event = np.zeros(N + 1)
     event[10:13] = event[100:200] = 1
