@@ -27,6 +27,7 @@ from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
 from .instruments import referenced_fit
+from .kinks import without_kinks
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
@@ -397,7 +398,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         past: Fit = fit_with_past(records, structure, options, fit_quietly)
         return past
     if not isinstance(structure, TransferFunction):
-        return fit_equation(records, structure, options, fit_quietly)
+        return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
     made = prepare(structure, options, records)
     sides = [rec.y for rec in records], [rec.u for rec in records]
     refuse_standing(made.layout, *sides, options.initial_state)
