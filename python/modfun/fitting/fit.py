@@ -27,7 +27,7 @@ from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
 from .instruments import referenced_fit
-from .kinks import without_kinks
+from .kinks import bent, without_kinks
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
@@ -346,12 +346,19 @@ def fit_many(
     given = data if isinstance(data, Batch) else records_of(data, "fit_many")
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
-    if known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1]):
-        each = tuple([read[k] for k in range(len(read))])  # each with a past of its own
+    past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
+    if past or _bends(read[0], structure, checked):
+        each = tuple([read[k] for k in range(len(read))])  # each with a past, or kinks, of its own
         return fit_each(each, structure, checked, fit_quietly, progress, notes)
     if isinstance(read, Batch) or _alike(read, checked):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
     return fit_each(read, structure, checked, fit_quietly, progress, notes)
+
+
+def _bends(rec: Record, structure: Any, options: Options) -> bool:
+    """Whether held inputs bend the fit of such a record."""
+    held = "zoh" in rec.intersample and not isinstance(structure, TransferFunction)
+    return held and bent(fit_equation((rec,), structure, options))
 
 
 def _alike(records: tuple[Record, ...], options: Options) -> bool:

@@ -15,7 +15,7 @@ from ..models.noise import Noise
 from ..results.cures import on_band
 from ..results.of_equations import EquationFit
 
-__all__ = ["without_kinks"]
+__all__ = ["bent", "without_kinks"]
 
 FINE = 16  # samples per period of the highest line: with as many, kinks of held inputs are not seen
 ROUNDS = 4
@@ -38,7 +38,7 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
         Takes records, structure and options.
     """
     records = fit.records
-    if records is None or not _bent(fit):
+    if records is None or not bent(fit):
         return fit
     options = on_band(fit, fit.band)
     if len(fit.outputs) > 1:  # without noise, samples do not tell how much each of them counts
@@ -60,7 +60,7 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     return replace(fit, params=Named(theta, fit.param_names)) if closer else fit
 
 
-def _bent(fit: EquationFit) -> bool:
+def bent(fit: EquationFit) -> bool:
     """Whether inputs are held through lines too fast for equations, in a fit of samples alone."""
     options = fit.options
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
