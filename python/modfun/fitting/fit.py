@@ -347,7 +347,7 @@ def fit_many(
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
-    if past or _bends(read[0], structure, checked):
+    if past or _bends(read, structure, checked):
         each = tuple([read[k] for k in range(len(read))])  # each with a past, or kinks, of its own
         return fit_each(each, structure, checked, fit_quietly, progress, notes)
     if isinstance(read, Batch) or _alike(read, checked):
@@ -355,10 +355,11 @@ def fit_many(
     return fit_each(read, structure, checked, fit_quietly, progress, notes)
 
 
-def _bends(rec: Record, structure: Any, options: Options) -> bool:
-    """Whether held inputs bend the fit of such a record."""
-    held = "zoh" in rec.intersample and not isinstance(structure, TransferFunction)
-    return held and bent(fit_equation((rec,), structure, options))
+def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
+    """Whether held inputs bend the fits of records by equations; batches of arrays are taken as they are."""
+    if isinstance(data, Batch) or isinstance(structure, TransferFunction):
+        return False
+    return "zoh" in data[0].intersample and bent(fit_equation(data[:1], structure, options))
 
 
 def _alike(records: tuple[Record, ...], options: Options) -> bool:
