@@ -65,6 +65,8 @@ def draw_bode(
     curves: Iterable[tuple[str, Curve]], low: float, high: float, *, hz: bool = False, ax: Any = None
 ) -> Any:
     """Draw curves, each under a label, between two frequencies; see `modfun.plot.bode`."""
+    if hasattr(ax, "plot"):
+        raise SpecError("plot.bode: ax is a single Axes; give two, for magnitude and phase")
     upper, lower = take_axes(ax, 2, "Bode plot", height=2.4)
     factor, label = frequency_axis(hz)
     drawn: dict[str, Any] = {}  # the phase of each path as first drawn

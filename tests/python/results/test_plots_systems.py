@@ -89,3 +89,10 @@ def test_a_grid_of_bode_plots(fit):
 def test_bad_use_is_refused(fit, make, words):
     with pytest.raises(mf.SpecError, match=words):
         make(fit)
+
+
+def test_a_bode_plot_needs_two_axes() -> None:
+    figure, ax = plt.subplots()
+    with pytest.raises(mf.SpecError, match="a single Axes; give two, for magnitude and phase"):
+        mf.plot.bode(mf.tf([5], [1, 3, 8]), ax=ax)
+    plt.close(figure)
