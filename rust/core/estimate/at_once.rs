@@ -176,7 +176,7 @@ fn turn_back(d: &Design, w: &mut Workspace) {
 }
 
 /// B of B″, in one lane.
-fn part(a: &[Wide], b: &mut [Wide], k: f64, lane: usize) {
+pub(super) fn part(a: &[Wide], b: &mut [Wide], k: f64, lane: usize) {
     let Some((direct, rest)) = b.split_first_mut() else { return };
     let (mut above, mut below, mut power) = (direct.0[lane], 1.0, 1.0);
     for (b, a) in rest.iter().zip(a) {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::at_once::one_by_one;
 use super::delays::{self, Delayed};
 use super::design::JointDesign;
 use super::fitter::{JointFitter, JointRecord, JointRecordPlan, Loaded};
@@ -73,7 +74,7 @@ impl JointFitter {
         record: &JointRecord<'_>,
         before: Option<&[f64]>,
     ) -> Result<JointShared, Error> {
-        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.whiteners.is_empty();
+        let alike = |r: &JointRecordPlan| r.dt.is_finite() && r.uneven.is_none();
         let one = self.records.len() == 1 && alike(&self.records[0]);
         if !one {
             return Err(Error::Spec(
@@ -223,6 +224,7 @@ impl JointFitter {
             single.load(0, signal, (re, im), *unit);
         }
         single.w.begin_delays(d);
+        single.w.keep_measured();
         let mut delayed = self.delayed(std::slice::from_ref(record));
         let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
         let start = shared.start.as_deref().map_or(JointStart::Wls, JointStart::Theta);
@@ -301,6 +303,9 @@ impl JointShared {
         options: &Options,
     ) -> Result<Outcome, Error> {
         let d = &self.design;
+        if d.acts_at_once() {
+            return one_by_one(isa, d, space, live, options);
+        }
         let mut delayed = [Delayed {
             samples,
             kinds: &self.kinds,

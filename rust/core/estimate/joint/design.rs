@@ -1,7 +1,8 @@
 //! The plan of a joint problem: lines, columns and scales; nothing in it depends on the samples.
 
+use super::at_once::Seen;
 use super::structure::{JointSignal, JointStructure, Term};
-use super::whitener::Whitener;
+use super::whitener::Uneven;
 use crate::error::Error;
 use crate::estimate::aliasing::Aliasing;
 use crate::estimate::prior::Prior;
@@ -73,8 +74,7 @@ pub(crate) struct RecordDesign {
     /// 1/√PSD of outputs, and PSD of paths, on all lines; empty where white.
     pub output_roots: Vec<f64>,
     pub path_spectra: Vec<f64>,
-    /// Whitens the lines where samples are uneven in variance, one an output.
-    pub dense: Vec<Whitener>,
+    pub uneven: Uneven,
 }
 
 impl RecordDesign {
@@ -109,6 +109,8 @@ pub struct JointDesign {
     pub(crate) denoised: Vec<bool>,
     /// What held inputs fold into the outputs' sums, where there are such.
     pub(crate) aliasing: Option<Aliasing>,
+    /// For the first estimate, where such inputs act at once.
+    pub(crate) seen: Option<Seen>,
     /// First coefficient of denominators, and of numerators [output × path].
     pub(crate) denominators: Vec<usize>,
     pub(crate) numerators: Vec<usize>,
@@ -125,12 +127,12 @@ pub struct JointDesign {
     pub(crate) priors: Vec<Prior>,
 }
 
-/// One record of a design: its lines, how many the fit uses, whiteners of uneven samples.
+/// One record of a design: its lines, how many the fit uses, what uneven samples make of them.
 #[derive(Debug, Clone)]
 pub(crate) struct RecordLines {
     pub lines: Lines,
     pub used: usize,
-    pub dense: Vec<Whitener>,
+    pub uneven: Uneven,
 }
 
 impl JointDesign {
@@ -225,6 +227,7 @@ impl JointDesign {
             delay_scale: 1.0 / band_edge,
             units,
             aliasing: None,
+            seen: None,
             priors: Vec::new(),
             bins,
             band_edge,
@@ -314,6 +317,12 @@ impl JointDesign {
         self.noise.outputs.is_none() && self.outputs() > 1 && self.noise.inputs.is_none()
     }
 
+    /// Whether the whitened rows of single problems hold Σ: lines, or samples, mix the outputs in their own ways.
+    pub(crate) fn holds_sigma(&self) -> bool {
+        let mixed = |r: &RecordDesign| matches!(r.uneven, Uneven::Together(_));
+        self.noise.inputs.is_some() || self.records.iter().any(mixed)
+    }
+
     /// Whether Σ_y or the colour come from the residuals.
     pub(crate) fn alternates(&self) -> bool {
         let coloured = self.noise.colour == Colour::Fitted && self.noise.inputs.is_none();
@@ -341,7 +350,7 @@ fn record_design(
     spectra: &[Vec<f64>],
     record: RecordLines,
 ) -> RecordDesign {
-    let RecordLines { lines, used, dense } = record;
+    let RecordLines { lines, used, uneven } = record;
     // An unknown constant touches line 0 alone: it is left out.
     let first = if trend == Trend::None { lines.first } else { lines.first.max(1) };
     let used = (lines.first + used).saturating_sub(first);
@@ -376,7 +385,7 @@ fn record_design(
         lines,
         used,
         x,
-        dense,
+        uneven,
     }
 }
 

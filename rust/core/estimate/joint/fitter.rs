@@ -2,12 +2,13 @@
 
 use std::sync::OnceLock;
 
+use super::at_once::{SAMPLES, Seen};
 use super::delays::{self, Delayed};
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
 use super::iterate::JointStart;
 use super::single::{Covariances, Ended, Single};
 use super::structure::{Delay, JointStructure, Path};
-use super::whitener::{Whitener, whiteners};
+use super::whitener::{Uneven, uneven};
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::Options;
@@ -132,8 +133,8 @@ pub(crate) struct JointRecordPlan {
     /// As given, else up to the widest line of the default rule.
     pub range: Range,
     pub narrow: usize,
-    /// Of each output whose samples are uneven in variance, up to the highest line.
-    pub whiteners: Vec<Whitener>,
+    /// Up to the highest line.
+    pub uneven: Uneven,
 }
 
 /// Everything about joint fits of one kind that their samples do not change.
@@ -256,7 +257,8 @@ impl JointFitter {
                 )));
             }
             let first = if o.trend == Trend::None { range.0 } else { range.0.max(1) };
-            let whiteners = match variances.get(k) {
+            let coupled = outputs > 1 && o.noise.inputs.is_none();
+            let uneven = match variances.get(k) {
                 Some(all) if !all.is_empty() && all.len() != outputs => {
                     return Err(Error::Data(format!(
                         "fitting with uneven noise: variances of {} outputs for {outputs}",
@@ -264,12 +266,12 @@ impl JointFitter {
                     )));
                 }
                 Some(all) if !all.is_empty() => {
-                    whiteners(all, (*samples, *time), window, rule, (first, range.1))?
+                    uneven(all, (*samples, *time), window, rule, (first, range.1), coupled)?
                 }
-                _ => Vec::new(),
+                _ => Uneven::No,
             };
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
-            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, whiteners })
+            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         let (variances, wider) = (variances.to_vec(), OnceLock::new());
@@ -281,7 +283,12 @@ impl JointFitter {
         rule.filter(BandRule::meets_end)?;
         let make = || {
             let even = |r: &JointRecordPlan| {
-                (r.dt.is_finite() && (r.whiteners.is_empty() || 2 * r.range.1 <= DENSE))
+                let each = match r.uneven {
+                    Uneven::No => 0,
+                    Uneven::Each(_) => 1,
+                    Uneven::Together(_) => self.o.structure.orders.len(),
+                };
+                (r.dt.is_finite() && 2 * each * r.range.1 <= DENSE)
                     .then_some((r.samples, Time::Even(r.dt)))
             };
             let sampling: Vec<_> = self.records.iter().map(even).collect::<Option<_>>()?;
@@ -506,35 +513,32 @@ impl JointFitter {
         whitened: bool,
     ) -> Result<JointDesign, Error> {
         let o = &self.o;
-        let record = |(((first, last), r), level): ((&Range, &JointRecordPlan), &f64)| {
-            let highest = match noise.colour {
-                Colour::Fitted => r.plans[0].harmonics(),
-                Colour::Given => *last,
+        let plan = |structure: &JointStructure, noise: &NoiseModel, samples: f64| {
+            let record = |(((first, last), r), level): ((&Range, &JointRecordPlan), &f64)| {
+                let last = (r.window.intervals as f64 / samples + 1e-9).min(*last as f64) as usize;
+                let highest = match noise.colour {
+                    Colour::Fitted => r.plans[0].harmonics(),
+                    Colour::Given => last,
+                };
+                RecordLines {
+                    lines: Lines {
+                        first: *first,
+                        last: highest,
+                        omega0: r.window.omega0,
+                        unit_variance: r.plans[0].unit_variance() * level,
+                    },
+                    used: (last + 1).saturating_sub(*first),
+                    uneven: match whitened {
+                        true => r.uneven.of_variance(*level),
+                        false => Uneven::No,
+                    },
+                }
             };
-            RecordLines {
-                lines: Lines {
-                    first: *first,
-                    last: highest,
-                    omega0: r.window.omega0,
-                    unit_variance: r.plans[0].unit_variance() * level,
-                },
-                used: last + 1 - first,
-                dense: match whitened {
-                    true => r.whiteners.iter().map(|w| w.of_variance(*level)).collect(),
-                    false => Vec::new(),
-                },
-            }
+            let records = ranges.iter().zip(&self.records).zip(&scales.levels).map(record);
+            let (records, units) = (records.collect(), scales.units.clone());
+            JointDesign::new(structure, o.method, noise, o.trend, o.extended, records, units)
         };
-        let records = ranges.iter().zip(&self.records).zip(&scales.levels).map(record).collect();
-        let mut design = JointDesign::new(
-            &o.structure,
-            o.method,
-            noise,
-            o.trend,
-            o.extended,
-            records,
-            scales.units.clone(),
-        )?;
+        let mut design = plan(&o.structure, noise, 0.0)?;
         let input = |p: &Path| {
             let delay = match p.delay {
                 Delay::Known(delay) => delay,
@@ -546,6 +550,8 @@ impl JointFitter {
         let inputs: Vec<(Option<Hold>, f64)> = o.structure.paths.iter().map(input).collect();
         let steps = self.records.iter().map(|r| Some(r.dt).filter(|dt| dt.is_finite()));
         design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        let white = NoiseModel { colour: Colour::Given, ..noise.clone() };
+        design.seen = Seen::new(&design, |structure| plan(structure, &white, SAMPLES));
         let scaled = |p: &Prior| p.over(design.parameter_scale(p.parameter));
         design.priors = o.priors.iter().map(scaled).collect();
         Ok(design)

@@ -29,7 +29,7 @@ pub(super) fn plain_whitener<L: Lanes>(
             let size_x = w.across.load::<L>(&rd.size_x, rd.stride(), 0, m);
             let square = variance::<L>(a, &w.coefficients[from..from + order], size_x);
             let still = L::splat(1.0) / square.sqrt();
-            if d.structure.common && rd.dense.is_empty() {
+            if d.structure.common && rd.uneven.is_none() {
                 // What all outputs share may turn them all alike, where lines are independent: nothing turns.
                 (still, L::splat(0.0))
             } else {

@@ -116,7 +116,7 @@ fn line<L: Lanes>(
             }
         }
     }
-    if across == Across::Lines && (w.beyond || rd.dense.is_empty() || flat) {
+    if across == Across::Lines && (w.beyond || rd.uneven.is_none() || flat) {
         let root = match w.beyond {
             true => table(&rd.weight, 0).sqrt(),
             false => table(&rd.root_weight, 0),

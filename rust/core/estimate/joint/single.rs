@@ -4,13 +4,14 @@
 
 mod information;
 mod rows;
+mod sigma;
 mod system;
 
-use super::colour;
 use super::design::{Colour, JointDesign};
-use super::iterate::{COLOUR_SETTLED, FLOOR, JointStart, LONGER, ROUNDS, Refresh};
+use super::iterate::{FLOOR, JointStart, LONGER, Refresh};
 use super::tile::Block;
 use super::unalias::unalias;
+use super::whitener::Whitener;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::band::CLOSE;
@@ -33,11 +34,13 @@ const NEAR: f64 = 1e-3;
 pub(crate) struct Single<'d> {
     pub d: &'d JointDesign,
     pub w: JointSpace,
-    isa: Isa,
+    pub(super) isa: Isa,
     blocks: Vec<Block>,
     system: System,
     /// Σ⁻¹, row major.
     coupling: Vec<f64>,
+    /// Of each record whose samples mix the outputs, at the Σ that stands.
+    factors: Vec<Option<Whitener>>,
     /// Squared sizes of θ's columns.
     sizes: Vec<f64>,
     /// Least variance of each output.
@@ -57,7 +60,7 @@ pub(crate) struct Ended {
 
 /// How one run of steps goes.
 #[derive(Clone, Copy)]
-struct Run<'a> {
+pub(super) struct Run<'a> {
     rule: Rule,
     most: usize,
     limit: f64,
@@ -79,6 +82,7 @@ impl<'d> Single<'d> {
             system: System::new(d, blocks.clone()),
             blocks,
             coupling: vec![0.0; q * q],
+            factors: vec![None; d.records.len()],
             sizes: Vec::new(),
             least: vec![0.0; q],
             dependent: false,
@@ -117,6 +121,11 @@ impl<'d> Single<'d> {
         let limit = o.tol * o.tol;
         let run = Run { rule, most: o.maxiter, limit, held: false, fresh: false, near: None };
         let estimated = d.estimates_covariance();
+        let seen = match start {
+            JointStart::Theta(_) => None,
+            _ => self.as_seen(o)?,
+        };
+        let start = seen.as_deref().map_or(start, JointStart::Theta);
         let known = match start {
             JointStart::Theta(theta) => {
                 for (k, (to, value)) in self.w.iterates.theta.now.iter_mut().zip(theta).enumerate()
@@ -138,7 +147,9 @@ impl<'d> Single<'d> {
             }
         };
         let (mut nit, mut came_near) = (0.0, false);
-        if rule != Rule::Wls {
+        if rule != Rule::Wls && d.acts_at_once() {
+            nit = self.rounds_at_once(run, known, o, refresh)?;
+        } else if rule != Rule::Wls {
             let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
                 true => aliasing::ROUNDS,
                 false => 0,
@@ -175,7 +186,7 @@ impl<'d> Single<'d> {
 
     /// Steps under the weights that count, until θ and the noise stand; steps before the last count, and whether the
     /// way came near another estimate.
-    fn settle(
+    pub(super) fn settle(
         &mut self,
         run: Run<'_>,
         known: bool,
@@ -191,13 +202,15 @@ impl<'d> Single<'d> {
             came_near = self.iterate(Run { near, ..run }, refresh)?;
         }
         let alive = !self.dependent && self.w.progress.cost.0[0].is_finite();
-        if alive && estimated && d.noise.colour == Colour::Given {
+        // Rows that hold Σ take the last one's.
+        let fresh = estimated && !d.holds_sigma();
+        if alive && fresh && d.noise.colour == Colour::Given {
             nit = self.again();
             let most = run.most.saturating_mul(LONGER);
             came_near = self.iterate(Run { most, fresh: true, near, ..run }, refresh)?;
         } else if alive && d.alternates() {
             nit = self.again();
-            self.alternate(Run { fresh: estimated, ..run }, refresh)?;
+            self.alternate(Run { fresh, ..run }, refresh)?;
         }
         Ok((nit, came_near))
     }
@@ -222,29 +235,11 @@ impl<'d> Single<'d> {
     }
 
     /// Goes on with a fresh count of steps; returns those so far.
-    fn again(&mut self) -> f64 {
+    pub(super) fn again(&mut self) -> f64 {
         let nit = self.w.progress.nit.0[0];
         self.w.progress.nit = Wide::ZERO;
         self.w.progress.again(Wide::splat(1.0));
         nit
-    }
-
-    /// The colour from the residuals, θ again, until neither changes.
-    fn alternate(&mut self, run: Run<'_>, refresh: &mut Refresh<'_>) -> Result<(), Error> {
-        let mut going = true;
-        for round in 0..ROUNDS.min(run.most) {
-            let live = std::array::from_fn(|lane| lane == 0);
-            let changed = colour::refit(self.isa, self.d, &mut self.w, round, live)[0];
-            let settled = changed <= COLOUR_SETTLED && self.w.progress.active.0[0] == 0.0;
-            if round > 0 && (settled || self.dependent) {
-                going = false;
-                break;
-            }
-            self.w.progress.again(Wide::splat(1.0));
-            self.iterate(run, refresh)?;
-        }
-        self.w.progress.active = Wide::splat(f64::from(going));
-        Ok(())
     }
 
     /// Steps until none moves; true where they came near to another estimate.
@@ -314,40 +309,8 @@ impl<'d> Single<'d> {
         }
     }
 
-    /// Σ̂ of the residuals that were formed last, and its inverse.
-    fn take_covariance(&mut self) {
-        let q = self.d.outputs();
-        let each = q as f64 / self.d.degrees_of_freedom().max(1) as f64;
-        for (k, square) in self.system.squares.iter().enumerate() {
-            let least = if k % (q + 1) == 0 { self.least[k / q] } else { f64::NEG_INFINITY };
-            self.w.sigma[k] = Wide::splat((square * each).max(least));
-        }
-        self.w.take_root(q);
-        self.couple();
-    }
-
-    /// P = WᵀW, W the root of Σ⁻¹; one where each line's noise holds Σ.
-    fn couple(&mut self) {
-        let q = self.d.outputs();
-        let root = |i: usize, j: usize| self.w.root[i * q + j].0[0];
-        for i in 0..q {
-            for j in 0..q {
-                self.coupling[i * q + j] = match self.d.noise.inputs {
-                    Some(_) => f64::from(i == j),
-                    None => (i.max(j)..q).map(|c| root(c, i) * root(c, j)).sum(),
-                };
-            }
-        }
-    }
-
-    /// √det Σ̂: falls where log det Σ̂ does.
-    fn determinant(&self) -> f64 {
-        let q = self.d.outputs();
-        1.0 / (0..q).map(|i| self.w.root[i * (q + 1)].0[0]).product::<f64>()
-    }
-
     /// Transients of every record by least squares at the current θ.
-    fn find_transients(&mut self) {
+    pub(super) fn find_transients(&mut self) {
         self.form(self.d.final_weights(), LeftColumns::Data, false);
         let from = self.d.records.len() * self.d.transient.len();
         let mut pinned = vec![None; from];

@@ -3,7 +3,7 @@
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointSpace;
-use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE};
+use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE, LARGE_AT_ONCE};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
@@ -16,8 +16,9 @@ pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
         Across::Replicates => power,
         Across::Lines => power.map(|p| Wide::splat(p.0.iter().sum())),
     };
+    let large = if d.acts_at_once() { LARGE_AT_ONCE } else { LARGE };
     for r in &mut w.records {
-        r.measured.judge(&mut r.re, &mut r.im, &power, LARGE);
+        r.measured.judge(&mut r.re, &mut r.im, &power, large);
     }
 }
 

@@ -225,8 +225,7 @@ impl JointSpace {
                 ..JointRecordSpace::default()
             }
         };
-        // Where inputs are noisy each line has a Σ of its own, which mixes all outputs.
-        let apart = d.noise.inputs.is_none() || q == 1;
+        let apart = !d.holds_sigma() || q == 1;
         let blocks: Vec<Vec<usize>> = match apart {
             true => (0..q).map(|i| vec![i]).collect(),
             false => vec![(0..q).collect()],

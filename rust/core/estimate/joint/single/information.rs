@@ -55,7 +55,7 @@ impl Single<'_> {
         let d = self.d;
         let (q, size, nt) = (d.outputs(), d.size(), d.transient.len());
         let order = self.order();
-        let mixed = d.noise.inputs.is_some();
+        let mixed = d.holds_sigma();
         let mut all = Vec::new();
         for k in 0..d.records.len() {
             self.write(k, d.final_weights(), d.final_factors());

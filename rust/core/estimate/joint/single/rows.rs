@@ -2,6 +2,7 @@
 
 use super::super::design::JointDesign;
 use super::super::rows::rows;
+use super::super::whitener::Uneven;
 use super::super::workspace::JointSpace;
 use super::Single;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -23,8 +24,7 @@ impl Single<'_> {
             factors,
         });
         let data = factors == LeftColumns::Data;
-        let dense = !rd.dense.is_empty() && weights == RowWeights::Adapted;
-        if dense {
+        if weights == RowWeights::Adapted {
             self.whiten(k, data);
         }
         if data {
@@ -35,13 +35,26 @@ impl Single<'_> {
 
     /// Whitens the rows of record `k` where its samples are uneven.
     fn whiten(&mut self, k: usize, data: bool) {
-        let Single { d, w, blocks, work, .. } = self;
+        let Single { d, w, blocks, factors, work, .. } = self;
         let (rd, groups) = (&d.records[k], w.residual.part);
+        let each = match &rd.uneven {
+            Uneven::No => return,
+            Uneven::Each(all) => &all[..],
+            Uneven::Together(sums) => {
+                let factor = &mut factors[k];
+                if factor.is_none() {
+                    let sigma: Vec<f64> = w.sigma.iter().map(|v| v.0[0]).collect();
+                    *factor = Some(sums.whitener(&sigma, rd.used));
+                }
+                factor.as_slice()
+            }
+        };
         let part = 2 * groups;
         let size = (groups, rd.used);
         for block in blocks.iter() {
-            for (at, i) in block.outputs.iter().enumerate() {
-                let whitener = &rd.dense[*i];
+            // One whitens all outputs at once, or each its own.
+            for (at, i) in block.outputs.iter().enumerate().take(each.len()) {
+                let whitener = &each[*i];
                 let place = |slot: usize| block.from + slot * block.height + at * part;
                 let right: Vec<usize> = (0..=block.columns.len()).map(place).collect();
                 whitener.whiten(&mut w.right.all, &right, size, work);
@@ -55,7 +68,7 @@ impl Single<'_> {
                 let left: Vec<usize> = own.into_iter().map(place).collect();
                 whitener.whiten(&mut w.left.all, &left, size, work);
                 for start in others.into_iter().map(place) {
-                    let own = start..start + part;
+                    let own = start..start + part * whitener.outputs();
                     w.left.all[own.clone()].copy_from_slice(&w.right.all[own]);
                 }
             }
@@ -78,7 +91,8 @@ impl Kernel for WriteRows<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let WriteRows { design: d, space: w, record, groups, weights, factors } = self;
-        let whole = d.noise.inputs.is_some();
+        let even = d.records[record].uneven.is_none();
+        let whole = d.noise.inputs.is_some() || (even && d.holds_sigma());
         rows::<L>(d, w, record, 0..groups, weights, factors, whole);
     }
 }
