@@ -279,7 +279,8 @@ def _filters(fit: Estimates, moving: NDArray[np.intp]) -> _Filters:
 
 def _in_time(flat: F64, low: int, inverse: F64, count: int) -> F64:
     """Rows on whitened lines as filters of samples, (row, output, time)."""
-    real, imag = np.split(flat.reshape(len(flat), 2 * len(inverse), -1), 2, axis=1)
+    parts = 2 * len(inverse)  # no rows where there are no ends: their shape is said
+    real, imag = np.split(flat.reshape(len(flat), parts, flat.shape[1] // parts), 2, axis=1)
     lines = np.einsum("io,pim->pom", inverse, real - 1j * imag)
     if low == 0:
         lines[:, :, 0] /= np.sqrt(2)
