@@ -160,11 +160,45 @@ def late_output(seed: int) -> mf.Record:
     return noisy(mf.Record(y=y, u=clean.u, dt=clean.dt, intersample=clean.intersample), seed)
 
 
+def held_drift(seed: int) -> mf.Record:
+    rec = held(seed)
+    return rec.assign(y=rec.y[0] + 3 * rec.y.std() * rec.t / 20)
+
+
 def drifting(seed: int) -> mf.Record:
     rec = of(PLANT)(seed)
     return rec.assign(y=rec.y[0] + 0.6 * rec.y.std() * rec.t / 20)
 
 
+A2, B2 = [[-0.9, 1], [-5.2, -1.4]], [[-0.12], [-7.5]]
+FREE2 = {"A": [["Za", 1], ["Ma", "Mq"]], "B": [["Zd"], ["Md"]], "states": ["alpha", "q"], "inputs": ["u"]}
+FORCE = {"C": [[0, 1], ["12.2*Za", 0]], "D": [[0], ["12.2*Zd"]], "outputs": ["q", "az"]}
+STATES = mf.StateSpace(**FREE2)
+FORCES = mf.StateSpace(**FREE2, **FORCE)
+
+
+def flown(lag: float = 0.0, lever: float = 0.0, force: bool = False, **words: Any) -> Any:
+    """A short period behind an actuator: its states, of a late vane, or a rate and an accelerometer."""
+    a = np.zeros((4, 4))
+    a[:2, :2], a[:2, 3] = A2, np.ravel(B2)
+    a[2, 0], a[2, 2], a[3, 3] = 1 / (lag or 1.0), -1 / (lag or 1.0), -1 / 0.07
+    c = np.array([[0.0, 0, 1, 0], [0, 1, 0, 0]]) if lag else np.eye(4)[:2]
+    names = ["alpha", "q"]
+    if force:
+        c = np.array([[0, 1, 0, 0], 12.2 * a[0] - 12.2 * np.eye(4)[1] + lever * a[1]])
+        names = ["q", "az"]
+    plant = mf.ss(a, [[0], [0], [0], [1 / 0.07]], c, np.zeros((2, 1)))
+    t = 0.02 * np.arange(700)
+    u = 0.05 * (1.0 * (t > 1) - 2 * (t > 1.9) + (t > 2.5)) + 0.04 * (1.0 * (t > 7) - 2 * (t > 8) + (t > 9))
+    y, moved = (
+        one.simulate(u=u, dt=0.02, intersample="zoh")
+        for one in (plant, mf.ss([[-1 / 0.07]], [[1 / 0.07]], [[1.0]]))
+    )
+    seen = mf.Record(y=y, u=np.ravel(moved), dt=0.02, outputs=names, inputs=["u"], intersample="smooth")
+    return lambda seed: noisy(seen, seed, **words)
+
+
+LINEAR = mf.Equation("y'' + a1*y' + a2*y = b0*u + c")
 DUFFING = mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c")
 RIGHT2 = by(TF(poles=2, zeros=0))
 DELAYED = mf.tf([5], [1, 3, 8], delay=0.25)
@@ -280,6 +314,24 @@ WRONG = [
         None,
         "Equation",
     ),
+    Setup("a drift under a staircase", held_drift, by(TF(poles=2, zeros=0)), None, "linear"),
+    Setup(
+        "a vane that lags by 0.08 s, a state space", flown(lag=0.08), by(STATES), None, "lag of the sensor"
+    ),
+    Setup(
+        "an accelerometer off the centre of gravity, a state space",
+        flown(lever=-0.2, force=True, nsr=0.02),
+        by(FORCES),
+        None,
+        "lever|sensor of az",
+    ),
+    Setup(
+        "an equation without the delay",
+        of(DELAYED),
+        by(LINEAR),
+        None,
+        "delay|lag|term in u'",
+    ),
     Setup(
         "an equation without the constant",
         lambda s: of(PLANT)(s).assign(y=lambda r: r["y"] + 2.0),
@@ -317,7 +369,11 @@ RIGHT = [
     Setup("two outputs", of(TWO), by(SEPARATE)),
     Setup("two outputs, own denominators", of(TWO), by(TF(poles=2, zeros=1, denominator="separate"))),
     Setup("three records", lambda s: [of(PLANT)(3 * s + k) for k in range(3)], RIGHT2),
-    Setup("an equation", of(PLANT), by(mf.Equation("y'' + a1*y' + a2*y = b0*u + c"))),
+    Setup("an equation", of(PLANT), by(LINEAR)),
+    Setup("a state space, both states", flown(), by(STATES)),
+    Setup("a state space, rate and accelerometer", flown(force=True, nsr=0.02), by(FORCES)),
+    Setup("a state space in coloured noise, AR(0.9)", flown(pole=0.9), by(STATES)),
+    Setup("an equation in coloured noise, AR(0.9)", of(PLANT, pole=0.9), by(LINEAR)),
     Setup("a Duffing oscillator", nonlinear(spring), by(DUFFING)),
     Setup("two outputs, a band given", of(TWO), by(SEPARATE, harmonics=20)),
 ]  # fmt: skip
@@ -395,7 +451,8 @@ every record, and rightly: classical standard errors do not hold then.
   residuals do not tell. `rec.check()` sees it in the samples of the input.
 * A chirp passes each frequency once, so that a system that changes in time cannot be told from one of higher
   order. The set-ups with changing stiffness are driven by seven sines.
-* Equations and state spaces are tested for events, neighbouring lines, colour and level only.
+* Equations and state spaces are tested for events, neighbouring lines, colour and level. Where the level
+  speaks, the fit tries lags, delays, levers, missing terms and a drift, of one parameter each.
 """
 
 Rows = list[tuple[str, dict[str, Any]]]

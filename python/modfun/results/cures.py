@@ -15,8 +15,19 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
+from .neighbours import EXTRA, neighbours, with_offset
 
-__all__ = ["Cure", "again", "best_cure", "bic_beside", "on_band", "with_drift"]
+__all__ = [
+    "Cure",
+    "again",
+    "best_cure",
+    "bic_beside",
+    "convincing",
+    "of_written",
+    "offset_of",
+    "on_band",
+    "with_drift",
+]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
@@ -24,6 +35,7 @@ WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evi
 ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
 RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
 BEYOND = 10  # and so many of them later than the best one
+STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
 @dataclass(frozen=True)
@@ -62,6 +74,59 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
             found = Cure(words + late, before, after, level_p(other))
     return found
+
+
+def of_written(fit: Estimates) -> Cure | None:
+    """The same of equations and state spaces: one parameter more, or a drift of each equation."""
+    if fit.again is None or fit.records is None or fit.layout.rational or fit.process_levels is not None:
+        return None
+    before, options = bic_beside(fit, fit), on_band(fit, fit.band)
+    found = with_drift(fit) if fit.trend == "constant" else None
+    if found is not None and not found.after < before - WORTH:
+        found = None
+    for group in neighbours(fit):
+        best = found.after - CLOSE if found else before - WORTH
+        for words, structure in group:
+            other = again(fit, fit.records, structure, options)
+            if other is None:
+                continue
+            after = bic_beside(other, fit)
+            if not (isfinite(after) and after < best):
+                continue
+            if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
+                continue
+            found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
+            best = after
+        if found is not None and found.level_p > ENOUGH:
+            break
+    return found
+
+
+def convincing(fit: Estimates, cure: Cure) -> bool:
+    """Whether a cure leaves no doubt: only the noise is left, or half the power of an output's residuals."""
+    fallen, rows = cure.before - cure.after, fit.df_resid + fit.params.size
+    halved = fallen > rows / len(fit.row_names) * log(2)
+    return fallen > STRONG and (halved or cure.level_p > ENOUGH)
+
+
+def offset_of(fit: Estimates, other: float) -> str:
+    """The offset of a channel that explains an equation's residuals better than a constant; "" where none.
+
+    `other`: BIC with a constant.
+    """
+    if fit.again is None or fit.records is None:
+        return ""
+    words, best, before = "", other - CLOSE, bic_beside(fit, fit)
+    for x, structure in with_offset(fit.structure):
+        made = again(fit, fit.records, structure, on_band(fit, fit.band))
+        if made is not None and (after := bic_beside(made, fit)) < best:
+            best = after
+            words = (
+                f"Write ({x} - c) for {x} in the equation, with its offset c as a parameter: c = "
+                f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
+                f"equation is not the same, since {x} does not enter linearly."
+            )
+    return words
 
 
 def with_drift(fit: Estimates) -> Cure | None:

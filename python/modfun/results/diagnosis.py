@@ -28,6 +28,7 @@ __all__ = [
     "surely_stable",
 ]
 
+ROUNDING = 1e-7
 PIECE = 1 << 15  # intervals of which long records' levels are made
 
 
@@ -148,12 +149,16 @@ def _corrected(tests: Sequence[Whiteness], at: int) -> Whiteness:
 
 
 def growth(fit: Estimates) -> float:
-    """Largest real part of the poles, rad/s; nan without poles."""
+    """Largest real part of the poles, rad/s, 0 within rounding; nan without poles."""
     if not fit.has_poles:
         return nan
     if not fit.layout.rational:
-        return float(np.max(fit.model.poles().real))
-    return max(float(np.max(roots_of(fit.polynomials(i)[0]).real)) for _, i in fit.denominators())
+        poles = np.asarray(fit.model.poles())
+    else:
+        poles = np.concatenate([roots_of(fit.polynomials(i)[0]) for _, i in fit.denominators()])
+    most = float(np.max(poles.real))
+    # A double pole at 0, as of a rigid body, is found to the root of the rounding of the largest one.
+    return 0.0 if abs(most) < ROUNDING * min(float(np.max(np.abs(poles))), max(fit.omega0)) else most
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:

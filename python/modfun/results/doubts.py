@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..base.names import listed
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
-from .cures import again, on_band
+from .cures import again, bic_beside, offset_of, on_band
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
@@ -108,17 +108,16 @@ def mean(fit: Estimates) -> Doubt | None:
         return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit)}') if told else None
     from scipy.special import stdtr
 
-    cure = 'Fit with trend="constant", or write a constant into the equation.'
     spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
     means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
     if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
         # The equation took the offset for the signal.
         return Doubt(
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {cure}{_both_ways(fit)}"
+            f"constant, and no parameter is larger than its standard error. {_constant(fit)}"
         )
     if told := _bent(fit):
-        return Doubt(f"{told} {cure}{_both_ways(fit)}")
+        return Doubt(f"{told} {_constant(fit)}")
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
     if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
         return None
@@ -129,7 +128,7 @@ def mean(fit: Estimates) -> Doubt | None:
         return None
     return Doubt(
         f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
-        f"have an offset, and the equation has no constant. {cure}{_both_ways(fit)}"
+        f"have an offset, and the equation has no constant. {_constant(fit)}"
     )
 
 
@@ -162,6 +161,13 @@ def _with_constant(fit: Estimates) -> Estimates | None:
     options = on_band(fit, fit.band).replace(trend="constant")
     other = again(fit, fit.records, fit.structure, options)
     return other if other is not None and other.params.shape == fit.params.shape else None
+
+
+def _constant(fit: Estimates) -> str:
+    """The first cure of an offset: of the channel, where that explains more than a constant."""
+    other = _with_constant(fit)
+    words = offset_of(fit, math.inf if other is None else bic_beside(other, fit))
+    return words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}'
 
 
 def _both_ways(fit: Estimates) -> str:

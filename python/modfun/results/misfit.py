@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from math import isnan
+
 from .._core import sharpest
 from ..models.noise import Noise
-from .cures import best_cure, with_drift
-from .diagnosis import Diagnosis, diagnose, level_p
+from .cures import best_cure, convincing, of_written, with_drift
+from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
@@ -33,7 +35,9 @@ def misfit(fit: Estimates) -> Doubt | None:
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
     level = level_p(fit)
-    if level < LOOK or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level
+    if (
+        level < (LOOK if fit.layout.rational else PLAUSIBLE) or level > 1 - LOOK
+    ):  # or the high band holds signal, such as steps, and tells no level
         return True
     for i in range(len(fit.row_names)):
         pieces = [piece[i] for piece in fit.pieces]
@@ -64,6 +68,9 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
             said += _further(fit, one, sure, spoken)
     if high and not fit.inputs:
         said += _of_free_motion(fit)
+    seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
+    if d.chi2_p < PLAUSIBLE or (isnan(d.chi2_p) and seen):
+        said += _of_written(fit)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -123,6 +130,13 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
     found = origin(fit) if alone else None
+    drift = with_drift(fit) if found == "process" and fit.trend == "constant" else None
+    if drift is not None and convincing(fit, drift):
+        text += (
+            f" A slow drift of the output explains them. First try {drift.words}: BIC falls from "
+            f"{drift.before:.4g} to {drift.after:.4g}."
+        )
+        return Doubt(text, sure=d.chi2_p < SURE)
     if found == "process":
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
@@ -139,7 +153,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
     if gain is not None:
         text += (
             ' Noise in each equation, such as turbulence, explains them better: with noise="process" BIC '
-            f"falls from {gain[0]:.4g} to {gain[1]:.4g}."
+            f"falls from {gain[0]:.4g} to {gain[1]:.4g}. Where one cause, such as a gust, enters several "
+            "equations at once, take noise=mf.ProcessNoise(gust=...)."
         )
     if found == "either":
         text += (
@@ -188,6 +203,17 @@ def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
             )
             found.append((Doubt(text), cure.before - cure.after))
     return found
+
+
+def _of_written(fit: Estimates) -> list[tuple[Doubt, float]]:
+    """What equations and a state space lack, of what sensors, actuators and a term more explain."""
+    cure = of_written(fit)
+    if cure is None:
+        return []
+    ratio = level_ratio(fit)
+    level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {_reference(fit)}"
+    text = f"Part of the response is missing{level}. First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+    return [(Doubt(text, convincing(fit, cure)), cure.before - cure.after)]
 
 
 def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:

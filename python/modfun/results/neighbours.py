@@ -1,0 +1,164 @@
+"""Equations and state spaces next to a fitted one: what sensors, actuators and a missing term would add."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from ..equations.equation import Equation
+from ..equations.matrices import state_of
+from ..equations.state_space import StateSpace
+from ..errors import ModfunError
+from ..models.free import Free
+from .estimates import Estimates
+
+__all__ = ["EXTRA", "neighbours", "with_offset"]
+
+EXTRA = "extra"  # name of the parameter that a neighbour has more
+EARLY = 0.5  # radian of the highest line: a lag from which the search starts
+
+
+Changed = Iterator[tuple[str, Any]]
+
+
+def neighbours(fit: Estimates) -> tuple[Changed, ...]:
+    """Changes in words, `{}` for the value of the parameter that they add, with the structure.
+
+    The more likely ones first: sensors and actuators, then terms.
+    """
+    model = fit.structure
+    if not isinstance(model, StateSpace | Equation) or EXTRA in (*model.all_parameters, *model.outputs):
+        return ()
+    if isinstance(model, StateSpace):
+        return _instruments(fit, model), _entries(model)
+    return _shifts(fit, model), _terms(model)
+
+
+def _late(fit: Estimates) -> Free:
+    """A time constant or a delay."""
+    return Free(EARLY / fit.band[1], min=0.0)
+
+
+def _instruments(fit: Estimates, model: StateSpace) -> Changed:
+    for i, y in enumerate(model.outputs):
+        words = f"a lag of the sensor of {y} ({{}} s), as a state: {y}_sensor' = ({y} - {y}_sensor)/lag"
+        if len(model.outputs) == 1:
+            words += ", or, where it is known, mf.through(rec, sensor=mf.tf([1], [lag, 1]))"
+        yield words, _sensor(fit, model, i)
+    for k, u in enumerate(model.inputs):
+        yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k)
+    for i, y in enumerate(model.outputs):
+        for j, x in enumerate(model.states):
+            c, d = ([list(row) for row in matrix] for matrix in (model.C, model.D))
+            if state_of(model.C[i], model.D[i]) is not None:
+                continue  # a measured state is no accelerometer
+            c[i] = [_plus(own, f"{EXTRA}*({a})") for own, a in zip(c[i], model.A[j], strict=True)]
+            d[i] = [_plus(own, f"{EXTRA}*({b})") for own, b in zip(d[i], model.B[j], strict=True)]
+            words = (
+                f"lever*{x}' in the output {y} (lever = {{}}), as of a sensor away from the reference point"
+            )
+            yield words, _like(model, C=c, D=d, params=_more(model, Free()))
+
+
+def _entries(model: StateSpace) -> Changed:
+    """Every entry that is 0, free; of outputs that are states, which have their names, none."""
+    for name, rows, columns in (("B", model.states, model.inputs), ("A", model.states, model.states),
+                                ("D", model.outputs, model.inputs)):  # fmt: skip
+        for i, row in enumerate(rows):
+            for j, column in enumerate(columns):
+                matrix = [list(own) for own in getattr(model, name)]
+                shown = name == "D" and state_of(model.C[i], model.D[i]) is not None
+                if matrix[i][j] == 0 and not shown:
+                    matrix[i][j] = EXTRA
+                    target = row if name == "D" else f"{row}'"
+                    words = f"a term in {column} in the equation of {target} (coefficient {{}})"
+                    yield words, _like(model, **{name: matrix}, params=_more(model, Free()))
+
+
+def _sensor(fit: Estimates, model: StateSpace, i: int) -> StateSpace:
+    """One more state, which output i shows and which follows what it showed."""
+    n, y = len(model.states), model.outputs[i]
+    over = [f"({entry})/{EXTRA}" for entry in model.C[i]]
+    a = [*([*row, 0] for row in model.A), [*over, f"-1/{EXTRA}"]]
+    b = [*model.B, [f"({entry})/{EXTRA}" for entry in model.D[i]]]
+    c = [[*row, 0] for row in model.C]
+    c[i] = [*[0] * n, 1]
+    d = [list(row) for row in model.D]
+    d[i] = [0] * len(model.inputs)
+    states = [f"{x}_itself" if x == y else x for x in model.states]
+    return _like(model, A=a, B=b, C=c, D=d, states=[*states, y], params=_more(model, _late(fit)))
+
+
+def _actuator(fit: Estimates, model: StateSpace, k: int) -> StateSpace:
+    """One more state, which follows input k and stands in its place."""
+    n, u = len(model.states), model.inputs[k]
+    a = [*([*row, own[k]] for row, own in zip(model.A, model.B, strict=True)), [*[0] * n, f"-1/{EXTRA}"]]
+    b: list[list[Any]] = [[0 if j == k else own for j, own in enumerate(row)] for row in model.B]
+    b.append([f"1/{EXTRA}" if j == k else 0 for j in range(len(model.inputs))])
+    c = [[*row, own[k]] for row, own in zip(model.C, model.D, strict=True)]
+    d = [[0 if j == k else own for j, own in enumerate(row)] for row in model.D]
+    states = [*model.states, f"{u}_moved"]
+    return _like(model, A=a, B=b, C=c, D=d, states=states, params=_more(model, _late(fit)))
+
+
+def _like(model: StateSpace, **changes: Any) -> StateSpace:
+    values: dict[str, Any] = {name: getattr(model, name) for name in ("A", "B", "C", "D")}
+    values |= {name: getattr(model, name) for name in ("states", "inputs", "outputs")}
+    return StateSpace(**values | {"params": dict(model.params)} | changes)
+
+
+def _plus(one: Any, other: str) -> Any:
+    return f"({one}) + {other}"
+
+
+def _more(model: Any, extra: Free) -> dict[str, Any]:
+    return {**dict(model.params), EXTRA: extra}
+
+
+def _shifts(fit: Estimates, model: Equation) -> Changed:
+    late = _late(fit)
+    for y in model.outputs:
+        yield from _tried(
+            f"a lag of the sensor of {y}, ({y} + lag*{y}') in its place (lag = {{}} s)",
+            model, _replaced(model, y, f"({y} + {EXTRA}*{y}')"), late,
+        )  # fmt: skip
+    for u in model.inputs:
+        top = Free(EARLY / fit.band[1], min=0.0, max=math.pi / 4 / max(fit.omega0))
+        words = f"a delay of {u}, {u}(t - h) with h = mf.Free(min=0, max=...) (h = {{}} s)"
+        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), top)
+
+
+def _terms(model: Equation) -> Changed:
+    terms = [f"{x}{prime}" for prime in ("", "'") for x in (*model.inputs, *model.outputs)]
+    terms += [f"{x}**{power}" for power in (2, 3) for x in (*model.outputs, *model.inputs)]
+    for k in range(len(model.texts)):
+        where = f" in equation {k + 1}" if len(model.texts) > 1 else ""
+        for term in terms:
+            texts = [f"{own} + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
+            yield from _tried(f"a term in {term}{where} (coefficient {{}})", model, texts, Free())
+
+
+def with_offset(model: Any) -> Changed:
+    """An unknown offset of one channel: where it enters nonlinearly, a constant is not the same."""
+    if isinstance(model, Equation) and EXTRA not in model.all_parameters:
+        for x in (*model.outputs, *model.inputs):
+            yield from _tried(x, model, _replaced(model, x, f"({x} - {EXTRA})"), Free())
+
+
+def _tried(words: str, model: Equation, texts: list[str], extra: Free) -> Changed:
+    """The equation with these texts; nothing where they make none."""
+    try:
+        made = Equation(
+            texts, outputs=model.outputs, inputs=model.inputs, hidden=model.hidden,
+            varying=dict(model.varying), params=_more(model, extra),
+        )  # fmt: skip
+    except ModfunError:
+        return
+    yield words, made
+
+
+def _replaced(model: Equation, name: str, text: str) -> list[str]:
+    """The texts with a signal replaced, its primes kept: (y - c)'' of y''."""
+    return [re.sub(rf"(?<![\w.]){re.escape(name)}(?!\w)(?!\()", text, own) for own in model.texts]
