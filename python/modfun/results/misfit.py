@@ -212,7 +212,10 @@ def _of_written(fit: Estimates) -> list[tuple[Doubt, float]]:
         return []
     ratio = level_ratio(fit)
     level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {_reference(fit)}"
-    text = f"Part of the response is missing{level}. First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+    text = (
+        f"Part of the response is missing{level}. First try {cure.words}: BIC falls from {cure.before:.4g} "
+        f"to {cure.after:.4g}."
+    )
     return [(Doubt(text, convincing(fit, cure)), cure.before - cure.after)]
 
 
