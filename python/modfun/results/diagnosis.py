@@ -158,7 +158,7 @@ def growth(fit: Estimates) -> float:
         poles = np.concatenate([roots_of(fit.polynomials(i)[0]) for _, i in fit.denominators()])
     most = float(np.max(poles.real))
     # A double pole at 0, as of a rigid body, is found to the root of the rounding of the largest one.
-    return 0.0 if abs(most) < ROUNDING * min(float(np.max(np.abs(poles))), max(fit.omega0)) else most
+    return 0.0 if abs(most) < ROUNDING * min(float(np.max(np.abs(poles))), fit.band[1]) else most
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:
