@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..equations.layout import EquationLayout
+from ..errors import ModfunError
 from ..models.layout import Layout
 from ..models.options import Options
 from ..records.batches import Batch
@@ -54,7 +55,10 @@ class Changes:
         bse, changing = many.bse_even.copy(), np.zeros(len(many), bool)
         alone = many.options.replace(harmonics=None, band=many.band)
         for r in np.flatnonzero(self._suspects(many)).tolist():
-            fit = self.fit_one((self.data[r],), many.structure, alone)
+            try:
+                fit = self.fit_one((self.data[r],), many.structure, alone)
+            except ModfunError:  # what a single fit refuses, such as an input that hardly moves
+                continue
             if fit.changing:
                 changing[r], bse[r] = True, fit.bse
         return changing, bse

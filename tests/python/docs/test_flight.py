@@ -2,10 +2,12 @@
 
 import re
 import sys
+from dataclasses import replace
 
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.base.named import Named
 from places import ROOT
 
 pytest.importorskip("sympy")
@@ -217,7 +219,7 @@ TROUBLES = {
     ),
     "units": (
         lambda runs, m: mf.fit([spoiled(run, q=np.rad2deg) for run in runs[:3]], m).message,
-        "The samples cannot tell the parameters apart",
+        "Not settled after # iterations",
     ),
     "channels": (lambda runs, m: mf.fit(runs[0].select(outputs=["q"]), m), "the record has outputs"),
 }
@@ -249,10 +251,11 @@ def test_a_one_tells_units_and_signs(runs):
 
 @pytest.mark.filterwarnings("ignore::modfun.ModfunWarning")
 def test_a_response_that_overflows_is_refused_in_words(example, runs):
-    fit = mf.fit([spoiled(run, q=np.rad2deg) for run in runs[:3]], example.short_period)
-    assert fit.status == "rank"
+    fit = mf.fit(runs[0], example.short_period)
+    values = np.where(np.array(fit.param_names) == "Ma", 1e4, fit.params)  # a pole at 100 rad/s
+    diverging = replace(fit, params=Named(values, fit.param_names))
     with pytest.raises(mf.DataError, match="overflows within 13 s"):
-        fit.score(0)
+        diverging.score(0)
 
 
 def test_accelerometers_take_the_place_of_a_vane(example):
