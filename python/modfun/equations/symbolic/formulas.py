@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +18,8 @@ from .compiled import Compiled, Delayed, Term, jet, time
 from .noise_bias import unbiased
 from .smoothing import smoothed
 from .tape import tape
+from .times import Times, moved
+from .words import said
 
 __all__ = ["Formulas", "formulas"]
 
@@ -38,11 +40,17 @@ class Channel:
         in it), "input", "held" (an input's mean over both sides of a sample), "time", "known".
     of : object
         Position of the channel, or (expression, derivative), or a known function.
+    late : float
+        Seconds by which it is late; negative: early.
+    straight : bool
+        Whether it is interpolated linearly where these are no whole samples.
     """
 
     symbol: sympy.Symbol
     kind: str
     of: Any = None
+    late: float = 0.0
+    straight: bool = False
 
     @property
     def own(self) -> bool:
@@ -77,8 +85,14 @@ class Formulas:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
         given = [c for c in self.channels if own is None or c.own == own]
         return np.ascontiguousarray(
-            np.vstack([self._row(c, y, u, t) for c in given] or [np.empty((0, t.size))])
+            np.vstack([self._late_row(c, y, u, t) for c in given] or [np.empty((0, t.size))])
         )
+
+    def _late_row(self, channel: Channel, y: F64, u: F64, t: F64) -> Any:
+        row = self._row(channel, y, u, t)
+        if not channel.late:
+            return row
+        return moved(np.asarray(row), channel.late / float(t[1] - t[0]), channel.straight)
 
     def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> Any:
         if channel.kind == "output":
@@ -134,7 +148,7 @@ def formulas(
     Raises
     ------
     SpecError
-        A product of delayed and undelayed channels.
+        A product of channels at different times that has no form here.
     """
     writer = _Writer(
         compiled, rule, dict(zip(compiled.inputs, intersample, strict=True)), noisy, log, correct
@@ -174,13 +188,20 @@ class _Writer:
         self.terms: list[tuple[int, int, int]] = []
         self.coefficients: list[sympy.Expr] = []
         self.smooth: dict[tuple[sympy.Expr, int, bool], sympy.Symbol] = {}
+        self.times = Times([*self.parameters, *self.noise.values(), *self.common.values()])
 
     def term(self, term: Term) -> None:
         """Adds a term; one with a factor becomes terms of the smoothed factor's derivatives (Property 2)."""
         if term.factor is None:
-            at = self.signal(term.signal)
-            self._append(term, term.order, at, term.coefficient)
+            for at in self.signal(term.signal):
+                self._append(term, term.order, at, term.coefficient)
             return
+        if term.factor.has(Delayed) or term.signal.has(Delayed):
+            raise SpecError(
+                f"fitting an equation: {said(term.factor)} times a derivative of {said(term.signal)} mixes "
+                "channels at different times and has no exact form; measure the derivative as a channel of "
+                "its own, or add the shifted samples to the record as one"
+            )
         if self.log:
             raise SpecError(
                 f"fitting an equation: {term.factor} times a derivative of {term.signal} has no exact form, "
@@ -198,15 +219,28 @@ class _Writer:
         self.terms.append((term.equation, signal, order))
         self.coefficients.append(sympy.sympify(coefficient))
 
-    def signal(self, expr: sympy.Expr) -> int:
-        """Position of a signal, with what noise adds taken out."""
+    def signal(self, expr: sympy.Expr) -> list[int]:
+        """Positions of a signal, with what noise adds taken out, and of what is zero but for noise.
+
+        A signal of channels at different times is sampled in time. Noise of another time has a signal of its
+        own behind it, which is late by as much, as the noise is.
+        """
         expr, late = self._undelayed(expr)
         kind, expr = self._kind(expr)
-        expr = expr.subs(self.log)
+        others = sorted({d.args[1] for d in expr.atoms(Delayed)}, key=float)
+        expr = expr.subs(self.log).replace(Delayed, self.times.later)
+        at = {h: {c: self.times.later(c, h) for c in self.noise} for h in others}
         if self.correct:
-            expr = unbiased(expr, self.noise, self.common)
-        found = {c: sympy.diff(expr, c) for c in self.noise}
-        return self._placed(expr, kind, late, {c: d for c, d in found.items() if d != 0})
+            noise, common = dict(self.noise), dict(self.common)
+            for own in at.values():
+                noise |= {own[c]: variance for c, variance in self.noise.items()}
+                common |= {(own[a], own[b]): covariance for (a, b), covariance in self.common.items()}
+            expr = unbiased(expr, noise, common)
+        found = [self._placed(expr, kind, late, _slopes(expr, {c: c for c in self.noise}))]
+        for h, own in at.items():
+            slopes = {c: self.times.later(d, -h) for c, d in _slopes(expr, own).items()}
+            found.append(self._placed(sympy.Integer(0), "trapezoid", h, slopes))
+        return found
 
     def _placed(
         self, expr: sympy.Expr, kind: str, late: sympy.Expr, found: dict[sympy.Symbol, sympy.Expr]
@@ -263,19 +297,23 @@ class _Writer:
         return self.smooth[key]
 
     def _undelayed(self, expr: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-        """The expression at its own time, and how late all of it is."""
-        delays = {d.args[1] for d in expr.atoms(Delayed)}
+        """The expression at its own time, and how late all of it is; as it stands where that differs."""
+        late = {d: sympy.Dummy() for d in expr.atoms(Delayed)}
+        delays = {d.args[1] for d in late}
         if not delays:
             return expr, sympy.Integer(0)
-        bare = expr.subs({d: sympy.Integer(0) for d in expr.atoms(Delayed)})
         channels = {jet(name) for name in (*self.compiled.outputs, *self.compiled.inputs)}
-        others = bare.free_symbols & (channels | {time} | set(self.compiled.known))
-        if len(delays) > 1 or others:
+        others = expr.xreplace(late).free_symbols & (channels | {time} | set(self.compiled.known))
+        if len(delays) == 1 and not others:
+            return expr.replace(Delayed, lambda channel, _: channel), delays.pop()
+        free = sorted(str(h) for h in delays if h.free_symbols)
+        if free:
             raise SpecError(
-                f"fitting an equation: the signal {expr} mixes channels at different times; a signal must be "
-                "late as a whole, as y(t - h)**2 is (a logarithm often separates a product)"
+                f"fitting an equation: the signal {said(expr)} mixes channels at different times, and the "
+                f"delay {free[0]} is a parameter; give it a number, params={{{free[0]!r}: 0.5}}, and compare "
+                "the fits of some numbers (a logarithm often separates a product)"
             )
-        return expr.replace(Delayed, lambda channel, _: channel), delays.pop()
+        return expr, sympy.Integer(0)
 
     def _kind(self, expr: sympy.Expr) -> tuple[str, sympy.Expr]:
         """How the samples of a signal stand for it, and the signal as it is sampled."""
@@ -302,10 +340,9 @@ class _Writer:
             expr, kind, late = self.signals[at]
             for k, parameter in enumerate(parameters):
                 slope = sympy.diff(expr, parameter)
-                if slope != 0:
-                    found = {c: sympy.diff(d, parameter) for c, d in self.sensitive[at].items()}
-                    to = self._placed(slope, kind, late, {c: d for c, d in found.items() if d != 0})
-                    slopes_of_signals.append((at, k, to))
+                found = {c: g for c, d in self.sensitive[at].items() if (g := sympy.diff(d, parameter)) != 0}
+                if slope != 0 or found:
+                    slopes_of_signals.append((at, k, self._placed(slope, kind, late, found)))
         channels = self._channels()
         # An input whose noise has several spectra stands there as often; each has it as its slope.
         distinct = dict(zip(dict.fromkeys(self.noisy), self.noise, strict=True))
@@ -357,6 +394,8 @@ class _Writer:
         used: set[sympy.Symbol] = set().union(*(expr.free_symbols for expr, _, _ in self.signals))
         used = used.union(*(d.free_symbols for found in self.sensitive for d in found.values()))
         used |= set(self.noise)
+        places = {s: place for s, place in self.times.places.items() if s in used}
+        bare = used | {channel for channel, _ in places.values()}
         all_: list[Channel] = []
         for k, name in enumerate(self.compiled.outputs):
             all_.append(Channel(jet(name), "output", k))
@@ -368,7 +407,17 @@ class _Writer:
             all_.append(Channel(_held(jet(name)), "held", k))
         all_.append(Channel(time, "time"))
         all_ += [Channel(symbol, "known", given) for symbol, given in self.compiled.known.items()]
-        return tuple(c for c in all_ if c.symbol in used)
+        kept = {c.symbol: c for c in all_ if c.symbol in bare}
+        late = [
+            replace(kept[of], symbol=symbol, late=float(by), straight=self._straight(kept[of]))
+            for symbol, (of, by) in places.items()
+        ]
+        return (*(c for symbol, c in kept.items() if symbol in used), *late)
+
+    def _straight(self, channel: Channel) -> bool:
+        if channel.kind == "input":
+            return self.intersample[self.compiled.inputs[channel.of]] != "smooth"
+        return channel.kind in ("held", "known")
 
     def _late(self, expr: sympy.Expr) -> tuple[float, int | None]:
         if expr in self.parameters:
@@ -378,6 +427,11 @@ class _Writer:
                 f"fitting an equation: a delay of {expr} is neither a number nor a parameter of its own"
             )
         return float(expr), None
+
+
+def _slopes(expr: sympy.Expr, channels: dict[sympy.Symbol, sympy.Symbol]) -> dict[sympy.Symbol, sympy.Expr]:
+    """Slopes that are not zero, by other names of the channels."""
+    return {name: d for name, channel in channels.items() if (d := sympy.diff(expr, channel)) != 0}
 
 
 def _logarithm(name: str) -> sympy.Symbol:
