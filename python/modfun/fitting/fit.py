@@ -32,7 +32,7 @@ from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .past import fit_with_past
-from .prepared import counts_start, prepare, refuse_standing
+from .prepared import counts_start, prepare, refuse_cut_off, refuse_standing
 from .robust import robust_fit
 from .undeclared import decided_by_fit, fit_as_read, read_alike, read_as
 
@@ -410,6 +410,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     made = prepare(structure, options, records)
     sides = [rec.y for rec in records], [rec.u for rec in records]
     refuse_standing(made.layout, *sides, options.initial_state)
+    refuse_cut_off(made.layout, [rec.t for rec in records], sides[1])
     found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
     return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
 

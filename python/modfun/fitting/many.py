@@ -19,7 +19,7 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from .changes import Changes, may_change
 from .of_equations import PreparedEquation, batch_of, prepare_equation
-from .prepared import Prepared, prepare, refuse_standing
+from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
 
 __all__ = ["fit_batch", "fit_each"]
 
@@ -47,6 +47,8 @@ def fit_batch(
         made = prepare(structure, options, sample)
         y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
         refuse_standing(made.layout, [y[0]], [u[0]], options.initial_state)
+        t = np.arange(float(data.u.shape[-1])) * data.dt if isinstance(data, Batch) else data[0].t
+        refuse_cut_off(made.layout, [t], [u[0]])
     else:
         made = prepare_equation(structure, options, sample)
         y, u = batch_of(made, data)

@@ -130,6 +130,8 @@ def fit_equation(
     rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _, _ in filled]
     _refuse_not_finite(layout, rows)
     found = made.core.fit(rows)
+    if found["status"] == "nonfinite":
+        found["theta"] = np.full_like(found["theta"], nan)  # which is where the search began
     levels = found["levels"]
     own = levels[:, : len(layout.outputs)]
     known = geometric_mean(own, [2 * (hi - lo + 1) - (lo == 0) for lo, hi in found["lines"]])

@@ -23,7 +23,7 @@ from .weights import weighting
 
 __all__ = [
     "Prepared", "counts_start", "joint_words", "plain_words", "prepare", "prepare_stream",
-    "refuse_known_start", "refuse_process_noise", "refuse_standing", "spans",
+    "refuse_cut_off", "refuse_known_start", "refuse_process_noise", "refuse_standing", "spans",
 ]  # fmt: skip
 
 KEPT = 32  # kinds of fits
@@ -31,6 +31,7 @@ LONGEST = 1 << 14  # samples of all records; longer ones would keep megabytes fo
 
 OPEN = 0.1  # of an input's range: ends of whole periods are no farther apart
 LOOKED_AT = 64  # records of a batch that tell the noise levels
+ROUNDING = 1e-9  # of times
 _NOTHING = np.zeros(0)
 
 
@@ -215,6 +216,36 @@ def refuse_standing(
                 'initial_state="rest" (before a step) or "zero" (an impulse at the first sample), or take '
                 "a record in which the input moves"
             )
+
+
+def refuse_cut_off(layout: Layout, ts: Sequence[F64], us: Sequence[F64]) -> None:
+    """Refuse records (times; inputs (input, time)) whose inputs stand where free delays leave the window.
+
+    It begins as late as the longest delay may be.
+
+    Raises
+    ------
+    DataError
+    """
+    most = layout.longest_delay
+    for at in layout.free_delays:
+        path = layout.paths[at]
+        least = max(path.delay.min, 0.0)  # type: ignore[union-attr]
+        seen = [
+            u[path.input, t >= t[0] + most - least - ROUNDING * t[-1]] for t, u in zip(ts, us, strict=True)
+        ]
+        if not all([_stands(u) for u in seen]):
+            continue
+        moves = [np.flatnonzero(np.diff(u[path.input])) for u in us]
+        last, still = max(
+            (t[k[-1] + 1] - t[0], t[k[-1]] - t[0]) for t, k in zip(ts, moves, strict=True) if k.size
+        )
+        raise DataError(
+            f"fit: input {layout.inputs[path.input]!r} moves for the last time at {last:.4g} s, and delays "
+            f"of up to {most:g} s leave only the samples from {most:g} s on, in which a delay of {least:g} s "
+            f"shows none of it: give max= of at most {still + least:.4g} s, or, for a record that begins at "
+            'rest, initial_state="rest"'
+        )
 
 
 def _stands(values: F64) -> bool:

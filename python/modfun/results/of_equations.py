@@ -14,6 +14,7 @@ from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.nonlinear import model_of
 from ..equations.symbolic.known import basis
+from ..equations.symbolic.words import said
 from ..errors import SpecError
 from ..models.noise import Noise
 from ..records.record import Record
@@ -94,11 +95,30 @@ class EquationFit(Fit):
                 "narrower band."
             )
         if self.status == "nonfinite":
-            return (
+            return self._without_value() or (
                 "The numbers left the range of floating point: look for samples at which a signal has no "
                 "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
             )
         return super().message
+
+    def _without_value(self) -> str:
+        """Where a logarithm or root in the equations meets samples that are not positive."""
+        for k, rec in enumerate(self.records or ()):
+            found = self.layout.formulas.without_value(rec.y, rec.u, rec.t)
+            if found is None:
+                continue
+            whole, inner, values = found
+            bad = np.flatnonzero(~(values > 0))
+            edges = np.concatenate([[-1], bad, [values.size]])
+            longest = int(np.argmax(np.diff(edges)))
+            start, stop = rec.t[edges[longest] + 1], rec.t[edges[longest + 1] - 1]
+            first = int(bad[0])
+            return (
+                f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
+                f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
+                f"where {said(inner)} stays above 0, such as rec.window({start:.4g}, {stop:.4g})."
+            )
+        return ""
 
     @property
     def has_poles(self) -> bool:

@@ -120,6 +120,24 @@ class Formulas:
         found = sympy.lambdify(symbols, expr, "numpy")(*y, *u, t)
         return np.broadcast_to(np.asarray(found, dtype=float), t.shape)
 
+    def without_value(self, y: F64, u: F64, t: F64) -> tuple[sympy.Expr, sympy.Expr, F64] | None:
+        """A logarithm or root in the signals, its argument, and this over a record where it is negative."""
+        results, symbols = self.expressions
+        given = symbols[: len(self.channels)]
+        atoms = set().union(*(expr.atoms(sympy.log, sympy.Pow) for expr in results))
+        for one in sorted(atoms, key=str):
+            inner = one.args[0]
+            whole = one.is_Pow and one.exp.is_integer is not False
+            if whole or not inner.free_symbols or not inner.free_symbols <= set(given):
+                continue
+            rows = self.rows(y, u, t)
+            plain = [sympy.Dummy() for _ in given]
+            found = sympy.lambdify(plain, inner.xreplace(dict(zip(given, plain, strict=True))), "numpy")
+            values = np.broadcast_to(np.asarray(found(*rows), dtype=float), t.shape)
+            if np.any(values <= 0 if one.func == sympy.log else values < 0):
+                return one, inner, values
+        return None
+
     @cached_property
     def needs_levels(self) -> bool:
         """Whether the sizes of the noise levels matter."""
