@@ -243,7 +243,8 @@ def crlb(
     if initial_state == "periodic":
         found = [_steady_slopes(known, rec) for rec in records]
     else:
-        found = [known.slopes(*one) for one in zip(records, each_state, strict=True)]
+        held = initial_state != "zero" or bool(told)
+        found = [known.slopes(rec, state, held) for rec, state in zip(records, each_state, strict=True)]
     y = np.concatenate([one.y for one in found], axis=1)
     if not np.all(np.abs(y) < 1e100):
         raise DataError("crlb: the response grows without bound; shorten the experiment")

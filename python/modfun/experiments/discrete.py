@@ -33,7 +33,7 @@ class Discrete:
             if degree is None:
                 continue
             late = floor(delays[k] / rec.dt + 0.5)
-            u = np.concatenate([np.full(min(late, self.size), rec.u[k, 0]), rec.u[k]])[: self.size]
+            u = np.concatenate([np.zeros(min(late, self.size)), rec.u[k]])[: self.size]
             first = 0 if degree == self.n else 1
             self.shifts += [(len(signals), shift) for shift in range(first, self.n + 1)]
             signals.append(u)

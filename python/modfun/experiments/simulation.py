@@ -176,8 +176,9 @@ def simulate(
     input : Signals, str, array_like, callable, or a list of these, optional
         Input: `mf.signals`, which bring their duration, sampling, form between samples and names; or, one
         an input of the system, text such as ``"sin(t**2/5)"``, a function of t, or intervals + 1 samples.
-        Seen through a delay before t = 0, text and functions are evaluated at negative times, samples hold
-        their first value. None for a system without inputs.
+        Seen through a delay before t = 0, text and functions are evaluated at negative times; samples of a
+        linear system were zero, those of equations and delay systems at their first value. None for a system
+        without inputs.
     duration : float
         Length T of the record, s; that of `mf.signals` where they are the input.
     intervals : int

@@ -61,7 +61,7 @@ class Transfers:
         """The system with other values of the parameters."""
         return named(system_of(self.layout, values), self.layout.outputs, self.layout.inputs)
 
-    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+    def slopes(self, rec: Record, start: F64 | None, held: bool = True) -> Slopes:
         layout, samples = self.layout, rec.t.size
         states = sum(layout.orders)
         begin = np.zeros(states) if start is None else _checked(start, states)
@@ -72,7 +72,7 @@ class Transfers:
         first = 0
         for i, n in enumerate(layout.orders):
             own = slice(first, first + n)
-            y[i], rows, state[own, i] = self._output(rec, i, begin[own])
+            y[i], rows, state[own, i] = self._output(rec, i, begin[own], held)
             first += n
             dens, nums = layout.places
             coefficients[dens[i] : dens[i] + n, i] = rows[:n]
@@ -90,7 +90,7 @@ class Transfers:
                 at += degree + 1
         return Slopes(y, np.concatenate([coefficients[list(layout.free)], late]), state)
 
-    def _output(self, rec: Record, output: int, start: F64) -> tuple[F64, F64, F64]:
+    def _output(self, rec: Record, output: int, start: F64, held: bool) -> tuple[F64, F64, F64]:
         """Response of an output, its derivatives to coefficients (one power more where a delay is free)
         and to its states."""
         layout = self.layout
@@ -110,7 +110,7 @@ class Transfers:
             degrees[k] = degree + free
             theta += [np.zeros(int(free)), numerators[k]]
         delays = layout.delays(self.values, output)
-        prepared = Inputs(list(rec.u), float(rec.dt or 0), rec.intervals, rec.intersample, delays)
+        prepared = Inputs(list(rec.u), float(rec.dt or 0), rec.intervals, rec.intersample, delays, held)
         omega = time_unit(den)
         engine = Sensitivities(n, degrees, prepared, omega)
         # T(s) of the states, y⁽ʲ⁾(0) by a_(k−j), in powers of s counted in omega.
@@ -162,7 +162,7 @@ class States:
         )
         return replace(ss(a, b, c[self.rows], d[self.rows]), inputs=self.inputs, outputs=self.outputs)
 
-    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+    def slopes(self, rec: Record, start: F64 | None, held: bool = True) -> Slopes:
         (a, b, c, d), (da, db, dc, dd) = self.matrices, self.moved
         n, q, p = a.shape[0], c.shape[0], self.values.size
         words = (float(rec.dt or 0), rec.intervals)
@@ -196,7 +196,7 @@ class Equations:
         self.inputs: tuple[str, ...] | None = model.inputs
         self.shape = model.shape
 
-    def slopes(self, rec: Record, start: F64 | None) -> Slopes:
+    def slopes(self, rec: Record, start: F64 | None, held: bool = True) -> Slopes:
         model, theta = self.model, self.values
         x0 = np.zeros(len(model.states)) if start is None else _checked(start, len(model.states))
         sizes = np.concatenate([np.where(theta != 0, np.abs(theta), 1.0), np.maximum(np.abs(x0), 1e-2)])

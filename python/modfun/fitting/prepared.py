@@ -75,6 +75,8 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     layout = structure.layout(first.outputs, first.inputs)
     if not (layout.plain and options.plain_noise and even):
         return _joint(layout, options, data, first.intersample, sampling)
+    if _jumps_late(layout, options, data):
+        refuse_known_start(options)
     if options.initial_state == "periodic":
         refuse_open_periods(first.inputs, [data.u] if isinstance(data, Batch) else [rec.u for rec in data])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
@@ -88,8 +90,18 @@ def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record
     if not isinstance(structure, TransferFunction):
         return False
     first = data if isinstance(data, Batch) else data[0]
-    plain = structure.layout(first.outputs, first.inputs).plain
+    layout = structure.layout(first.outputs, first.inputs)
+    plain = layout.plain and not _jumps_late(layout, options, data)
     return plain and options.plain_noise and (isinstance(data, Batch) or _even(options, data))
+
+
+def _jumps_late(layout: Layout, options: Options, data: Batch | Sequence[Record]) -> bool:
+    """Whether delayed inputs jump from zero at the first sample, which the core counts as their past."""
+    if options.initial_state != "zero":
+        return False
+    late = [k for k, delay in enumerate(layout.delays(_NOTHING)) if delay]
+    us = [data.u] if isinstance(data, Batch) else [rec.u for rec in data]
+    return any(np.any(u[..., late, 0]) for u in us)
 
 
 def _even(options: Options, data: Sequence[Record]) -> bool:
@@ -141,8 +153,8 @@ def refuse_known_start(options: Options) -> None:
     if options.initial_state != "unknown":
         raise SpecError(
             f"fit: initial_state={options.initial_state!r} is for transfer functions of one output in white "
-            "noise here, without free delays, masks and sigma; mf.fit and mf.fit_many fit the rest from "
-            'initial_state="rest" and "zero"'
+            "noise here, without free delays, masks, sigma and inputs that jump from zero behind a delay; "
+            'mf.fit and mf.fit_many fit the rest from initial_state="rest" and "zero"'
         )
 
 

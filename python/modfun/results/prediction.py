@@ -115,6 +115,7 @@ def simulate_paths(
     """
     orders = layout.orders
     rest = isinstance(initial_state, str) and initial_state == "rest"
+    held = not isinstance(initial_state, str) or rest  # before the record, as in the fit
     given = None if initial_state is None else np.zeros(sum(orders))
     if initial_state is not None and not rest:
         given = given_state(initial_state, sum(orders))
@@ -126,7 +127,7 @@ def simulate_paths(
     for i, n in enumerate(orders):
         behind = slice(i * len(drift), (i + 1) * len(drift))
         den, _ = layout.polynomials(params, i)
-        forced = _forced(layout, params, rec, i)
+        forced = _forced(layout, params, rec, i, held)
         free = free_response(den, rec.t)
         if rest:
             given[first : first + n] = _steady(layout, params, rec, i)  # type: ignore[index]
@@ -234,13 +235,13 @@ def _steady(layout: Layout, params: F64, rec: Record, output: int) -> F64:
     return np.asarray(np.linalg.lstsq(free_response(den, rec.t).T, left, rcond=None)[0])
 
 
-def _forced(layout: Layout, params: F64, rec: Record, output: int) -> F64:
-    """Response of an output from rest to the record's inputs."""
+def _forced(layout: Layout, params: F64, rec: Record, output: int, held: bool = True) -> F64:
+    """Response of an output from rest to the record's inputs, `held` before it or zero."""
     if not rec.inputs:
         return np.zeros(rec.t.size)
     model = path_model(layout, params, output)
     if rec.dt is not None:
-        response: F64 = model.respond(list(rec.u), rec.dt, rec.intervals, None, rec.intersample)[0]
+        response: F64 = model.respond(list(rec.u), rec.dt, rec.intervals, None, rec.intersample, held)[0]
         return response
     if any(model.delays):
         raise DataError(

@@ -204,8 +204,8 @@ class LTI(Arithmetic):
         u : array_like, str, callable, or a list of these, or Signals
             Input: samples (time,) or (input, time), or signals as text or functions of t, one per input; or
             `mf.signals`, which bring dt and intersample.
-            Before t = 0 (seen through a delay) samples hold their first value, while text and functions
-            are evaluated at negative times.
+            Before t = 0 (seen through a delay) samples were zero, while text and functions are evaluated
+            at negative times.
         dt : float
             Sampling interval, s.
         initial_state : array_like, shape (states,), optional
@@ -250,8 +250,9 @@ class LTI(Arithmetic):
         intervals: int,
         x0: ArrayLike | None,
         intersample: str | Sequence[str],
+        held: bool = False,
     ) -> F64:
-        """`simulate` with the inputs as a list and the output always (output, time)."""
+        """`simulate` of a list, output always (output, time); `held`: before t = 0 at its first value."""
         dt, intervals = steps_of(dt, intervals)
         a, b, c, d, scale = self.scaled()
         start = np.zeros(a.shape[0]) if x0 is None else reals("simulating", "initial_state", x0)
@@ -264,7 +265,7 @@ class LTI(Arithmetic):
         begin, y = np.ascontiguousarray(start * scale), np.empty((len(c), intervals + 1))
         for late, rows in self.alike():
             own = a, b, np.ascontiguousarray(c[rows]), np.ascontiguousarray(d[rows])
-            y[rows] = respond(own, begin, inputs, dt, intervals, kinds, late)
+            y[rows] = respond(own, begin, inputs, dt, intervals, kinds, late, held)
         if not np.all(np.isfinite(y)):
             raise DataError(
                 f"simulating: the response overflows within {intervals * dt:g} s "

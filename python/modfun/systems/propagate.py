@@ -58,6 +58,7 @@ def respond(
     intervals: int,
     kinds: Sequence[str],
     delays: Sequence[float],
+    held: bool = False,
 ) -> F64:
     """Output of x' = Ax + Bu(t − delay), y = Cx + Du(t − delay) at t = 0, dt, …, intervals·dt.
 
@@ -67,14 +68,14 @@ def respond(
         A, B, C, D.
     x0 : ndarray, shape (states,)
         State at t = 0.
-    inputs, dt, intervals, kinds, delays
+    inputs, dt, intervals, kinds, delays, held
         As for `Inputs`.
 
     Returns
     -------
     ndarray, shape (output, intervals + 1)
     """
-    return Inputs(inputs, dt, intervals, kinds, delays).respond(matrices, x0)
+    return Inputs(inputs, dt, intervals, kinds, delays, held).respond(matrices, x0)
 
 
 class Inputs:
@@ -92,6 +93,8 @@ class Inputs:
         Behaviour between samples, an input.
     delays : sequence of float
         Delay of each input, s, at least 0.
+    held : bool
+        Whether samples were at their first value before t = 0; else at zero.
     """
 
     def __init__(
@@ -101,8 +104,12 @@ class Inputs:
         intervals: int,
         kinds: Sequence[str],
         delays: Sequence[float],
+        held: bool = False,
     ) -> None:
         self.dt, self.intervals = dt, intervals
+        every = list(zip(range(len(inputs)), inputs, kinds, delays, strict=True))
+        if not held:
+            every += [(k, _taken_back(u), "zoh", late) for k, u, _, late in every if late and _begins(u)]
         # Inputs of one kind go through the core together: (which inputs, kind, samples, nodes).
         self.groups: list[tuple[list[int], str, F64, F64 | None]] = []
         # Held and interpolated inputs whose delay is not a whole number of samples go alone.
@@ -110,13 +117,13 @@ class Inputs:
         grid: F64 = np.arange(intervals + 1.0) * dt
         for kind in INTERSAMPLE:
             together: list[tuple[int, F64, F64 | None]] = []
-            for k, source in enumerate(inputs):
-                if kinds[k] != kind:
+            for k, source, own, late in every:
+                if own != kind:
                     continue
                 if kind == "smooth":
-                    together.append((k, *_smooth(source, grid, dt, delays[k])))
+                    together.append((k, *_smooth(source, grid, dt, late)))
                     continue
-                whole, fraction = _split(delays[k] / dt)
+                whole, fraction = _split(late / dt)
                 samples = _padded(source, dt, intervals, whole + (fraction > 0))
                 if fraction == 0.0:
                     together.append((k, samples[: intervals + 1], None))
@@ -221,6 +228,17 @@ def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F6
     if delay == 0.0:
         return values, np.ascontiguousarray(curve.c.T @ np.vander(NODES * dt, len(curve.c)).T)
     return curve(np.maximum(at, 0.0)), np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
+
+
+def _begins(source: Source) -> float:
+    """The first value of samples; 0 of text and functions, which say what was before."""
+    return float(np.ravel(source)[0]) if is_samples(source) else 0.0  # type: ignore[arg-type]
+
+
+def _taken_back(source: Source) -> Source:
+    """What takes the first value of samples from the time before them."""
+    first = _begins(source)
+    return lambda t: np.where(t < 0, -first, 0.0)
 
 
 def _split(samples: float) -> tuple[int, float]:

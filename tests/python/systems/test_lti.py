@@ -184,10 +184,10 @@ def test_delays_whole_and_fractional(kind, delay):
     np.testing.assert_allclose(y, expected, atol=1e-11)
 
 
-def test_before_the_record_samples_hold_their_first_value():
-    late = mf.tf([1], [1, 1], delay=0.5)
+def test_before_the_record_samples_are_zero():
+    late, t = mf.tf([1], [1, 1], delay=0.5), np.arange(101) * 0.05
     y = late.simulate(u=np.ones(101), dt=0.05, intersample="zoh")
-    np.testing.assert_allclose(y, 1 - np.exp(-np.arange(101) * 0.05), atol=1e-12)
+    np.testing.assert_allclose(y, np.where(t < 0.5, 0, 1 - np.exp(0.5 - t)), atol=1e-12)
     y = late.simulate(u="step(t)", dt=0.05, intervals=100, intersample="zoh")
     np.testing.assert_allclose(y[:11], 0.0, atol=1e-15)
 
