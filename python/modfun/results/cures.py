@@ -76,15 +76,18 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     return found
 
 
-def of_written(fit: Estimates) -> Cure | None:
-    """The same of equations and state spaces: one parameter more, or a drift of each equation."""
+def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
+    """The same of equations and state spaces: one parameter more, or a drift of each equation.
+
+    `first_only`: missing terms, of which there are many, are not tried.
+    """
     if fit.again is None or fit.records is None or fit.layout.rational or fit.process_levels is not None:
         return None
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
     found = with_drift(fit) if fit.trend == "constant" else None
     if found is not None and not found.after < before - WORTH:
         found = None
-    for group in neighbours(fit):
+    for group in neighbours(fit)[: 1 if first_only else None]:
         best = found.after - CLOSE if found else before - WORTH
         for words, structure in group:
             other = again(fit, fit.records, structure, options)

@@ -70,7 +70,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         said += _of_free_motion(fit)
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
     if d.chi2_p < PLAUSIBLE or (isnan(d.chi2_p) and seen):
-        said += _of_written(fit)
+        said += _of_written(fit, sure_only)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -205,9 +205,9 @@ def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
     return found
 
 
-def _of_written(fit: Estimates) -> list[tuple[Doubt, float]]:
+def _of_written(fit: Estimates, sure_only: bool) -> list[tuple[Doubt, float]]:
     """What equations and a state space lack, of what sensors, actuators and a term more explain."""
-    cure = of_written(fit)
+    cure = of_written(fit, first_only=sure_only)  # terms are for `check`: a fit would take seconds
     if cure is None:
         return []
     ratio = level_ratio(fit)
