@@ -164,9 +164,9 @@ class ProcessNoise:
         return {name: [own for other, own in self.filters if other == name] for name in self.names}
 
     def coefficients(self, levels: Sequence[float]) -> list[float]:
-        """Factors of the filters and coefficients of numerators, in the order of the filters, from levels.
+        """Factors of the filters and coefficients of numerators, in the order of the filters.
 
-        Of a numerator the constant is first.
+        They follow from `levels`, squares of factors. Of a numerator the constant is first.
         """
         found, left = [], list(levels)
         for own in self._filters().values():

@@ -14,7 +14,6 @@ from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.nonlinear import model_of
 from ..equations.symbolic.known import basis
-from ..equations.symbolic.words import said
 from ..errors import SpecError
 from ..models.noise import Noise
 from ..records.record import Record
@@ -107,6 +106,8 @@ class EquationFit(Fit):
             found = self.layout.formulas.without_value(rec.y, rec.u, rec.t)
             if found is None:
                 continue
+            from ..equations.symbolic.words import said  # SymPy is loaded already: it made the formulas
+
             whole, inner, values = found
             bad = np.flatnonzero(~(values > 0))
             edges = np.concatenate([[-1], bad, [values.size]])
