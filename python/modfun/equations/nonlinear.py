@@ -117,8 +117,9 @@ class NonlinearModel:
         ----------
         u : array_like, str, callable, or a list of these, or Signals, optional
             Input: samples (time,) or (input, time), or signals as text or functions of t, one per input; or
-            `mf.signals`, which bring dt and intersample. Seen through a delay before the start, samples
-            hold their first value, text and functions are evaluated there. None for a system without inputs.
+            `mf.signals`, which bring dt and intersample. Seen through a delay before the start, samples are
+            0, or their first value where `initial_state` is given; text and functions are evaluated there.
+            None for a system without inputs.
         dt : float
             Sampling interval, s; the first sample is at t = 0.
         t : array_like, shape (time,)
@@ -183,7 +184,7 @@ class NonlinearModel:
                 f"simulating: initial_state has shape {start.shape}, the equation has the states "
                 f"{', '.join(self.states) or '(none)'}; give {n} finite numbers"
             )
-        y, x = self.family(inputs, grid, start[:, None], intersample, rtol)
+        y, x = self.family(inputs, grid, start[:, None], intersample, rtol, steady=x0 is not None)
         return y[:, 0], x[:, 0]
 
     def family(
@@ -195,6 +196,7 @@ class NonlinearModel:
         rtol: float = 1e-9,
         length: int | None = None,
         params: F64 | None = None,
+        steady: bool = True,
     ) -> tuple[F64, F64]:
         """Responses from several initial states, on common steps.
 
@@ -215,6 +217,8 @@ class NonlinearModel:
             So many samples of the inputs are run through; default: all.
         params : ndarray, shape (parameter, start), optional
             Parameters of each start's own, delays aside.
+        steady : bool, default True
+            Before the first sample, inputs were at its value; else at 0.
 
         Returns
         -------
@@ -230,6 +234,9 @@ class NonlinearModel:
             signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input])
             for d, delay in zip(form.drives, late, strict=False)
         ]
+        for one in drives:
+            if isinstance(one, Signal) and not steady:
+                one.before = 0.0
         known = [_known(given, grid) for given in self._known]
         pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
         if not len(starts):

@@ -166,7 +166,14 @@ class ProcessNoise:
     def coefficients(self, levels: Sequence[float]) -> list[float]:
         """Factors of the filters and coefficients of numerators, in the order of the filters.
 
-        They follow from `levels`, squares of factors. Of a numerator the constant is first.
+        Parameters
+        ----------
+        levels : sequence of float
+            Squares of factors, and coefficients of |C|²; of a numerator the constant is first.
+
+        Returns
+        -------
+        list of float
         """
         found, left = [], list(levels)
         for own in self._filters().values():

@@ -106,7 +106,7 @@ def test_a_delay_between_samples_keeps_the_accuracy_of_any_input():
     for a, b in pairwise(knots):
 
         def slopes(s, x, middle=(a + b) / 2):
-            drive = spline(s - late) if middle > late else u[0]
+            drive = spline(s - late) if middle > late else 0.0
             return [x[1], 3 * drive - 0.8 * x[1] - 4 * x[0]]
 
         x = solve_ivp(slopes, (a, b), x, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
