@@ -115,6 +115,16 @@ impl Columns {
         self.push(|to| to[..column.len()].copy_from_slice(column))
     }
 
+    /// Adds a column that is orthonormal to those before, or zero.
+    pub fn push_unit(&mut self, column: impl Iterator<Item = f64>) {
+        let j = self.count;
+        let to = &mut self.q[j * self.rows..][..self.rows];
+        to.fill(0.0);
+        to.iter_mut().zip(column).for_each(|(to, x)| *to = x);
+        self.r[j * self.capacity..][..=j].fill(0.0);
+        self.count += 1;
+    }
+
     /// Takes from `y` what the columns from `first` on explain; their coefficients of Q go to `b`. Returns ‖y‖².
     pub fn project(&self, first: usize, y: &mut [f64], b: &mut [f64]) -> f64 {
         let q = &self.q[first * self.rows..self.count * self.rows];

@@ -133,6 +133,12 @@ pub fn floor(pivot: f64) -> f64 {
     (pivot * FLOOR).max(f64::MIN_POSITIVE)
 }
 
+/// [`floor`] of eight pivots.
+#[inline(always)]
+pub(crate) fn floor_of<L: Lanes>(pivot: L) -> L {
+    (pivot * L::splat(FLOOR)).max(L::splat(f64::MIN_POSITIVE))
+}
+
 struct WhitenMore<'a> {
     factor: &'a Panel,
     columns: &'a mut Panel,

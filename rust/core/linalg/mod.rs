@@ -3,6 +3,7 @@
 pub mod columns;
 pub(crate) mod condition;
 pub mod dense;
+pub(crate) mod eight;
 pub mod lanes;
 pub(crate) mod large;
 pub mod qr;

@@ -1,5 +1,6 @@
-//! Many fits at once, one record after the other over threads, on lines chosen once.
+//! Many fits at once, eight records a block where they go together, over threads, on lines chosen once.
 
+use super::eight::{Eights, FEWEST};
 use super::fitter::TermsFit;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::Worker;
@@ -7,6 +8,7 @@ use crate::error::{Error, Status};
 use crate::estimate::Many;
 use crate::estimate::band::Choice;
 use crate::modulation::Lines;
+use crate::simd::LANES;
 use crate::threads::{self, Control};
 
 /// Records a chunk, the unit of scheduling.
@@ -46,26 +48,24 @@ impl TermsFitter {
             false => Some(self.finish(one, sigmas, &chosen, Worker::default())?.0.answer.theta),
         };
         let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
-        let work = |worker: &mut Worker, chunk: usize| {
+        let together = self.goes_in_eights(&shared);
+        let work = |memory: &mut Eights, chunk: usize| {
             let mut out = Many::default();
             let mut told = None;
-            let from = chunk * CHUNK;
-            for record in &batch.records[from..(from + CHUNK).min(batch.records.len())] {
+            let own = batch.records.chunks(CHUNK).nth(chunk).unwrap_or_default();
+            for records in own.chunks(LANES) {
                 if threads::stopped() {
                     break;
                 }
-                let one = std::slice::from_ref(record);
-                self.check(one)?;
-                let own = self.sigmas(one)?;
-                let (fit, back) = self.finish(one, own, &shared, std::mem::take(worker))?;
-                *worker = back;
-                out.push_terms(&fit);
-                told = Some((fit.answer.degrees_of_freedom, fit.answer.lines));
+                for fit in self.fit_some(records, &shared, together, memory)? {
+                    out.push_terms(&fit);
+                    told = Some((fit.answer.degrees_of_freedom, fit.answer.lines));
+                }
             }
             Ok((out, told))
         };
         let chunks = batch.records.len().div_ceil(CHUNK);
-        let parts = threads::run(thread_count, chunks, progress, Worker::default, work)?;
+        let parts = threads::run(thread_count, chunks, progress, Eights::default, work)?;
         let mut all = Many::default();
         let mut told = None;
         for part in parts {
@@ -75,6 +75,31 @@ impl TermsFitter {
         }
         let (degrees, lines) = told.unwrap_or_default();
         Ok((all, degrees, lines))
+    }
+
+    /// Fits each of up to eight records, all at once where they go together.
+    fn fit_some(
+        &self,
+        records: &[TermsRecord<'_>],
+        shared: &Choice,
+        together: bool,
+        memory: &mut Eights,
+    ) -> Result<Vec<TermsFit>, Error> {
+        let mut sigmas = Vec::with_capacity(records.len());
+        for one in records.chunks(1) {
+            self.check(one)?;
+            sigmas.push(self.sigmas(one)?);
+        }
+        if together && records.len() >= FEWEST {
+            return self.finish_eight(records, sigmas, shared, memory);
+        }
+        let mut fits = Vec::with_capacity(records.len());
+        for (one, own) in records.chunks(1).zip(sigmas) {
+            let (fit, back) = self.finish(one, own, shared, std::mem::take(memory.one()))?;
+            *memory.one() = back;
+            fits.push(fit);
+        }
+        Ok(fits)
     }
 }
 

@@ -119,6 +119,12 @@ impl Power {
         Power { odd: k % 2 == 1, size }
     }
 
+    /// Whether i stands before the sizes of the lines, and these.
+    #[inline(always)]
+    pub fn parts(&self) -> (bool, &[f64]) {
+        (self.odd, &self.size)
+    }
+
     /// (iω)^k of a line.
     pub fn at(&self, line: usize) -> (f64, f64) {
         if self.odd { (0.0, self.size[line]) } else { (self.size[line], 0.0) }

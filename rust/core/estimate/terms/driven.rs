@@ -3,8 +3,9 @@
 //! Noise enters each equation by itself, or through inputs that nobody measured: channels of zeros, the last of the noisy ones,
 //! each with a filter that shapes its spectrum.
 
+use super::descent::Ended;
 use super::equations::{Equations, Term};
-use super::iterate::{Ended, TermsProblem};
+use super::iterate::TermsProblem;
 use super::plan::TermsFitter;
 use crate::error::{Error, Status};
 use crate::estimate::driven::output::Levels;

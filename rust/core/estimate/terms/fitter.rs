@@ -1,7 +1,8 @@
 //! Fits of equations to records, with everything a user sees.
 
+use super::descent::Ended;
 use super::driven::DrivenTerms;
-use super::iterate::{Ended, TermsProblem};
+use super::iterate::TermsProblem;
 use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Spot, Worker};
@@ -86,9 +87,7 @@ impl TermsFitter {
         let mut ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
         if let Some(theta) = other {
             let second = self.estimate(&mut problem, Some(&theta))?;
-            if usable(&second) && !(usable(&ended) && ended.cost <= second.cost) {
-                ended = second;
-            }
+            ended = lower(ended, second);
         }
         let ended = self.learn(&mut problem, ended)?;
         let ended = self.again(&mut problem, ended)?;
@@ -276,7 +275,7 @@ impl TermsFitter {
 
     /// An estimate on few lines, where a wide band of nonlinear signals or free lags was given: there unweighted
     /// rows may be ruled by noise, and what they say is no start.
-    fn narrow_guess(
+    pub(super) fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
         sigmas: &[Sigma],
@@ -310,13 +309,17 @@ impl TermsFitter {
             Some(theta) => theta.to_vec(),
             None => problem.begin(None)?,
         };
-        // What is only a start for slopes elsewhere need not be exact.
-        let tol = if self.refines() { tol.max(START) } else { tol };
-        problem.iterate(start, weights, factors, tol, maxiter)
+        problem.iterate(start, weights, factors, self.first_tolerance(), maxiter)
+    }
+
+    /// How exact the first estimate is: what is only a start for slopes elsewhere need not be.
+    pub(super) fn first_tolerance(&self) -> f64 {
+        let tol = self.o.options.tol;
+        if self.refines() { tol.max(START) } else { tol }
     }
 
     /// Whether slopes are taken a second time, where the first estimate's noise is taken away.
-    fn refines(&self) -> bool {
+    pub(super) fn refines(&self) -> bool {
         self.weights().1 == LeftColumns::Denoised && self.o.equations.bends()
     }
 
@@ -419,10 +422,21 @@ impl TermsFitter {
         ended: &Ended,
         band_rule: Option<BandRule>,
     ) -> Result<TermsFit, Error> {
-        let e = &self.o.equations;
         let (weights, factors) = self.weights();
         let cost = problem.cost(&ended.theta, weights)?;
         problem.jacobian(factors);
+        Ok(self.told(problem, ended, cost, band_rule))
+    }
+
+    /// The same where cost, columns and residual at the estimate stand.
+    pub(super) fn told(
+        &self,
+        problem: &TermsProblem<'_>,
+        ended: &Ended,
+        cost: f64,
+        band_rule: Option<BandRule>,
+    ) -> TermsFit {
+        let e = &self.o.equations;
         let degrees = problem.degrees_of_freedom();
         let scale = cost / degrees as f64;
         let lost = matches!(ended.status, Status::Rank | Status::NonFinite);
@@ -453,7 +467,7 @@ impl TermsFitter {
                 each
             })
             .collect();
-        Ok(TermsFit {
+        TermsFit {
             answer: Answer {
                 theta: ended.theta.clone(),
                 cov_nonrobust: worth.nonrobust,
@@ -477,12 +491,20 @@ impl TermsFitter {
             at_bound: ended.at_bound.clone(),
             residuals,
             driven: None,
-        })
+        }
     }
 }
 
 fn levels(sigmas: &[Sigma]) -> Vec<Vec<f64>> {
     sigmas.iter().map(Sigma::levels).collect()
+}
+
+/// The one of two estimates that has the lower cost.
+pub(super) fn lower(first: Ended, second: Ended) -> Ended {
+    match usable(&second) && !(usable(&first) && first.cost <= second.cost) {
+        true => second,
+        false => first,
+    }
 }
 
 /// Whether an estimate is one.

@@ -4,7 +4,8 @@
 //! J(θ) = Σ_m |Δⁿ Q(m; θ)|²,   Gauss–Newton steps where Q is not linear in θ.
 //! ```
 
-use super::iterate::{Ended, TermsProblem};
+use super::descent::Ended;
+use super::iterate::TermsProblem;
 use super::rows::{DEPENDENT, Row, Spot};
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};

@@ -10,24 +10,18 @@
 //! gradient of ½ rᵀC(θ)⁻¹r.
 
 use super::complex::Split;
+use super::descent::{Descent, Ended, Need, Step};
 use super::equations::Equations;
 use super::lines::{Desk, Place};
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Spot, Worker};
+use super::rows::{Eight, Shared, Spot, Worker};
 use super::sigma::Sigma;
-use crate::error::{Error, Status};
+use crate::error::Error;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::prior;
 use crate::linalg::columns::Columns;
 use crate::linalg::qr::dot;
-use crate::threads::stopped;
 
-/// Steps before the cost must fall: the first ones may raise it on their way to the right answer.
-const FREE_STEPS: u32 = 2;
-/// Halvings of a step that does not lower the cost.
-const HALVINGS: usize = 10;
-/// A cost that rises by no more than this part of itself has not risen.
-const LEVEL: f64 = 1e-9;
 /// Sine of the angle below which a column depends on the ones before it.
 const DEPENDENT: f64 = 1e-9;
 
@@ -64,31 +58,6 @@ enum Loaded {
     /// All but the pairs, whose slopes are to be taken elsewhere.
     Signals,
     All,
-}
-
-/// How an iteration ended.
-#[derive(Debug, Clone)]
-pub(crate) struct Ended {
-    pub theta: Vec<f64>,
-    pub cost: f64,
-    pub status: Status,
-    pub nit: u32,
-    pub at_bound: Vec<bool>,
-}
-
-/// A step and what it was made of.
-#[derive(Debug, Default)]
-pub(crate) struct Step {
-    pub by: Vec<f64>,
-    /// Its effect on the rows, relative to the largest term.
-    pub moved: f64,
-    pub at_bound: Vec<bool>,
-    /// Whether the columns were independent.
-    pub full: bool,
-    /// Parameters that are not at a bound, and their part of the step.
-    free: Vec<usize>,
-    found: Vec<f64>,
-    residual: Vec<f64>,
 }
 
 impl<'a> TermsProblem<'a> {
@@ -148,6 +117,17 @@ impl<'a> TermsProblem<'a> {
         self.stands = None;
     }
 
+    /// What it has in common with others of its kind.
+    pub fn shared(&self) -> Shared<'_> {
+        let (equations, pairs) = (self.equations(), &self.fitter.pairs);
+        Shared { equations, pairs, spot: &self.spots[0], lags: &self.lags }
+    }
+
+    /// g of each term and slopes where [`TermsProblem::set`] was last.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
     fn equations(&self) -> &'a Equations {
         &self.fitter.o.equations
     }
@@ -158,7 +138,7 @@ impl<'a> TermsProblem<'a> {
     }
 
     /// Coefficients and, where they depend on it, signals at θ.
-    fn set(&mut self, theta: &[f64]) -> Result<(), Error> {
+    pub fn set(&mut self, theta: &[f64]) -> Result<(), Error> {
         let e = self.equations();
         e.coefficients.values(theta, &mut self.registers, &mut self.values);
         let moves = e.moves();
@@ -191,13 +171,21 @@ impl<'a> TermsProblem<'a> {
     /// Slopes at the noisy samples make some bias where noise is large; one such pass takes it away.
     pub fn relinearise(&mut self, theta: &[f64]) -> Result<(), Error> {
         self.cost(theta, RowWeights::Adapted)?;
+        for spot in &mut self.spots {
+            spot.find_sources(self.fitter.isa, &self.fitter.pairs);
+        }
+        self.clear_noise(theta);
+        Ok(())
+    }
+
+    /// [`TermsProblem::relinearise`] where the sources at θ stand.
+    pub fn clear_noise(&mut self, theta: &[f64]) {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let mut clean = Vec::with_capacity(self.spots.len());
         // The cost of one record was just made from these formulas.
         let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
         for (((plan, record), spot), sigma) in own.zip(&self.sigmas) {
-            spot.find_sources(isa, pairs);
             let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
             let (sources, desk) = (&spot.sources, &mut self.desk);
@@ -206,7 +194,6 @@ impl<'a> TermsProblem<'a> {
         self.clean = clean;
         self.loaded = Loaded::Signals;
         self.stands = None;
-        Ok(())
     }
 
     /// Weighted sum of squares at θ, the transient taken out.
@@ -220,16 +207,32 @@ impl<'a> TermsProblem<'a> {
         let g = &self.values[..e.terms.len()];
         let each = self.spots.iter_mut();
         let cost = each.map(|s| s.evaluate(isa, e, pairs, g, &self.lags, weights)).sum();
+        self.stand(theta, weights, cost);
+        Ok(cost)
+    }
+
+    /// Notes what the cost at θ is, of rows that stand here or elsewhere.
+    pub fn stand(&mut self, theta: &[f64], weights: RowWeights, cost: f64) {
         self.theta.clear();
         self.theta.extend_from_slice(theta);
         self.stands = Some((weights, cost));
-        Ok(cost)
+    }
+
+    /// Where the cost was taken last.
+    pub fn stands_at(&self, theta: &[f64]) -> bool {
+        self.stands.is_some() && self.theta == theta
     }
 
     /// The same with what priors add: where it is least the estimate is.
     fn criterion(&mut self, theta: &[f64], weights: RowWeights) -> Result<f64, Error> {
+        let cost = self.cost(theta, weights)?;
+        Ok(self.with_priors(theta, cost))
+    }
+
+    /// The criterion at θ, of the cost there.
+    pub fn with_priors(&self, theta: &[f64], cost: f64) -> f64 {
         let far = prior::distance(&self.fitter.o.priors, |k| theta[k]);
-        Ok(self.cost(theta, weights)? * prior::factor(far, self.degrees_of_freedom() as f64))
+        cost * prior::factor(far, self.degrees_of_freedom() as f64)
     }
 
     /// That of one record at the θ of the last cost under other noise; what stands is then to be made anew.
@@ -263,6 +266,21 @@ impl<'a> TermsProblem<'a> {
                 spot.take_transient(&mut to[first..]);
             }
         }
+        self.add_priors();
+    }
+
+    /// Takes columns of θ and residual of one of eight records.
+    pub fn take_jacobian(&mut self, eight: &Eight, lane: usize) {
+        self.residual.clear();
+        self.residual.extend(eight.residual(lane));
+        for (to, from) in self.columns.iter_mut().zip(eight.columns(lane)) {
+            to.clear();
+            to.extend(from);
+        }
+        self.add_priors();
+    }
+
+    fn add_priors(&mut self) {
         let scale = self.stands.map_or(0.0, |(_, cost)| cost) / self.degrees_of_freedom() as f64;
         for p in &self.fitter.o.priors {
             let by = p.entry(scale);
@@ -339,64 +357,24 @@ impl<'a> TermsProblem<'a> {
     /// Iterates from θ: Gauss–Newton for `ml` and flat weights, reweighting for `awls`.
     pub fn iterate(
         &mut self,
-        mut theta: Vec<f64>,
+        theta: Vec<f64>,
         weights: RowWeights,
         factors: LeftColumns,
         tol: f64,
         maxiter: usize,
     ) -> Result<Ended, Error> {
-        let e = self.equations();
-        e.clip(&mut theta);
-        // Reweighted data have no cost that must fall.
-        let guarded = weights == RowWeights::Flat || factors == LeftColumns::Denoised;
-        let mut cost = self.criterion(&theta, weights)?;
-        let mut ended = Status::MaxIter;
-        let (mut nit, mut at_bound) = (0, vec![false; theta.len()]);
-        let mut next = theta.clone();
-        while (nit as usize) < maxiter && !stopped() {
-            if !cost.is_finite() {
-                ended = Status::NonFinite;
-                break;
-            }
-            self.jacobian(factors);
-            let Step { full, moved, .. } = *self.step(&theta);
-            at_bound.clone_from(&self.step.at_bound);
-            if !full || !moved.is_finite() {
-                // Where the cost was finite, only dependent columns make a step that is not.
-                ended = Status::Rank;
-                break;
-            }
-            nit += 1;
-            let mut size = 1.0;
-            let mut reached = f64::NAN;
-            for _ in 0..=HALVINGS {
-                for ((to, from), by) in next.iter_mut().zip(&theta).zip(&self.step.by) {
-                    *to = from + size * by;
+        let mut way = Descent::new(self.equations(), theta, (weights, factors), tol, maxiter);
+        let mut need = Need::Cost;
+        loop {
+            need = match need {
+                Need::Cost => way.reached(self.criterion(way.point(), weights)?),
+                Need::Step => {
+                    self.jacobian(factors);
+                    way.stepped(self.step(way.point()))
                 }
-                e.clip(&mut next);
-                reached = self.criterion(&next, weights)?;
-                let fell = reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
-                let early = nit <= FREE_STEPS || !guarded;
-                if reached.is_finite() && (fell || early) {
-                    break;
-                }
-                size *= 0.5;
-            }
-            let fell = reached <= cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
-            if guarded && nit > FREE_STEPS && !fell {
-                // No shorter step helps: here is the minimum, as far as numbers can tell.
-                cost = self.criterion(&theta, weights)?;
-                ended = if moved < tol.sqrt() { Status::Ok } else { Status::MaxIter };
-                break;
-            }
-            theta.clone_from(&next);
-            cost = reached;
-            if moved * size < tol {
-                ended = Status::Ok;
-                break;
-            }
+                Need::Nothing => return Ok(way.ended()),
+            };
         }
-        Ok(Ended { theta, cost, status: ended, nit, at_bound })
     }
 
     /// Mean square of what each equation holds without parameters, over the lines.

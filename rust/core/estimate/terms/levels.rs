@@ -6,8 +6,9 @@
 //! transients and parameters take from the rows is taken from all channels alike). As many equations as channels make Σ the
 //! covariance of their residuals in one step. With fewer, correlations cannot be told, and σ_j² ← σ_j² Q_jj/T_jj.
 
+use super::descent::Ended;
 use super::fitter::usable;
-use super::iterate::{Ended, TermsProblem};
+use super::iterate::TermsProblem;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::Worker;
 use super::sigma::{Sigma, root};
@@ -41,7 +42,7 @@ struct Learnt {
 
 impl TermsFitter {
     /// Whether levels are estimated with the parameters.
-    fn learns(&self) -> bool {
+    pub(super) fn learns(&self) -> bool {
         let several = self.o.equations.noisy.len() * self.records.len() > 1;
         self.o.learn && several && self.weights().0 == RowWeights::Adapted
     }

@@ -12,7 +12,9 @@
 
 mod batch;
 mod complex;
+mod descent;
 mod driven;
+mod eight;
 mod equations;
 mod fitter;
 mod instruments;

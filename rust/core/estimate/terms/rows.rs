@@ -6,6 +6,7 @@
 
 mod covariance;
 mod denoised;
+mod eight;
 
 use super::complex::{C, Power, Split, late};
 use super::equations::Equations;
@@ -19,6 +20,7 @@ use crate::modulation::Lines;
 use crate::simd::{Isa, LANES, Wide};
 use crate::structure::Trend;
 use covariance::Entries;
+pub(crate) use eight::{Eight, Shared};
 
 /// Variance of a row on which noise has no say, over that of its neighbours.
 const SILENT: f64 = 1e-9;

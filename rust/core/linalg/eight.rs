@@ -1,0 +1,177 @@
+//! Factors of eight matrices at once, one a lane, with the operations of `dense` and `columns` in their order: each
+//! lane has the bits that it has alone.
+
+use crate::simd::{LANES, Lanes, Wide};
+use std::ops::Range;
+
+/// What two rows of a factor do to a column among themselves.
+struct Pair<L> {
+    inverses: [L; 2],
+    /// Of the first row in the second.
+    factor: L,
+}
+
+/// Replaces the upper triangle of C by its factor R, C = RᵀR, and the columns beside it by R⁻ᵀ of them; pivots
+/// below `least` are lifted to it. `panel` holds rows \[C | columns\] of `width`, an even number of rows.
+#[inline(always)]
+pub fn whiten<L: Lanes>(panel: &mut [Wide], width: usize, columns: usize, least: &[Wide]) {
+    for (first, least) in (0..).step_by(2).zip(least.as_chunks::<2>().0) {
+        let (above, one, two) = rows(panel, width, first);
+        let tile = reduced::<L>(above, [&*one, &*two], width, first, [first, first + 1]);
+        let [[a, b], [_, c]] = tile;
+        let root = lifted(a, &least[0]).sqrt();
+        let inverse = L::splat(1.0) / root;
+        let factor = b * inverse;
+        let last = lifted((-factor).mul_add(factor, c), &least[1]).sqrt();
+        root.store(&mut one[first]);
+        factor.store(&mut one[first + 1]);
+        last.store(&mut two[first + 1]);
+        let pair = Pair { inverses: [inverse, L::splat(1.0) / last], factor };
+        finish(&pair, above, [one, two], width, first, first + 2..columns);
+    }
+}
+
+/// Replaces these columns of `panel` by R⁻ᵀ of them, R the factor of as many rows that [`whiten`] left.
+#[inline(always)]
+pub fn whiten_more<L: Lanes>(panel: &mut [Wide], width: usize, columns: Range<usize>, rows: usize) {
+    for first in (0..rows).step_by(2) {
+        let (above, one, two) = self::rows(panel, width, first);
+        let inverse = |root: &Wide| L::splat(1.0) / L::load(root);
+        let pair = Pair {
+            inverses: [inverse(&one[first]), inverse(&two[first + 1])],
+            factor: L::load(&one[first + 1]),
+        };
+        finish(&pair, above, [one, two], width, first, columns.clone());
+    }
+}
+
+/// The rows above, and two.
+#[inline(always)]
+fn rows(panel: &mut [Wide], width: usize, first: usize) -> (&[Wide], &mut [Wide], &mut [Wide]) {
+    let (above, own) = panel.split_at_mut(first * width);
+    let (one, rest) = own.split_at_mut(width);
+    (above, one, &mut rest[..width])
+}
+
+/// NaN stays NaN.
+#[inline(always)]
+fn lifted<L: Lanes>(pivot: L, least: &Wide) -> L {
+    let least = L::load(least);
+    pivot.select_lt(least, least, pivot)
+}
+
+/// Two columns of two rows, the rows above taken out one after the other by the factors of their pivots.
+#[inline(always)]
+fn reduced<L: Lanes>(
+    above: &[Wide],
+    own: [&[Wide]; 2],
+    width: usize,
+    first: usize,
+    [left, right]: [usize; 2],
+) -> [[L; 2]; 2] {
+    let mut tile = own.map(|row| [L::load(&row[left]), L::load(&row[right])]);
+    for row in above.chunks_exact(width) {
+        let by = [-L::load(&row[first]), -L::load(&row[first + 1])];
+        let (x, y) = (L::load(&row[left]), L::load(&row[right]));
+        for k in 0..2 {
+            tile[k] = [by[k].mul_add(x, tile[k][0]), by[k].mul_add(y, tile[k][1])];
+        }
+    }
+    tile
+}
+
+/// Whitens columns of two rows.
+#[inline(always)]
+fn finish<L: Lanes>(
+    pair: &Pair<L>,
+    above: &[Wide],
+    [one, two]: [&mut [Wide]; 2],
+    width: usize,
+    first: usize,
+    columns: Range<usize>,
+) {
+    for left in columns.clone().step_by(2) {
+        // An odd last column stands for two.
+        let both = [left, (left + 1).min(columns.end - 1)];
+        let tile = reduced::<L>(above, [&*one, &*two], width, first, both);
+        for (k, column) in both.into_iter().enumerate() {
+            let own = tile[0][k] * pair.inverses[0];
+            let next = (-pair.factor).mul_add(own, tile[1][k]) * pair.inverses[1];
+            own.store(&mut one[column]);
+            next.store(&mut two[column]);
+        }
+    }
+}
+
+/// Solves Rx = b in place, R the factor of so many rows that [`whiten`] left in `panel`.
+#[inline(always)]
+pub fn back<L: Lanes>(panel: &[Wide], width: usize, x: &mut [Wide]) {
+    let size = x.len();
+    for j in (0..size).rev() {
+        let row = &panel[j * width..][..size];
+        // `dense` sums whole registers in eight parts, the rest of its own register one by one.
+        let near = (j / LANES * LANES + LANES).min(size);
+        let mut sum = L::load(&x[j]) - dot::<L>(&row[near..], &x[near..]);
+        for (r, x) in row[j + 1..near].iter().zip(&x[j + 1..near]) {
+            sum = sum - L::load(r) * L::load(x);
+        }
+        (sum / L::load(&row[j])).store(&mut x[j]);
+    }
+}
+
+/// Makes the last of the columns of `q`, each of so many rows, orthonormal to those before; zero where less than
+/// `dependent` of it is left beside them.
+#[inline(always)]
+pub fn push<L: Lanes>(q: &mut [Wide], rows: usize, dependent: f64) {
+    let (before, column) = q.split_at_mut(q.len() - rows);
+    let size = dot::<L>(column, column).sqrt();
+    project::<L>(before, column);
+    let left = dot::<L>(column, column).sqrt();
+    let (least, zero) = (L::splat(dependent) * size, L::splat(0.0));
+    let by = L::splat(1.0) / left;
+    for x in column {
+        least.select_lt(left, L::load(x) * by, zero).store(x);
+    }
+}
+
+/// Takes the columns of `q` out of one, twice.
+#[inline(always)]
+pub fn project<L: Lanes>(q: &[Wide], column: &mut [Wide]) {
+    for _ in 0..2 {
+        for q in q.chunks_exact(column.len()) {
+            let by = -dot::<L>(q, column);
+            for (x, q) in column.iter_mut().zip(q) {
+                by.mul_add(L::load(q), L::load(x)).store(x);
+            }
+        }
+    }
+}
+
+/// In eight parts.
+#[inline(always)]
+fn dot<L: Lanes>(a: &[Wide], b: &[Wide]) -> L {
+    let mut parts = [L::splat(0.0); LANES];
+    for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
+        for (part, (a, b)) in parts.iter_mut().zip(a.iter().zip(b)) {
+            *part = L::load(a).mul_add(L::load(b), *part);
+        }
+    }
+    let [first, rest @ ..] = parts;
+    rest.into_iter().fold(first, |sum, part| sum + part)
+}
+
+/// Sum of squares as `qr::dot` adds it.
+#[inline(always)]
+pub fn squares<L: Lanes>(x: &[Wide]) -> L {
+    let (eights, rest) = x.as_chunks::<LANES>();
+    let mut parts = [L::splat(0.0); LANES];
+    for own in eights {
+        for (part, x) in parts.iter_mut().zip(own) {
+            *part = *part + L::load(x) * L::load(x);
+        }
+    }
+    let [first, others @ ..] = parts;
+    let sum = others.into_iter().fold(first, |sum, part| sum + part);
+    let rest = rest.iter().fold(L::splat(-0.0), |sum, x| sum + L::load(x) * L::load(x));
+    sum + rest
+}
