@@ -470,10 +470,22 @@ impl Scratch {
 
 /// Weighted samples of a window of N intervals as N numbers of a period.
 fn weighted(weights: &Weights, window: impl Source<One>, out: &mut [f64]) {
-    for (k, out) in out.iter_mut().enumerate() {
-        *out = window.get(k) * weights.at(k);
+    let n = out.len();
+    let low = weights.edge().min(n);
+    let high = (n - low).max(low);
+    for k in (0..low).chain(high..n) {
+        out[k] = window.get(k) * weights.at(k);
     }
-    out[0] += window.get(out.len()) * weights.at(out.len());
+    let (inner, each) = (weights.inner(), low..high);
+    match window.samples() {
+        // What takes the time: plain slices.
+        Some(all) => {
+            let both = out[each.clone()].iter_mut().zip(&all[each.clone()]);
+            both.zip(each).for_each(|((to, x), k)| *to = x * inner[k % 2]);
+        }
+        None => each.for_each(|k| out[k] = window.get(k) * inner[k % 2]),
+    }
+    out[0] += window.get(n) * weights.at(n);
 }
 
 fn check_harmonics(intervals: usize, harmonics: usize) -> Result<(), Error> {

@@ -47,6 +47,8 @@ pub enum Input<'a> {
     Series(&'a [f64]),
     /// The same for all.
     Value(f64),
+    /// These again and again, a power of two of them: records that stand sample by sample beside each other.
+    Cycle(&'a [f64]),
 }
 
 /// A list of operations with the positions of its results.
@@ -183,7 +185,7 @@ impl Tape {
         inputs: &[Input<'_>],
         samples: usize,
         registers: &mut Vec<f64>,
-        out: &mut [Vec<f64>],
+        out: &mut [&mut [f64]],
     ) {
         registers.resize(self.ops.len() * TILE, 0.0);
         let mut used = vec![false; self.ops.len()];
@@ -239,6 +241,9 @@ impl Tape {
             Op::Constant(value) => to.fill(value),
             Op::Input(k) => match inputs.get(k) {
                 Some(Input::Value(value)) => to.fill(*value),
+                Some(Input::Cycle(values)) => {
+                    to.iter_mut().zip(values.iter().cycle()).for_each(|(to, value)| *to = *value);
+                }
                 // Read where it stands.
                 Some(Input::Series(values)) if values.len() >= tile.end => {}
                 _ => to.fill(f64::NAN),
@@ -340,7 +345,11 @@ mod tests {
         let mut out = vec![vec![0.0; 300]; 3];
         let mut scratch = Vec::new();
         let inputs = [Input::Series(&y), Input::Value(0.25)];
-        tape.run(0, &inputs, 300, &mut scratch, &mut out);
+        let run = |first, inputs: &[Input<'_>], out: &mut [Vec<f64>]| {
+            let mut out: Vec<&mut [f64]> = out.iter_mut().map(Vec::as_mut_slice).collect();
+            tape.run(first, inputs, 300, &mut Vec::new(), &mut out);
+        };
+        run(0, &inputs, &mut out);
         for (k, y) in y.iter().enumerate() {
             let mut one = [0.0; 3];
             tape.values(&[*y, 0.25], &mut scratch, &mut one);
@@ -349,8 +358,15 @@ mod tests {
             assert!((one[2] * y * y * y * y * y - 1.0).abs() < 1e-12);
         }
         let mut last = vec![vec![7.0; 300]; 3];
-        tape.run(1, &inputs, 300, &mut scratch, &mut last);
+        run(1, &inputs, &mut last);
         assert!(last[0] == [7.0; 300] && last[1..] == out[1..]);
+        let mut cycle = vec![vec![0.0; 300]; 3];
+        run(0, &[Input::Series(&y), Input::Cycle(&[0.25, 0.5])], &mut cycle);
+        for (k, y) in y.iter().enumerate() {
+            let mut one = [0.0; 3];
+            tape.values(&[*y, if k % 2 == 0 { 0.25 } else { 0.5 }], &mut scratch, &mut one);
+            assert_eq!([cycle[0][k], cycle[1][k], cycle[2][k]], one);
+        }
     }
 
     #[test]
@@ -366,8 +382,8 @@ mod tests {
     #[test]
     fn a_missing_input_is_not_a_number() {
         let tape = Tape::new(&[op("input", 0.0, 0, 0)], 1, vec![0]).unwrap();
-        let mut out = vec![vec![0.0; 3]];
-        tape.run(0, &[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut out);
-        assert!(out[0].iter().all(|x| x.is_nan()));
+        let mut out = [0.0; 3];
+        tape.run(0, &[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut [&mut out]);
+        assert!(out.iter().all(|x| x.is_nan()));
     }
 }

@@ -1,11 +1,11 @@
 //! Eight records at once, one a lane: the estimates of [`TermsFitter::finish`] for each, to the bit.
 //!
-//! Samples become lines record by record. The rows, of which an estimate takes many, advance together; a record that
-//! has ended waits for the others as it stands.
+//! They advance together from the samples to the estimates; a record that has ended waits for the others as it stands.
 
 use super::descent::{Descent, Ended, Need};
 use super::fitter::{TermsFit, lower, usable};
 use super::iterate::TermsProblem;
+use super::lines::{EightDesk, TermsRecordPlan};
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Eight, Worker};
 use super::sigma::Sigma;
@@ -19,10 +19,14 @@ pub(super) const FEWEST: usize = 3;
 /// Lines above which the rows of eight records leave the near caches.
 const MOST_LINES: usize = 64;
 
+/// Values of formulas of one record above which those of eight do.
+const MOST_NUMBERS: usize = 1 << 16;
+
 /// What one worker keeps from eight records to the next.
 #[derive(Default)]
 pub(super) struct Eights {
     workers: [Worker; LANES],
+    desk: EightDesk,
     eight: Eight,
 }
 
@@ -37,15 +41,19 @@ impl Eights {
 struct Block<'a> {
     fitter: &'a TermsFitter,
     problems: Vec<TermsProblem<'a>>,
+    desk: &'a mut EightDesk,
     eight: &'a mut Eight,
     factors: LeftColumns,
 }
 
 impl TermsFitter {
-    /// Whether eight records go together: those whose signals depend on their samples alone, weighed by noise that
-    /// is known.
+    /// Whether eight records go together: those whose signals depend on their samples alone, evenly spaced, of noise
+    /// that is the same for all samples and known beforehand.
     pub(super) fn goes_in_eights(&self, chosen: &Choice) -> bool {
+        let alike = |own: &TermsRecordPlan| !own.dt.is_nan() && own.uneven.is_empty();
+        let results = self.o.equations.samples.results();
         self.weights().0 == RowWeights::Adapted
+            && self.records.iter().all(|own| alike(own) && own.samples * results <= MOST_NUMBERS)
             && self.driven().is_none()
             && !self.o.equations.moves()
             && !self.learns()
@@ -71,7 +79,8 @@ impl TermsFitter {
             problems.push(self.problem(record, sigmas, &chosen.ranges, std::mem::take(worker))?);
         }
         let factors = self.weights().1;
-        let mut block = Block { fitter: self, problems, eight: &mut memory.eight, factors };
+        let (desk, eight) = (&mut memory.desk, &mut memory.eight);
+        let mut block = Block { fitter: self, problems, desk, eight, factors };
         let fits = block.fits(chosen, guesses);
         for (problem, worker) in block.problems.into_iter().zip(&mut memory.workers) {
             *worker = problem.into_worker();
@@ -86,6 +95,7 @@ impl Block<'_> {
         chosen: &Choice,
         guesses: Vec<Option<Vec<f64>>>,
     ) -> Result<Vec<TermsFit>, Error> {
+        self.load()?;
         let tol = self.fitter.first_tolerance();
         let mut starts = Vec::with_capacity(self.problems.len());
         for problem in &mut self.problems {
@@ -117,21 +127,52 @@ impl Block<'_> {
             .map(|(lane, (problem, ended))| {
                 problem.take_jacobian(self.eight, lane);
                 self.eight.give_base(lane, &mut problem.spots[0]);
-                self.fitter.told(problem, ended, self.eight.cost.0[lane], chosen.rule)
+                let cost = self.eight.cost.0[lane];
+                self.fitter.told(problem, ended, cost, chosen.rule)
             })
             .collect())
+    }
+
+    /// Makes the samples lines.
+    fn load(&mut self) -> Result<(), Error> {
+        let (f, problems) = (self.fitter, &mut self.problems);
+        let records: Vec<&TermsRecord<'_>> = problems.iter().map(|p| &p.records[0]).collect();
+        let sigmas: Vec<&Sigma> = problems.iter().map(|p| &p.sigmas[0]).collect();
+        self.desk.take(&records, &sigmas);
+        let lines = (problems[0].spots[0].lines.first, problems[0].spots[0].lines.count());
+        let (e, spectra) = (&f.o.equations, &mut self.eight.spectra);
+        f.records[0].load_eight(f.isa, e, &f.pairs, lines, self.desk, spectra)?;
+        for (lane, problem) in problems.iter_mut().enumerate() {
+            problem.take_signals(self.eight, lane);
+        }
+        self.eight.resize(self.problems[0].shared());
+        Ok(())
     }
 
     /// The estimates once more, with slopes at channels that the first ones' noise was taken from.
     fn refined(&mut self, first: &[Ended]) -> Result<Vec<Option<Ended>>, Error> {
         self.stand(first)?;
+        let (f, lines) = (self.fitter, self.problems[0].spots[0].lines);
+        let (e, eight) = (&f.o.equations, &mut *self.eight);
+        let range = (lines.first, lines.count());
+        f.records[0].denoise_eight(f.isa, e, &f.pairs, &eight.sources, range, self.desk);
+        let before = match first.iter().all(usable) {
+            true => Vec::new(),
+            false => eight.spectra.pairs.clone(),
+        };
+        f.records[0].load_slopes_of_eight(f.isa, e, &f.pairs, self.desk, &mut eight.spectra)?;
         let mut starts = Vec::with_capacity(first.len());
         for (lane, (problem, ended)) in self.problems.iter_mut().zip(first).enumerate() {
-            starts.push(usable(ended).then(|| {
-                self.eight.give_sources(lane, &mut problem.spots[0]);
-                problem.clear_noise(&ended.theta);
-                ended.theta.clone()
-            }));
+            if usable(ended) {
+                problem.forget_cost();
+                starts.push(Some(ended.theta.clone()));
+                continue;
+            }
+            // What is no estimate stays as it was.
+            for (to, from) in eight.spectra.pairs.iter_mut().zip(&before) {
+                (to[0].0[lane], to[1].0[lane]) = (from[0].0[lane], from[1].0[lane]);
+            }
+            starts.push(None);
         }
         self.descend(starts, self.fitter.o.options.tol)
     }
@@ -172,15 +213,6 @@ impl Block<'_> {
         let how = (RowWeights::Adapted, self.factors);
         let from = |start: Vec<f64>| (Descent::new(e, start, how, tol, maxiter), Need::Cost);
         let mut ways: Vec<_> = starts.into_iter().map(|start| start.map(from)).collect();
-        for (lane, (problem, way)) in self.problems.iter_mut().zip(&ways).enumerate() {
-            if let Some((way, _)) = way {
-                problem.set(way.point())?;
-                if lane == 0 {
-                    self.eight.resize(problem.shared());
-                }
-                self.eight.load(lane, &problem.spots[0]);
-            }
-        }
         let waits = |ways: &[Option<(Descent<'_>, Need)>], need| {
             ways.iter().flatten().any(|(_, own)| *own == need)
         };

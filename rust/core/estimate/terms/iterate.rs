@@ -171,21 +171,13 @@ impl<'a> TermsProblem<'a> {
     /// Slopes at the noisy samples make some bias where noise is large; one such pass takes it away.
     pub fn relinearise(&mut self, theta: &[f64]) -> Result<(), Error> {
         self.cost(theta, RowWeights::Adapted)?;
-        for spot in &mut self.spots {
-            spot.find_sources(self.fitter.isa, &self.fitter.pairs);
-        }
-        self.clear_noise(theta);
-        Ok(())
-    }
-
-    /// [`TermsProblem::relinearise`] where the sources at θ stand.
-    pub fn clear_noise(&mut self, theta: &[f64]) {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let mut clean = Vec::with_capacity(self.spots.len());
         // The cost of one record was just made from these formulas.
         let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
         for (((plan, record), spot), sigma) in own.zip(&self.sigmas) {
+            spot.find_sources(isa, pairs);
             let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
             let (sources, desk) = (&spot.sources, &mut self.desk);
@@ -193,6 +185,22 @@ impl<'a> TermsProblem<'a> {
         }
         self.clean = clean;
         self.loaded = Loaded::Signals;
+        self.stands = None;
+        Ok(())
+    }
+
+    /// Takes the signals of one of eight records: what else is made of its samples stays there.
+    pub fn take_signals(&mut self, eight: &Eight, lane: usize) {
+        let e = self.equations();
+        for (s, lag) in self.lags.iter_mut().enumerate() {
+            *lag = e.lag(s, &[]);
+        }
+        eight.give_signals(lane, &mut self.spots[0]);
+        self.loaded = Loaded::All;
+    }
+
+    /// What was taken last as its cost is none any more.
+    pub fn forget_cost(&mut self) {
         self.stands = None;
     }
 

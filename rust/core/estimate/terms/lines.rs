@@ -1,6 +1,8 @@
 //! From samples to the lines: coefficients of every signal, and of the products of sensitivities that the
 //! covariance of the lines is made of.
 
+mod eight;
+
 use std::sync::OnceLock;
 
 use super::complex::{Split, Windows};
@@ -16,6 +18,7 @@ use crate::quadrature::Rule;
 use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
+pub(crate) use eight::{Both, EightDesk, EightSpectra};
 
 /// Lines to either side over which power is averaged, and how many times the noise it must be to be signal.
 const SPREAD: usize = 4;
@@ -308,7 +311,8 @@ impl TermsRecordPlan {
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
         // The signals themselves are those of the samples as they are.
         let first = if clean.is_empty() { 0 } else { e.signals.len() };
-        e.samples.run(first, &inputs, self.samples, &mut desk.registers, &mut desk.results);
+        let mut out: Vec<&mut [f64]> = desk.results.iter_mut().map(Vec::as_mut_slice).collect();
+        e.samples.run(first, &inputs, self.samples, &mut desk.registers, &mut out);
     }
 
     /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over

@@ -1,6 +1,6 @@
 //! What noise does between samples and lines: spectra of products of slopes, and waves of sources on samples.
 
-use super::complex::{Split, times};
+use super::complex::{Split, loaded, times};
 use crate::error::Error;
 use crate::estimate::fit::Time;
 use crate::math::{root_of_unity, sin_cos_turns_1};
@@ -132,6 +132,71 @@ impl NoisePlan {
         }
     }
 
+    /// Memory for [`NoisePlan::correlate_eight`].
+    pub fn scratch(&self) -> Scratch {
+        match &self.sums {
+            Sums::Even { plan, .. } => plan.scratch(),
+            Sums::Uneven { .. } => Scratch::default(),
+        }
+    }
+
+    /// [`NoisePlan::correlate`] of eight records, one a lane, of even samples.
+    pub fn correlate_eight(
+        &self,
+        isa: Isa,
+        product: &mut [Wide],
+        re: &mut Vec<Wide>,
+        im: &mut Vec<Wide>,
+        scratch: &mut Scratch,
+        out: &mut [[Wide; 2]],
+    ) -> Result<(), Error> {
+        let Sums::Even { plan, intervals, squares } = &self.sums else { return Ok(()) };
+        let (first, last) = (product[0], product[*intervals]);
+        product[0] = Wide(std::array::from_fn(|k| 0.5 * (first.0[k] + last.0[k])));
+        let lags = plan.harmonics() + 1;
+        re.resize(lags, Wide::ZERO);
+        im.resize(lags, Wide::ZERO);
+        plan.run_lanes(isa, product, re, im, scratch)?;
+        let scaled = |x: &Wide| Wide(x.0.map(|x| x * squares));
+        let mirrored = |[re, im]: [Wide; 2]| [re, Wide(im.0.map(|x| -x))];
+        let (before, ahead) = out.split_at_mut(self.highest);
+        for (to, (re, im)) in ahead.iter_mut().zip(re.iter().zip(im)) {
+            *to = [scaled(re), scaled(im)];
+        }
+        for lag in lags..=2 * self.highest {
+            ahead[lag] = mirrored(ahead[intervals - lag]);
+        }
+        for (to, from) in before.iter_mut().rev().zip(&ahead[1..]) {
+            *to = mirrored(*from);
+        }
+        Ok(())
+    }
+
+    /// [`NoisePlan::correlate_constant`] of eight records.
+    pub fn correlate_eight_constants(&self, product: &Wide, out: &mut [[Wide; 2]]) -> bool {
+        match &self.sums {
+            Sums::Even { intervals, squares, .. } if 2 * self.highest < *intervals => {
+                out.fill([Wide::ZERO; 2]);
+                out[self.highest][0] = Wide(product.0.map(|x| x * squares));
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// [`NoisePlan::wave`] of eight records, one a lane, of even samples.
+    pub fn wave_of_eight(
+        &self,
+        isa: Isa,
+        sources: &[[Wide; 2]],
+        first: usize,
+        out: &mut Vec<Wide>,
+    ) {
+        out.resize(self.samples, Wide::ZERO);
+        let (roots, intervals) = (&self.roots, self.samples - 1);
+        isa.across().run(WaveOfEight { roots, sources, first, intervals, out });
+    }
+
     /// Re Σ_m z(m) e^{imω₀t}, `count` lines from `first` on, at every sample of the window times its share in a
     /// coefficient.
     pub fn wave(&self, isa: Isa, sources: &Split, count: usize, first: usize, out: &mut Vec<f64>) {
@@ -180,24 +245,10 @@ impl Kernel for Wave<'_> {
         // Where the lines begin with an odd one, it is the second of two that have even parity.
         let parity = if first.is_multiple_of(2) { share } else { -share };
         for start in (0..entries).step_by(LANES) {
-            let root = roots.eight::<L>(start);
-            let mut own = (L::splat(1.0), L::splat(0.0));
-            for _ in 0..first {
-                own = times(own, root);
-            }
-            let (mut next, square) = (times(own, root), times(root, root));
-            let mut sums = [L::splat(0.0); 4];
-            for (re, im) in lines.clone() {
-                let [a, b, c, d] = sums;
-                sums = [
-                    own.0.mul_add(L::splat(re[0]), a),
-                    own.1.mul_add(L::splat(im[0]), b),
-                    next.0.mul_add(L::splat(re[1]), c),
-                    next.1.mul_add(L::splat(im[1]), d),
-                ];
-                (own, next) = (times(own, square), times(next, square));
-            }
-            let [a, b, c, d] = sums;
+            let each = lines.clone().map(|(re, im)| {
+                [(L::splat(re[0]), L::splat(im[0])), (L::splat(re[1]), L::splat(im[1]))]
+            });
+            let [a, b, c, d] = sums(roots.eight(start), first, each);
             let (cos, sin) = (share * (a + c), share * (b + d));
             let (far_cos, far_sin) = (parity * (a - c), parity * (b - d));
             let mut all = [Wide::ZERO; 4];
@@ -213,6 +264,65 @@ impl Kernel for Wave<'_> {
             if let Some(half) = halves {
                 back(&mut out[..=half - start], &all[2], some);
                 forth(&mut out[half + start..], &all[3], some);
+            }
+        }
+    }
+}
+
+/// Σ Re z cos mω₀t and Σ Im z sin mω₀t of every second line from `first` on, then those of the lines between.
+#[inline(always)]
+fn sums<L: Lanes>(root: (L, L), first: usize, lines: impl Iterator<Item = [(L, L); 2]>) -> [L; 4] {
+    let mut own = (L::splat(1.0), L::splat(0.0));
+    for _ in 0..first {
+        own = times(own, root);
+    }
+    let (mut next, square) = (times(own, root), times(root, root));
+    let mut sums = [L::splat(0.0); 4];
+    for [one, two] in lines {
+        let [a, b, c, d] = sums;
+        sums = [
+            own.0.mul_add(one.0, a),
+            own.1.mul_add(one.1, b),
+            next.0.mul_add(two.0, c),
+            next.1.mul_add(two.1, d),
+        ];
+        (own, next) = (times(own, square), times(next, square));
+    }
+    sums
+}
+
+/// [`Wave`] of eight records, one a lane, one sample after the other.
+struct WaveOfEight<'a> {
+    roots: &'a Split,
+    sources: &'a [[Wide; 2]],
+    first: usize,
+    intervals: usize,
+    out: &'a mut [Wide],
+}
+
+impl Kernel for WaveOfEight<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let WaveOfEight { roots, sources, first, intervals: n, out } = self;
+        let half = n.is_multiple_of(2).then_some(n / 2);
+        let entries = half.unwrap_or(n) / 2 + 1;
+        let share = L::splat(1.0 / n as f64);
+        let parity = if first.is_multiple_of(2) { share } else { -share };
+        let zero = (L::splat(0.0), L::splat(0.0));
+        for k in 0..entries {
+            let each = sources
+                .chunks(2)
+                .map(|two| [loaded::<L>(&two[0]), two.get(1).map_or(zero, loaded::<L>)]);
+            let root = (L::splat(roots.re[k]), L::splat(roots.im[k]));
+            let [a, b, c, d] = sums(root, first, each);
+            let (cos, sin) = (share * (a + c), share * (b + d));
+            (cos - sin).store(&mut out[k]);
+            (cos + sin).store(&mut out[n - k]);
+            if let Some(half) = half {
+                let (cos, sin) = (parity * (a - c), parity * (b - d));
+                (cos + sin).store(&mut out[half - k]);
+                (cos - sin).store(&mut out[half + k]);
             }
         }
     }

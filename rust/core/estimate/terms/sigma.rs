@@ -39,8 +39,13 @@ impl Sigma {
     }
 
     fn place(&self, a: usize, b: usize) -> usize {
+        Sigma::place_of(self.channels, a, b)
+    }
+
+    /// Where a covariance stands among the numbers of so many channels.
+    pub fn place_of(channels: usize, a: usize, b: usize) -> usize {
         let (a, b) = (a.min(b), a.max(b));
-        if a == b { a } else { self.channels + a * (2 * self.channels - a - 1) / 2 + b - a - 1 }
+        if a == b { a } else { channels + a * (2 * channels - a - 1) / 2 + b - a - 1 }
     }
 
     pub fn get(&self, a: usize, b: usize) -> f64 {

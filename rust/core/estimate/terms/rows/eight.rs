@@ -5,25 +5,22 @@ use super::{DEPENDENT, SILENT, Spot};
 use crate::estimate::normal_equations::LeftColumns;
 use crate::estimate::terms::complex::{Power, late, loaded, times};
 use crate::estimate::terms::equations::Equations;
-use crate::estimate::terms::lines::{Couple, Pairs};
+use crate::estimate::terms::lines::{Both, Couple, EightSpectra, Pairs};
 use crate::linalg::dense::floor_of;
 use crate::linalg::eight::{back, project, push, squares, whiten, whiten_more};
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
-
-/// Real and imaginary part of a number of each record.
-type Both = [Wide; 2];
+use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// What eight records hold; the rows themselves are those of any of their [`Spot`]s.
 #[derive(Default)]
 pub(crate) struct Eight {
-    /// V of each signal on the lines, and R of each pair.
-    signals: Vec<Both>,
-    pairs: Vec<Both>,
+    pub spectra: EightSpectra,
     /// g of each term, then the slopes.
     values: Vec<Wide>,
     /// L of each equation and noisy signal, and the error of each equation.
     loads: Vec<Both>,
     error: Vec<Both>,
+    /// What the lines from m on have with line m: sums of E[Q Q*] and of E[Q Q].
+    sums: Vec<[Wide; 4]>,
     /// Covariance or its factor; transients, residual and columns of θ, whitened. An even number of rows.
     panel: Vec<Wide>,
     width: usize,
@@ -34,7 +31,7 @@ pub(crate) struct Eight {
     pub cost: Wide,
     lambda: Vec<Wide>,
     /// z of each noisy signal.
-    sources: Vec<Both>,
+    pub sources: Vec<Both>,
     denoised: Vec<Both>,
     slopes: Vec<Both>,
     /// Columns of θ, transients taken out.
@@ -58,12 +55,10 @@ impl Eight {
         let none = [Wide::ZERO; 2];
         let even = rows.next_multiple_of(2);
         self.width = even + spot.transients + 1 + p;
-        let lags = spot.spectra.pairs.iter().map(Vec::len).max().unwrap_or(0);
-        self.signals.resize(e.signals.len() * count, none);
-        self.pairs.resize(spot.spectra.pairs.len() * lags, none);
         self.values.resize(e.coefficients.results(), Wide::ZERO);
         self.loads.resize(e.orders.len() * pairs.noisy.len() * count, none);
         self.error.resize(e.orders.len() * count, none);
+        self.sums.resize(count, [Wide::ZERO; 4]);
         self.panel.resize(even * self.width, Wide::ZERO);
         self.least.resize(even, Wide::ZERO);
         self.base.resize(spot.transients * rows, Wide::ZERO);
@@ -75,19 +70,15 @@ impl Eight {
         self.columns.resize(p * rows, Wide::ZERO);
     }
 
-    /// Takes a record's spectra.
-    pub fn load(&mut self, lane: usize, spot: &Spot) {
+    /// Writes a record's signals into its spot.
+    pub fn give_signals(&self, lane: usize, spot: &mut Spot) {
         let (count, first) = (spot.count(), spot.lines.first);
-        for (to, from) in self.signals.chunks_mut(count).zip(&spot.spectra.signals) {
-            let each = from.re[first..].iter().zip(&from.im[first..]);
-            for ([re, im], from) in to.iter_mut().zip(each) {
-                (re.0[lane], im.0[lane]) = (*from.0, *from.1);
-            }
-        }
-        let lags = self.pairs.len() / spot.spectra.pairs.len().max(1);
-        for (to, from) in self.pairs.chunks_mut(lags.max(1)).zip(&spot.spectra.pairs) {
-            for ([re, im], from) in to.iter_mut().zip(from) {
-                (re.0[lane], im.0[lane]) = (from[0].0[0], from[1].0[0]);
+        let own = self.spectra.signals.chunks_exact(count);
+        spot.spectra.signals.resize_with(own.len(), Default::default);
+        for (to, from) in spot.spectra.signals.iter_mut().zip(own) {
+            to.clear(first + count);
+            for (k, [re, im]) in from.iter().enumerate() {
+                (to.re[first + k], to.im[first + k]) = (re.0[lane], im.0[lane]);
             }
         }
     }
@@ -127,19 +118,6 @@ impl Eight {
         spot.residual.clear();
         spot.residual.extend(self.residual(lane));
     }
-
-    /// Writes a record's sources into its spot.
-    pub fn give_sources(&self, lane: usize, spot: &mut Spot) {
-        let count = spot.count();
-        let own = self.sources.len() / count;
-        spot.sources.resize_with(own, Default::default);
-        for (to, from) in spot.sources.iter_mut().zip(self.sources.chunks_exact(count)) {
-            to.clear(count);
-            for (k, [re, im]) in from.iter().enumerate() {
-                (to.re[k], to.im[k]) = (re.0[lane], im.0[lane]);
-            }
-        }
-    }
 }
 
 #[inline(always)]
@@ -158,6 +136,13 @@ fn add_times<L: Lanes>(power: &Power, by: L, values: &[Both], to: &mut [Both]) {
         let (x, y) = if odd { (own.1, own.0) } else { own };
         stored((sum.0 + sign * size * x, sum.1 + by * size * y), to);
     }
+}
+
+/// Adds a times the real part of x and c times its imaginary part, b and d likewise.
+#[inline(always)]
+fn add<L: Lanes>(x: (L, L), (a, b): (L, L), (c, d): (L, L), [re, im]: [&mut Wide; 2]) {
+    a.mul_add(x.0, c.mul_add(x.1, L::load(re))).store(re);
+    b.mul_add(x.0, d.mul_add(x.1, L::load(im))).store(im);
 }
 
 struct Evaluate<'a> {
@@ -197,7 +182,7 @@ impl Eight {
         let count = s.spot.count();
         self.error.fill([Wide::ZERO; 2]);
         for (term, g) in s.equations.terms.iter().zip(&self.values) {
-            let values = &self.signals[term.signal * count..][..count];
+            let values = &self.spectra.signals[term.signal * count..][..count];
             let to = &mut self.error[term.equation * count..][..count];
             add_times::<L>(&s.spot.powers[term.order], L::load(g), values, to);
         }
@@ -231,20 +216,23 @@ impl Eight {
     #[inline(always)]
     fn covariance<L: Lanes>(&mut self, s: Shared<'_>) {
         let (count, first, q) = (s.spot.count(), s.spot.lines.first, s.equations.orders.len());
-        let half = L::splat(0.5);
+        let (half, width) = (L::splat(0.5), self.width);
         // Line 0 has no Im.
         let missing = if first == 0 { q } else { 0 };
         let at = |line: usize| (2 * line * q).saturating_sub(missing);
         for m in 0..count {
             for (a, b) in (0..q * q).map(|k| (k / q, k % q)) {
-                let couples = &s.pairs.couples[a * q + b];
-                for l in m..count {
-                    let (d, x) = self.sum::<L>(s, couples, m, l);
+                self.sums[..count - m].fill([Wide::ZERO; 4]);
+                for couple in &s.pairs.couples[a * q + b] {
+                    self.add_couple::<L>(s, *couple, m);
+                }
+                for (l, [dr, di, xr, xi]) in (m..count).zip(&self.sums) {
+                    let (d, x) = ((L::load(dr), L::load(di)), (L::load(xr), L::load(xi)));
                     let (row, column) = (at(m) + a, at(l) + b);
-                    let width = self.width;
+                    let panel = &mut self.panel;
                     let mut put = |row: usize, column: usize, value: L| {
                         if column >= row {
-                            value.store(&mut self.panel[row * width + column]);
+                            value.store(&mut panel[row * width + column]);
                         }
                     };
                     put(row, column, half * (d.0 + x.0));
@@ -260,38 +248,34 @@ impl Eight {
         }
     }
 
-    /// Σ_ij L_i(m) conj(L_j(l) R_ij(l − m)), and of mirrored lines, −l for l, Σ_ij L_i(m) L_j(l) R_ij(l + m).
+    /// Adds L_i(m) conj(L_j(l) R_ij(l − m)) of the lines l from m on, and of mirrored lines, −l for l,
+    /// L_i(m) L_j(l) R_ij(l + m).
     #[inline(always)]
-    fn sum<L: Lanes>(
-        &self,
-        s: Shared<'_>,
-        couples: &[Couple],
-        m: usize,
-        l: usize,
-    ) -> ((L, L), (L, L)) {
-        let (count, first, spectra) = (s.spot.count(), s.spot.lines.first, &s.spot.spectra);
-        let lags = self.pairs.len() / spectra.pairs.len().max(1);
-        let zero = (L::splat(0.0), L::splat(0.0));
-        let (mut d, mut x) = (zero, zero);
-        let (near, far) = (l - m, l + m + 2 * first);
-        for couple in couples.iter().filter(|c| !spectra.apart[c.pair]) {
-            // White noise has no lag but 0.
-            let white = spectra.white[couple.pair];
-            let (a, b) = loaded::<L>(&self.loads[couple.from * count + m]);
-            let to = loaded::<L>(&self.loads[couple.to * count + l]);
-            let r = &self.pairs[couple.pair * lags + spectra.middle..];
-            if !white || near == 0 {
-                let product = times(to, loaded(&r[near]));
-                d.0 = a.mul_add(product.0, b.mul_add(product.1, d.0));
-                d.1 = b.mul_add(product.0, (-a).mul_add(product.1, d.1));
-            }
-            if !white || far == 0 {
-                let product = times(to, loaded(&r[far]));
-                x.0 = a.mul_add(product.0, (-b).mul_add(product.1, x.0));
-                x.1 = b.mul_add(product.0, a.mul_add(product.1, x.1));
-            }
+    fn add_couple<L: Lanes>(&mut self, s: Shared<'_>, couple: Couple, m: usize) {
+        let (count, first, spectra) = (s.spot.count(), s.spot.lines.first, &self.spectra);
+        if spectra.apart[couple.pair] {
+            return;
         }
-        (d, x)
+        let (a, b) = loaded::<L>(&self.loads[couple.from * count + m]);
+        let to = &self.loads[couple.to * count + m..(couple.to + 1) * count];
+        let r = &spectra.pairs[couple.pair * spectra.lags + spectra.middle..];
+        let (near, far) = ((b, -a), (-b, a));
+        if spectra.white[couple.pair] {
+            // White noise has no lag but 0.
+            let product = times(loaded::<L>(&to[0]), loaded(&r[0]));
+            let [dr, di, xr, xi] = &mut self.sums[0];
+            add(product, (a, b), near, [dr, di]);
+            if m + first == 0 {
+                add(product, (a, b), far, [xr, xi]);
+            }
+            return;
+        }
+        let lags = r.iter().zip(&r[2 * (m + first)..]);
+        for ((to, (one, other)), [dr, di, xr, xi]) in to.iter().zip(lags).zip(&mut self.sums) {
+            let to = loaded::<L>(to);
+            add(times(to, loaded(one)), (a, b), near, [dr, di]);
+            add(times(to, loaded(other)), (a, b), far, [xr, xi]);
+        }
     }
 
     /// Transient columns, the error beside them, a last row where the rows are odd; the least of the pivots.
@@ -344,7 +328,7 @@ impl Kernel for Jacobian<'_> {
     fn run<L: Lanes>(self) {
         let Jacobian { own, s, factors } = self;
         let (count, rows, p) = (s.spot.count(), s.spot.rows.len(), s.equations.parameters);
-        own.denoised.copy_from_slice(&own.signals);
+        own.denoised.copy_from_slice(&own.spectra.signals);
         if factors == LeftColumns::Denoised {
             own.find_sources::<L>(s);
             for signal in 0..s.equations.signals.len() {
@@ -409,8 +393,8 @@ impl Eight {
     /// Takes ½ Σ_jl \[R_j(m − l) z_j(l) + R_j(m + l) conj z_j(l)\] from one signal.
     #[inline(always)]
     fn denoise<L: Lanes>(&mut self, s: Shared<'_>, signal: usize) {
-        let (count, first, spectra) = (s.spot.count(), s.spot.lines.first, &s.spot.spectra);
-        let lags = self.pairs.len() / spectra.pairs.len().max(1);
+        let (count, first, spectra) = (s.spot.count(), s.spot.lines.first, &self.spectra);
+        let lags = spectra.lags;
         let (half, places) = (L::splat(0.5), &s.pairs.place[signal]);
         if places.iter().all(Option::is_none) {
             return;
@@ -419,7 +403,7 @@ impl Eight {
             let mut sum = (L::splat(0.0), L::splat(0.0));
             for (place, z) in places.iter().zip(self.sources.chunks_exact(count)) {
                 let Some(pair) = place.filter(|pair| !spectra.apart[*pair]) else { continue };
-                let r = &self.pairs[pair * lags..][..lags];
+                let r = &spectra.pairs[pair * lags..][..lags];
                 let middle = spectra.middle;
                 if spectra.white[pair] {
                     let (own, near) = (L::load(&r[middle][0]), loaded::<L>(&z[m]));
