@@ -156,7 +156,7 @@ impl NoisePlan {
         let lags = plan.harmonics() + 1;
         re.resize(lags, Wide::ZERO);
         im.resize(lags, Wide::ZERO);
-        plan.run_lanes(isa, product, re, im, scratch)?;
+        plan.run_lanes(isa.across(), product, re, im, scratch)?;
         let scaled = |x: &Wide| Wide(x.0.map(|x| x * squares));
         let mirrored = |[re, im]: [Wide; 2]| [re, Wide(im.0.map(|x| -x))];
         let (before, ahead) = out.split_at_mut(self.highest);
