@@ -175,3 +175,132 @@ pub fn squares<L: Lanes>(x: &[Wide]) -> L {
     let rest = rest.iter().fold(L::splat(-0.0), |sum, x| sum + L::load(x) * L::load(x));
     sum + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::columns::Columns;
+    use crate::linalg::dense::{self, Panel, floor};
+    use crate::simd::{Isa, Kernel, numbers, numbers_mut};
+
+    const ROWS: usize = 22;
+    const BESIDE: usize = 2;
+    const MORE: usize = 3;
+    const WIDTH: usize = ROWS + BESIDE + MORE;
+
+    fn value(k: usize) -> f64 {
+        ((k * 2_654_435_761) % 1009) as f64 / 1009.0 - 0.5
+    }
+
+    /// C = GGᵀ, of one lane singular, and columns.
+    fn element(lane: usize, i: usize, j: usize) -> f64 {
+        let g = |i: usize, k: usize| value(lane * 311 + i.min(ROWS - 2 + lane % 7) * 37 + k * 11);
+        match j < ROWS {
+            true => (0..ROWS).map(|k| g(i, k) * g(j, k)).sum(),
+            false => value(lane * 97 + i * 13 + j * 7),
+        }
+    }
+
+    struct All<'a> {
+        panel: &'a mut [Wide],
+        least: &'a [Wide],
+        x: &'a mut [Wide],
+        q: &'a mut [Wide],
+        column: &'a mut [Wide],
+    }
+
+    impl Kernel for All<'_> {
+        type Output = Wide;
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> Wide {
+            let All { panel, least, x, q, column } = self;
+            whiten::<L>(panel, WIDTH, ROWS + BESIDE, least);
+            whiten_more::<L>(panel, WIDTH, ROWS + BESIDE..WIDTH, ROWS);
+            back::<L>(panel, WIDTH, x);
+            for k in 1..=q.len() / ROWS {
+                push::<L>(&mut q[..k * ROWS], ROWS, 1e-10);
+            }
+            project::<L>(q, column);
+            let mut out = Wide::ZERO;
+            squares::<L>(&column[..ROWS - 3]).store(&mut out);
+            out
+        }
+    }
+
+    #[test]
+    fn every_lane_has_the_bits_of_one_matrix_alone() {
+        let wide = |f: &dyn Fn(usize) -> f64| Wide(std::array::from_fn(f));
+        for isa in Isa::available() {
+            let mut panel: Vec<Wide> = (0..ROWS * WIDTH)
+                .map(|k| wide(&|lane| element(lane, k / WIDTH, k % WIDTH)))
+                .collect();
+            let least: Vec<Wide> =
+                (0..ROWS).map(|i| wide(&|lane| floor(element(lane, i, i)))).collect();
+            let column = |c: usize| -> Vec<Wide> {
+                // The second is a part of the first in one lane.
+                let own = |lane: usize, i: usize| match (c, lane) {
+                    (1, 3) => 0.5 * value(3 * 53 + i * 5),
+                    _ => value(lane * 53 + i * 5 + c * 401),
+                };
+                (0..ROWS).map(|i| wide(&|lane| own(lane, i))).collect()
+            };
+            let (mut x, mut last) = (column(5), column(6));
+            let mut q = [column(0), column(1), column(2)].concat();
+            let (right, start, side) = (x.clone(), q.clone(), last.clone());
+            let sum = isa.run(All {
+                panel: &mut panel,
+                least: &least,
+                x: &mut x,
+                q: &mut q,
+                column: &mut last,
+            });
+            for lane in 0..LANES {
+                let (mut one, mut more) = (Panel::default(), Panel::default());
+                one.resize(ROWS, ROWS + BESIDE);
+                more.resize(ROWS, MORE);
+                for (i, j) in (0..ROWS * WIDTH).map(|k| (k / WIDTH, k % WIDTH)) {
+                    match j.checked_sub(ROWS + BESIDE) {
+                        Some(c) => more.set(i, c, element(lane, i, j)),
+                        None => one.set(i, j, element(lane, i, j)),
+                    }
+                }
+                let own: Vec<f64> = least.iter().map(|l| l.0[lane]).collect();
+                dense::whiten(isa, &mut one, &own);
+                dense::whiten_more(isa, &one, &mut more);
+                for i in 0..ROWS {
+                    for j in i..WIDTH {
+                        let want = match j.checked_sub(ROWS + BESIDE) {
+                            Some(c) => more.get(i, c),
+                            None => one.get(i, j),
+                        };
+                        let found = panel[i * WIDTH + j].0[lane];
+                        assert_eq!(found.to_bits(), want.to_bits(), "{isa:?} {lane} {i} {j}");
+                    }
+                }
+                let mut b = vec![Wide::ZERO; ROWS.div_ceil(LANES)];
+                let each = numbers_mut(&mut b).iter_mut().zip(&right);
+                each.for_each(|(to, from)| *to = from.0[lane]);
+                dense::back(isa, &one, &mut b);
+                let same = |own: &[Wide], alone: &[f64]| {
+                    let each = own.iter().zip(alone);
+                    each.for_each(|(own, x)| assert_eq!(own.0[lane].to_bits(), x.to_bits()));
+                };
+                same(&x, numbers(&b));
+                let mut base = Columns::new(isa, ROWS, 3).judged_by(1e-10);
+                for (k, c) in start.chunks(ROWS).enumerate() {
+                    let own: Vec<f64> = c.iter().map(|x| x.0[lane]).collect();
+                    assert_eq!(base.push_rows(&own), !(k == 1 && lane == 3), "{lane} {k}");
+                }
+                for (k, c) in q.chunks(ROWS).enumerate() {
+                    same(c, base.q(k));
+                }
+                let mut left: Vec<f64> = side.iter().map(|x| x.0[lane]).collect();
+                left.resize(base.rows(), 0.0);
+                base.project(0, &mut left, &mut [0.0; 3]);
+                same(&last, &left);
+                let short = &left[..ROWS - 3];
+                assert_eq!(sum.0[lane], crate::linalg::qr::dot(short, short));
+            }
+        }
+    }
+}

@@ -156,7 +156,7 @@ impl NoisePlan {
         let lags = plan.harmonics() + 1;
         re.resize(lags, Wide::ZERO);
         im.resize(lags, Wide::ZERO);
-        plan.run_lanes(isa.across(), product, re, im, scratch)?;
+        plan.run_lanes(isa, product, re, im, scratch)?;
         let scaled = |x: &Wide| Wide(x.0.map(|x| x * squares));
         let mirrored = |[re, im]: [Wide; 2]| [re, Wide(im.0.map(|x| -x))];
         let (before, ahead) = out.split_at_mut(self.highest);
@@ -194,7 +194,7 @@ impl NoisePlan {
     ) {
         out.resize(self.samples, Wide::ZERO);
         let (roots, intervals) = (&self.roots, self.samples - 1);
-        isa.across().run(WaveOfEight { roots, sources, first, intervals, out });
+        isa.run(WaveOfEight { roots, sources, first, intervals, out });
     }
 
     /// Re Σ_m z(m) e^{imω₀t}, `count` lines from `first` on, at every sample of the window times its share in a

@@ -90,7 +90,7 @@ impl TermsRecordPlan {
         out.signals.clear();
         for (s, plan) in self.plans.iter().enumerate() {
             let EightDesk { results, re, im, scratch, .. } = &mut *desk;
-            plan.run_lanes(isa.across(), &results[s], re, im, &mut scratch[s])?;
+            plan.run_lanes(isa, &results[s], re, im, &mut scratch[s])?;
             let least = largest(&results[s]).0.map(|most| ROUNDING * most);
             let kept = |x: Wide| {
                 let each = |k: usize| if x.0[k].abs() < least[k] { 0.0 } else { x.0[k] };

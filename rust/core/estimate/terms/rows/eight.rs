@@ -90,12 +90,12 @@ impl Eight {
 
     /// Whitens the rows and takes out the transients; the weighted sums of squares to `cost`.
     pub fn evaluate(&mut self, isa: Isa, shared: Shared<'_>) {
-        isa.across().run(Evaluate { own: self, s: shared });
+        isa.run(Evaluate { own: self, s: shared });
     }
 
     /// Columns ∂/∂θ where they were last evaluated, transients taken out; sources where they are denoised.
     pub fn jacobian(&mut self, isa: Isa, shared: Shared<'_>, factors: LeftColumns) {
-        isa.across().run(Jacobian { own: self, s: shared, factors });
+        isa.run(Jacobian { own: self, s: shared, factors });
     }
 
     /// A record's residual, transients taken out.
