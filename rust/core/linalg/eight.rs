@@ -4,6 +4,13 @@
 use crate::simd::{LANES, Lanes, Wide};
 use std::ops::Range;
 
+/// A matrix of an even number of rows, two columns after two others, so that sums over rows read memory in order.
+#[derive(Default)]
+pub struct Panel {
+    rows: usize,
+    data: Vec<[Wide; 2]>,
+}
+
 /// What two rows of a factor do to a column among themselves.
 struct Pair<L> {
     inverses: [L; 2],
@@ -11,46 +18,82 @@ struct Pair<L> {
     factor: L,
 }
 
+impl Panel {
+    /// Memory for such a matrix; what stood there is not moved.
+    pub fn resize(&mut self, rows: usize, columns: usize) {
+        self.rows = rows;
+        self.data.resize(columns.div_ceil(2) * rows, [Wide::ZERO; 2]);
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// An element.
+    #[inline(always)]
+    pub fn at(&self, row: usize, column: usize) -> &Wide {
+        &self.data[column / 2 * self.rows + row][column % 2]
+    }
+
+    /// An element, to be written.
+    #[inline(always)]
+    pub fn at_mut(&mut self, row: usize, column: usize) -> &mut Wide {
+        &mut self.data[column / 2 * self.rows + row][column % 2]
+    }
+
+    /// A column.
+    pub fn column(&self, column: usize) -> impl Iterator<Item = &Wide> {
+        self.data[column / 2 * self.rows..].iter().take(self.rows).map(move |x| &x[column % 2])
+    }
+
+    /// A column, to be written.
+    pub fn column_mut(&mut self, column: usize) -> impl Iterator<Item = &mut Wide> {
+        let from = &mut self.data[column / 2 * self.rows..];
+        from.iter_mut().take(self.rows).map(move |x| &mut x[column % 2])
+    }
+}
+
 /// Replaces the upper triangle of C by its factor R, C = RᵀR, and the columns beside it by R⁻ᵀ of them; pivots
-/// below `least` are lifted to it. `panel` holds rows \[C | columns\] of `width`, an even number of rows.
+/// below `least` are lifted to it. `panel` begins with \[C | columns\], so many in all, filled up to an even number.
 #[inline(always)]
-pub fn whiten<L: Lanes>(panel: &mut [Wide], width: usize, columns: usize, least: &[Wide]) {
+pub fn whiten<L: Lanes>(panel: &mut Panel, columns: usize, least: &[Wide]) {
+    let rows = panel.rows;
+    let columns = &mut panel.data[..columns.div_ceil(2) * rows];
     for (first, least) in (0..).step_by(2).zip(least.as_chunks::<2>().0) {
-        let (above, one, two) = rows(panel, width, first);
-        let tile = reduced::<L>(above, [&*one, &*two], width, first, [first, first + 1]);
-        let [[a, b], [_, c]] = tile;
+        let (done, rest) = columns.split_at_mut((first / 2 + 1) * rows);
+        let own = &mut done[first / 2 * rows..];
+        let [[a, b], [_, c]] = reduced::<L>(own, own, first);
         let root = lifted(a, &least[0]).sqrt();
         let inverse = L::splat(1.0) / root;
         let factor = b * inverse;
         let last = lifted((-factor).mul_add(factor, c), &least[1]).sqrt();
-        root.store(&mut one[first]);
-        factor.store(&mut one[first + 1]);
-        last.store(&mut two[first + 1]);
+        root.store(&mut own[first][0]);
+        factor.store(&mut own[first][1]);
+        last.store(&mut own[first + 1][1]);
         let pair = Pair { inverses: [inverse, L::splat(1.0) / last], factor };
-        finish(&pair, above, [one, two], width, first, first + 2..columns);
+        for other in rest.chunks_exact_mut(rows) {
+            finish(&pair, own, other, first);
+        }
     }
 }
 
-/// Replaces these columns of `panel` by R⁻ᵀ of them, R the factor of as many rows that [`whiten`] left.
+/// Replaces these columns of `panel`, whole pairs, by R⁻ᵀ of them, R the factor that [`whiten`] left.
 #[inline(always)]
-pub fn whiten_more<L: Lanes>(panel: &mut [Wide], width: usize, columns: Range<usize>, rows: usize) {
-    for first in (0..rows).step_by(2) {
-        let (above, one, two) = self::rows(panel, width, first);
+pub fn whiten_more<L: Lanes>(panel: &mut Panel, columns: Range<usize>) {
+    let rows = panel.rows;
+    let (factors, rest) = panel.data.split_at_mut(columns.start / 2 * rows);
+    let rest = &mut rest[..columns.len().div_ceil(2) * rows];
+    for (own, first) in factors.chunks_exact(rows).zip((0..rows).step_by(2)) {
         let inverse = |root: &Wide| L::splat(1.0) / L::load(root);
         let pair = Pair {
-            inverses: [inverse(&one[first]), inverse(&two[first + 1])],
-            factor: L::load(&one[first + 1]),
+            inverses: [inverse(&own[first][0]), inverse(&own[first + 1][1])],
+            factor: L::load(&own[first][1]),
         };
-        finish(&pair, above, [one, two], width, first, columns.clone());
+        for other in rest.chunks_exact_mut(rows) {
+            finish(&pair, own, other, first);
+        }
     }
-}
-
-/// The rows above, and two.
-#[inline(always)]
-fn rows(panel: &mut [Wide], width: usize, first: usize) -> (&[Wide], &mut [Wide], &mut [Wide]) {
-    let (above, own) = panel.split_at_mut(first * width);
-    let (one, rest) = own.split_at_mut(width);
-    (above, one, &mut rest[..width])
 }
 
 /// NaN stays NaN.
@@ -62,17 +105,12 @@ fn lifted<L: Lanes>(pivot: L, least: &Wide) -> L {
 
 /// Two columns of two rows, the rows above taken out one after the other by the factors of their pivots.
 #[inline(always)]
-fn reduced<L: Lanes>(
-    above: &[Wide],
-    own: [&[Wide]; 2],
-    width: usize,
-    first: usize,
-    [left, right]: [usize; 2],
-) -> [[L; 2]; 2] {
-    let mut tile = own.map(|row| [L::load(&row[left]), L::load(&row[right])]);
-    for row in above.chunks_exact(width) {
-        let by = [-L::load(&row[first]), -L::load(&row[first + 1])];
-        let (x, y) = (L::load(&row[left]), L::load(&row[right]));
+fn reduced<L: Lanes>(pivots: &[[Wide; 2]], columns: &[[Wide; 2]], first: usize) -> [[L; 2]; 2] {
+    let (above, own) = columns.split_at(first);
+    let mut tile = [&own[0], &own[1]].map(|row| [L::load(&row[0]), L::load(&row[1])]);
+    for (by, row) in pivots.iter().zip(above) {
+        let by = [-L::load(&by[0]), -L::load(&by[1])];
+        let (x, y) = (L::load(&row[0]), L::load(&row[1]));
         for k in 0..2 {
             tile[k] = [by[k].mul_add(x, tile[k][0]), by[k].mul_add(y, tile[k][1])];
         }
@@ -80,43 +118,44 @@ fn reduced<L: Lanes>(
     tile
 }
 
-/// Whitens columns of two rows.
+/// Whitens two columns of two rows.
 #[inline(always)]
-fn finish<L: Lanes>(
-    pair: &Pair<L>,
-    above: &[Wide],
-    [one, two]: [&mut [Wide]; 2],
-    width: usize,
-    first: usize,
-    columns: Range<usize>,
-) {
-    for left in columns.clone().step_by(2) {
-        // An odd last column stands for two.
-        let both = [left, (left + 1).min(columns.end - 1)];
-        let tile = reduced::<L>(above, [&*one, &*two], width, first, both);
-        for (k, column) in both.into_iter().enumerate() {
-            let own = tile[0][k] * pair.inverses[0];
-            let next = (-pair.factor).mul_add(own, tile[1][k]) * pair.inverses[1];
-            own.store(&mut one[column]);
-            next.store(&mut two[column]);
-        }
+fn finish<L: Lanes>(pair: &Pair<L>, pivots: &[[Wide; 2]], columns: &mut [[Wide; 2]], first: usize) {
+    let tile = reduced::<L>(pivots, columns, first);
+    for k in 0..2 {
+        let own = tile[0][k] * pair.inverses[0];
+        let next = (-pair.factor).mul_add(own, tile[1][k]) * pair.inverses[1];
+        own.store(&mut columns[first][k]);
+        next.store(&mut columns[first + 1][k]);
     }
 }
 
 /// Solves Rx = b in place, R the factor of so many rows that [`whiten`] left in `panel`.
 #[inline(always)]
-pub fn back<L: Lanes>(panel: &[Wide], width: usize, x: &mut [Wide]) {
+pub fn back<L: Lanes>(panel: &Panel, x: &mut [Wide]) {
     let size = x.len();
     for j in (0..size).rev() {
-        let row = &panel[j * width..][..size];
+        let term = |k: usize| (L::load(panel.at(j, k)), L::load(&x[k]));
         // `dense` sums whole registers in eight parts, the rest of its own register one by one.
         let near = (j / LANES * LANES + LANES).min(size);
-        let mut sum = L::load(&x[j]) - dot::<L>(&row[near..], &x[near..]);
-        for (r, x) in row[j + 1..near].iter().zip(&x[j + 1..near]) {
-            sum = sum - L::load(r) * L::load(x);
+        let mut parts = [L::splat(0.0); LANES];
+        for k in near..size {
+            let (r, x) = term(k);
+            parts[k % LANES] = r.mul_add(x, parts[k % LANES]);
         }
-        (sum / L::load(&row[j])).store(&mut x[j]);
+        let mut sum = L::load(&x[j]) - total(parts);
+        for k in j + 1..near {
+            let (r, x) = term(k);
+            sum = sum - r * x;
+        }
+        let own = sum / L::load(panel.at(j, j));
+        own.store(&mut x[j]);
     }
+}
+
+#[inline(always)]
+fn total<L: Lanes>([first, rest @ ..]: [L; LANES]) -> L {
+    rest.into_iter().fold(first, |sum, part| sum + part)
 }
 
 /// Makes the last of the columns of `q`, each of so many rows, orthonormal to those before; zero where less than
@@ -156,8 +195,7 @@ fn dot<L: Lanes>(a: &[Wide], b: &[Wide]) -> L {
             *part = L::load(a).mul_add(L::load(b), *part);
         }
     }
-    let [first, rest @ ..] = parts;
-    rest.into_iter().fold(first, |sum, part| sum + part)
+    total(parts)
 }
 
 /// Sum of squares as `qr::dot` adds it.
@@ -170,17 +208,15 @@ pub fn squares<L: Lanes>(x: &[Wide]) -> L {
             *part = *part + L::load(x) * L::load(x);
         }
     }
-    let [first, others @ ..] = parts;
-    let sum = others.into_iter().fold(first, |sum, part| sum + part);
     let rest = rest.iter().fold(L::splat(-0.0), |sum, x| sum + L::load(x) * L::load(x));
-    sum + rest
+    total(parts) + rest
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::linalg::columns::Columns;
-    use crate::linalg::dense::{self, Panel, floor};
+    use crate::linalg::dense::{self, floor};
     use crate::simd::{Isa, Kernel, numbers, numbers_mut};
 
     const ROWS: usize = 22;
@@ -202,7 +238,7 @@ mod tests {
     }
 
     struct All<'a> {
-        panel: &'a mut [Wide],
+        panel: &'a mut Panel,
         least: &'a [Wide],
         x: &'a mut [Wide],
         q: &'a mut [Wide],
@@ -214,9 +250,9 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> Wide {
             let All { panel, least, x, q, column } = self;
-            whiten::<L>(panel, WIDTH, ROWS + BESIDE, least);
-            whiten_more::<L>(panel, WIDTH, ROWS + BESIDE..WIDTH, ROWS);
-            back::<L>(panel, WIDTH, x);
+            whiten::<L>(panel, ROWS + BESIDE, least);
+            whiten_more::<L>(panel, ROWS + BESIDE..WIDTH);
+            back::<L>(panel, x);
             for k in 1..=q.len() / ROWS {
                 push::<L>(&mut q[..k * ROWS], ROWS, 1e-10);
             }
@@ -231,9 +267,11 @@ mod tests {
     fn every_lane_has_the_bits_of_one_matrix_alone() {
         let wide = |f: &dyn Fn(usize) -> f64| Wide(std::array::from_fn(f));
         for isa in Isa::available() {
-            let mut panel: Vec<Wide> = (0..ROWS * WIDTH)
-                .map(|k| wide(&|lane| element(lane, k / WIDTH, k % WIDTH)))
-                .collect();
+            let mut panel = Panel::default();
+            panel.resize(ROWS, WIDTH);
+            for (i, j) in (0..ROWS * WIDTH).map(|k| (k / WIDTH, k % WIDTH)) {
+                *panel.at_mut(i, j) = wide(&|lane| element(lane, i, j));
+            }
             let least: Vec<Wide> =
                 (0..ROWS).map(|i| wide(&|lane| floor(element(lane, i, i)))).collect();
             let column = |c: usize| -> Vec<Wide> {
@@ -255,7 +293,7 @@ mod tests {
                 column: &mut last,
             });
             for lane in 0..LANES {
-                let (mut one, mut more) = (Panel::default(), Panel::default());
+                let (mut one, mut more) = (dense::Panel::default(), dense::Panel::default());
                 one.resize(ROWS, ROWS + BESIDE);
                 more.resize(ROWS, MORE);
                 for (i, j) in (0..ROWS * WIDTH).map(|k| (k / WIDTH, k % WIDTH)) {
@@ -273,7 +311,7 @@ mod tests {
                             Some(c) => more.get(i, c),
                             None => one.get(i, j),
                         };
-                        let found = panel[i * WIDTH + j].0[lane];
+                        let found = panel.at(i, j).0[lane];
                         assert_eq!(found.to_bits(), want.to_bits(), "{isa:?} {lane} {i} {j}");
                     }
                 }

@@ -91,7 +91,7 @@ impl TermsFitter {
             sigmas.push(self.sigmas(one)?);
         }
         if together && records.len() >= FEWEST {
-            return self.finish_eight(records, sigmas, shared, memory);
+            return self.finish_eight(records, &sigmas, shared, memory);
         }
         let mut fits = Vec::with_capacity(records.len());
         for (one, own) in records.chunks(1).zip(sigmas) {

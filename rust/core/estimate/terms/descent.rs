@@ -37,6 +37,19 @@ pub(crate) struct Step {
     pub residual: Vec<f64>,
 }
 
+/// The one of two estimates that has the lower cost.
+pub(super) fn lower(first: Ended, second: Ended) -> Ended {
+    match usable(&second) && !(usable(&first) && first.cost <= second.cost) {
+        true => second,
+        false => first,
+    }
+}
+
+/// Whether an estimate is one.
+pub(super) fn usable(e: &Ended) -> bool {
+    matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
+}
+
 /// What is asked for next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Need {

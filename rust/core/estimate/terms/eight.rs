@@ -2,15 +2,15 @@
 //!
 //! They advance together from the samples to the estimates; a record that has ended waits for the others as it stands.
 
-use super::descent::{Descent, Ended, Need};
-use super::fitter::{TermsFit, lower, usable};
+use super::descent::{Descent, Ended, Need, lower, usable};
+use super::fitter::TermsFit;
 use super::iterate::TermsProblem;
 use super::lines::{EightDesk, TermsRecordPlan};
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Eight, Worker};
 use super::sigma::Sigma;
 use crate::error::Error;
-use crate::estimate::band::Choice;
+use crate::estimate::band::{Choice, Range};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::simd::LANES;
 
@@ -25,15 +25,23 @@ const MOST_NUMBERS: usize = 1 << 16;
 /// What one worker keeps from eight records to the next.
 #[derive(Default)]
 pub(super) struct Eights {
-    workers: [Worker; LANES],
     desk: EightDesk,
+    rows: Rows,
+    /// Of few lines, where an estimate may begin.
+    few: Rows,
+}
+
+/// Rows of each record, and of all.
+#[derive(Default)]
+struct Rows {
+    workers: [Worker; LANES],
     eight: Eight,
 }
 
 impl Eights {
     /// Memory for one record.
     pub fn one(&mut self) -> &mut Worker {
-        &mut self.workers[0]
+        &mut self.rows.workers[0]
     }
 }
 
@@ -43,6 +51,7 @@ struct Block<'a> {
     problems: Vec<TermsProblem<'a>>,
     desk: &'a mut EightDesk,
     eight: &'a mut Eight,
+    workers: &'a mut [Worker; LANES],
     factors: LeftColumns,
 }
 
@@ -64,48 +73,80 @@ impl TermsFitter {
     pub(super) fn finish_eight(
         &self,
         records: &[TermsRecord<'_>],
-        sigmas: Vec<Vec<Sigma>>,
+        sigmas: &[Vec<Sigma>],
         chosen: &Choice,
         memory: &mut Eights,
     ) -> Result<Vec<TermsFit>, Error> {
-        let mut guesses = Vec::with_capacity(records.len());
-        let mut problems = Vec::with_capacity(records.len());
-        let each = records.chunks(1).zip(sigmas).zip(&mut memory.workers);
-        for ((record, sigmas), worker) in each {
-            guesses.push(match &chosen.theta {
-                Some(_) => None,
-                None => self.narrow_guess(record, &sigmas, &chosen.ranges)?,
-            });
-            problems.push(self.problem(record, sigmas, &chosen.ranges, std::mem::take(worker))?);
-        }
-        let factors = self.weights().1;
-        let (desk, eight) = (&mut memory.desk, &mut memory.eight);
-        let mut block = Block { fitter: self, problems, desk, eight, factors };
+        let Eights { desk, rows, few } = memory;
+        let guesses = match chosen.theta.is_none() && self.looks_on_few(&chosen.ranges) {
+            true => self.guesses(records, sigmas, desk, few)?,
+            false => vec![None; records.len()],
+        };
+        let mut block = Block::new(self, (records, sigmas), &chosen.ranges, desk, rows)?;
         let fits = block.fits(chosen, guesses);
-        for (problem, worker) in block.problems.into_iter().zip(&mut memory.workers) {
-            *worker = problem.into_worker();
-        }
+        block.end();
         fits
+    }
+
+    /// Estimates on few lines, as one record has them from `narrow_guess`.
+    fn guesses(
+        &self,
+        records: &[TermsRecord<'_>],
+        sigmas: &[Vec<Sigma>],
+        desk: &mut EightDesk,
+        rows: &mut Rows,
+    ) -> Result<Vec<Option<Vec<f64>>>, Error> {
+        let Ok(mut block) = Block::new(self, (records, sigmas), &self.narrow, desk, rows) else {
+            return Ok(vec![None; records.len()]); // too few lines for the unknowns
+        };
+        let ended = block.first(None)?;
+        block.end();
+        Ok(ended.into_iter().map(|own| own.filter(usable).map(|own| own.theta)).collect())
     }
 }
 
-impl Block<'_> {
+impl<'a> Block<'a> {
+    fn new(
+        fitter: &'a TermsFitter,
+        (records, sigmas): (&'a [TermsRecord<'a>], &[Vec<Sigma>]),
+        ranges: &[Range],
+        desk: &'a mut EightDesk,
+        Rows { workers, eight }: &'a mut Rows,
+    ) -> Result<Block<'a>, Error> {
+        let mut problems = Vec::with_capacity(records.len());
+        for ((record, own), worker) in records.chunks(1).zip(sigmas).zip(&mut *workers) {
+            problems.push(fitter.problem(record, own.clone(), ranges, std::mem::take(worker))?);
+        }
+        Ok(Block { fitter, problems, desk, eight, workers, factors: fitter.weights().1 })
+    }
+
+    /// Gives the memory of the rows back.
+    fn end(self) {
+        for (problem, worker) in self.problems.into_iter().zip(self.workers) {
+            *worker = problem.into_worker();
+        }
+    }
+
+    /// The first estimates, from θ or from where one may begin without.
+    fn first(&mut self, theta: Option<&Vec<f64>>) -> Result<Vec<Option<Ended>>, Error> {
+        self.load()?;
+        let mut starts = Vec::with_capacity(self.problems.len());
+        for problem in &mut self.problems {
+            starts.push(Some(match theta {
+                Some(theta) => theta.clone(),
+                None => problem.begin(None)?,
+            }));
+        }
+        self.descend(starts, self.fitter.first_tolerance())
+    }
+
     fn fits(
         &mut self,
         chosen: &Choice,
         guesses: Vec<Option<Vec<f64>>>,
     ) -> Result<Vec<TermsFit>, Error> {
-        self.load()?;
-        let tol = self.fitter.first_tolerance();
-        let mut starts = Vec::with_capacity(self.problems.len());
-        for problem in &mut self.problems {
-            starts.push(Some(match &chosen.theta {
-                Some(theta) => theta.clone(),
-                None => problem.begin(None)?,
-            }));
-        }
-        let first = self.descend(starts, tol)?;
-        let second = self.descend(guesses, tol)?;
+        let first = self.first(chosen.theta.as_ref())?;
+        let second = self.descend(guesses, self.fitter.first_tolerance())?;
         let mut ended: Vec<Ended> = Vec::with_capacity(first.len());
         for both in first.into_iter().zip(second) {
             ended.extend(match both {

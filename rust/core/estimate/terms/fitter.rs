@@ -1,6 +1,6 @@
 //! Fits of equations to records, with everything a user sees.
 
-use super::descent::Ended;
+use super::descent::{Ended, lower, usable};
 use super::driven::DrivenTerms;
 use super::iterate::TermsProblem;
 use super::lines::TermsRecordPlan;
@@ -275,15 +275,13 @@ impl TermsFitter {
 
     /// An estimate on few lines, where a wide band of nonlinear signals or free lags was given: there unweighted
     /// rows may be ruled by noise, and what they say is no start.
-    pub(super) fn narrow_guess(
+    fn narrow_guess(
         &self,
         records: &[TermsRecord<'_>],
         sigmas: &[Sigma],
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
-        let linear = !self.refines() && self.o.equations.free_lags().next().is_none();
-        if !wide || linear {
+        if !self.looks_on_few(ranges) {
             return Ok(None);
         }
         let Ok(mut few) = self.problem(records, sigmas.to_vec(), &self.narrow, Worker::default())
@@ -292,6 +290,12 @@ impl TermsFitter {
         };
         let guess = self.estimate(&mut few, None)?;
         Ok(usable(&guess).then_some(guess.theta))
+    }
+
+    /// Whether there is an estimate on few lines first.
+    pub(super) fn looks_on_few(&self, ranges: &[Range]) -> bool {
+        let wide = ranges.iter().zip(&self.narrow).any(|(own, few)| own.1 > WIDE * few.1);
+        wide && (self.refines() || self.o.equations.free_lags().next().is_some())
     }
 
     /// Estimates from θ, or from where one may begin without.
@@ -497,17 +501,4 @@ impl TermsFitter {
 
 fn levels(sigmas: &[Sigma]) -> Vec<Vec<f64>> {
     sigmas.iter().map(Sigma::levels).collect()
-}
-
-/// The one of two estimates that has the lower cost.
-pub(super) fn lower(first: Ended, second: Ended) -> Ended {
-    match usable(&second) && !(usable(&first) && first.cost <= second.cost) {
-        true => second,
-        false => first,
-    }
-}
-
-/// Whether an estimate is one.
-pub(super) fn usable(e: &Ended) -> bool {
-    matches!(e.status, Status::Ok | Status::MaxIter) && e.cost.is_finite()
 }

@@ -6,8 +6,7 @@
 //! transients and parameters take from the rows is taken from all channels alike). As many equations as channels make Σ the
 //! covariance of their residuals in one step. With fewer, correlations cannot be told, and σ_j² ← σ_j² Q_jj/T_jj.
 
-use super::descent::Ended;
-use super::fitter::usable;
+use super::descent::{Ended, usable};
 use super::iterate::TermsProblem;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::Worker;

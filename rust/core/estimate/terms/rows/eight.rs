@@ -7,7 +7,7 @@ use crate::estimate::terms::complex::{Power, late, loaded, times};
 use crate::estimate::terms::equations::Equations;
 use crate::estimate::terms::lines::{Both, Couple, EightSpectra, Pairs};
 use crate::linalg::dense::floor_of;
-use crate::linalg::eight::{back, project, push, squares, whiten, whiten_more};
+use crate::linalg::eight::{Panel, back, project, push, squares, whiten, whiten_more};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// What eight records hold; the rows themselves are those of any of their [`Spot`]s.
@@ -22,8 +22,7 @@ pub(crate) struct Eight {
     /// What the lines from m on have with line m: sums of E[Q Q*] and of E[Q Q].
     sums: Vec<[Wide; 4]>,
     /// Covariance or its factor; transients, residual and columns of θ, whitened. An even number of rows.
-    panel: Vec<Wide>,
-    width: usize,
+    panel: Panel,
     least: Vec<Wide>,
     /// Orthonormal transients.
     base: Vec<Wide>,
@@ -54,12 +53,11 @@ impl Eight {
         let (rows, count, p) = (spot.rows.len(), spot.count(), e.parameters);
         let none = [Wide::ZERO; 2];
         let even = rows.next_multiple_of(2);
-        self.width = even + spot.transients + 1 + p;
         self.values.resize(e.coefficients.results(), Wide::ZERO);
         self.loads.resize(e.orders.len() * pairs.noisy.len() * count, none);
         self.error.resize(e.orders.len() * count, none);
         self.sums.resize(count, [Wide::ZERO; 4]);
-        self.panel.resize(even * self.width, Wide::ZERO);
+        self.panel.resize(even, columns_of(even, spot) + p);
         self.least.resize(even, Wide::ZERO);
         self.base.resize(spot.transients * rows, Wide::ZERO);
         self.residual.resize(rows, Wide::ZERO);
@@ -120,6 +118,11 @@ impl Eight {
     }
 }
 
+/// Columns before those of θ: rows, transients and residual, whole pairs.
+fn columns_of(rows: usize, spot: &Spot) -> usize {
+    (rows + spot.transients + 1).next_multiple_of(2)
+}
+
 #[inline(always)]
 fn stored<L: Lanes>(x: (L, L), to: &mut Both) {
     x.0.store(&mut to[0]);
@@ -160,15 +163,15 @@ impl Kernel for Evaluate<'_> {
         own.find_loads::<L>(s);
         own.covariance::<L>(s);
         own.fill::<L>(s);
-        let (width, at) = (own.width, own.least.len());
-        whiten::<L>(&mut own.panel, width, at + nt + 1, &own.least);
+        let at = own.panel.rows();
+        whiten::<L>(&mut own.panel, at + nt + 1, &own.least);
         for c in 0..nt {
             let to = &mut own.base[..(c + 1) * rows];
-            let column = own.panel[at + c..].iter().step_by(width);
+            let column = own.panel.column(at + c);
             to[c * rows..].iter_mut().zip(column).for_each(|(to, x)| *to = *x);
             push::<L>(to, rows, DEPENDENT);
         }
-        let column = own.panel[at + nt..].iter().step_by(width);
+        let column = own.panel.column(at + nt);
         own.residual.iter_mut().zip(column).for_each(|(to, x)| *to = *x);
         project::<L>(&own.base, &mut own.residual);
         squares::<L>(&own.residual).store(&mut own.cost);
@@ -216,7 +219,7 @@ impl Eight {
     #[inline(always)]
     fn covariance<L: Lanes>(&mut self, s: Shared<'_>) {
         let (count, first, q) = (s.spot.count(), s.spot.lines.first, s.equations.orders.len());
-        let (half, width) = (L::splat(0.5), self.width);
+        let half = L::splat(0.5);
         // Line 0 has no Im.
         let missing = if first == 0 { q } else { 0 };
         let at = |line: usize| (2 * line * q).saturating_sub(missing);
@@ -232,7 +235,7 @@ impl Eight {
                     let panel = &mut self.panel;
                     let mut put = |row: usize, column: usize, value: L| {
                         if column >= row {
-                            value.store(&mut panel[row * width + column]);
+                            value.store(panel.at_mut(row, column));
                         }
                     };
                     put(row, column, half * (d.0 + x.0));
@@ -281,26 +284,25 @@ impl Eight {
     /// Transient columns, the error beside them, a last row where the rows are odd; the least of the pivots.
     #[inline(always)]
     fn fill<L: Lanes>(&mut self, s: Shared<'_>) {
-        let (spot, count, width) = (s.spot, s.spot.count(), self.width);
-        let (rows, even, nt) = (spot.rows.len(), self.least.len(), spot.transients);
-        for (i, row) in spot.rows.iter().enumerate() {
-            let to = &mut self.panel[i * width..][..width];
-            if even > rows {
-                to[rows] = Wide::ZERO;
-            }
-            let (columns, rest) = to[even..].split_at_mut(nt);
-            for (to, t) in columns.iter_mut().zip(&spot.transient[i * nt..]) {
-                *to = Wide::splat(*t);
-            }
-            rest[0] = self.error[row.equation * count + row.line][usize::from(row.im)];
+        let (spot, count) = (s.spot, s.spot.count());
+        let (rows, even, nt) = (spot.rows.len(), self.panel.rows(), spot.transients);
+        for c in 0..nt {
+            let each = self.panel.column_mut(even + c).zip(spot.transient[c..].iter().step_by(nt));
+            each.for_each(|(to, t)| *to = Wide::splat(*t));
         }
+        let each = self.panel.column_mut(even + nt).zip(&spot.rows);
+        each.for_each(|(to, row)| {
+            *to = self.error[row.equation * count + row.line][usize::from(row.im)];
+        });
         if even > rows {
-            let to = &mut self.panel[rows * width..];
-            to.fill(Wide::ZERO);
-            to[rows] = Wide::splat(1.0);
+            for column in 0..even + nt + 1 {
+                *self.panel.at_mut(rows, column) = Wide::ZERO;
+            }
+            self.panel.column_mut(rows).for_each(|to| *to = Wide::ZERO);
+            *self.panel.at_mut(rows, rows) = Wide::splat(1.0);
             self.least[rows] = Wide::ZERO;
         }
-        let pivot = |i: usize| L::load(&self.panel[i * (width + 1)]);
+        let pivot = |i: usize| L::load(self.panel.at(i, i));
         for (i, (to, [a, b])) in self.least.iter_mut().zip(&spot.near).enumerate() {
             let near = L::splat(SILENT) * pivot(*a).max(pivot(*b));
             floor_of(pivot(i)).max(near).store(to);
@@ -335,7 +337,7 @@ impl Kernel for Jacobian<'_> {
                 own.denoise::<L>(s, signal);
             }
         }
-        let (width, at) = (own.width, own.width - p);
+        let at = columns_of(own.panel.rows(), s.spot);
         let (terms, slopes) = (&s.equations.terms, &own.values[s.equations.terms.len()..]);
         for k in 0..p {
             own.slopes.fill([Wide::ZERO; 2]);
@@ -347,14 +349,14 @@ impl Kernel for Jacobian<'_> {
                 let to = &mut own.slopes[term.equation * count..][..count];
                 add_times::<L>(&s.spot.powers[term.order], L::load(slope), values, to);
             }
-            let column = own.panel[at + k..].iter_mut().step_by(width);
+            let column = own.panel.column_mut(at + k);
             for (row, to) in s.spot.rows.iter().zip(column) {
                 *to = own.slopes[row.equation * count + row.line][usize::from(row.im)];
             }
         }
-        whiten_more::<L>(&mut own.panel, width, at..width, own.least.len());
+        whiten_more::<L>(&mut own.panel, at..at + p);
         for (k, to) in own.columns.chunks_exact_mut(rows).enumerate() {
-            let column = own.panel[at + k..].iter().step_by(width);
+            let column = own.panel.column(at + k);
             to.iter_mut().zip(column).for_each(|(to, x)| *to = *x);
             project::<L>(&own.base, to);
         }
@@ -367,7 +369,7 @@ impl Eight {
     fn find_sources<L: Lanes>(&mut self, s: Shared<'_>) {
         let (count, q) = (s.spot.count(), s.equations.orders.len());
         self.lambda.copy_from_slice(&self.residual);
-        back::<L>(&self.panel, self.width, &mut self.lambda);
+        back::<L>(&self.panel, &mut self.lambda);
         self.sources.fill([Wide::ZERO; 2]);
         let missing = if s.spot.lines.first == 0 { q } else { 0 };
         for equation in 0..q {
