@@ -3,7 +3,7 @@
 
 use super::{DEPENDENT, SILENT, Spot};
 use crate::estimate::normal_equations::LeftColumns;
-use crate::estimate::terms::complex::{Power, late, loaded, times};
+use crate::estimate::terms::complex::{C, Power, late, loaded, times};
 use crate::estimate::terms::equations::Equations;
 use crate::estimate::terms::lines::{Both, Couple, EightSpectra, Pairs};
 use crate::linalg::dense::floor_of;
@@ -21,6 +21,8 @@ pub(crate) struct Eight {
     error: Vec<Both>,
     /// What the lines from m on have with line m: sums of E[Q Q*] and of E[Q Q].
     sums: Vec<[Wide; 4]>,
+    /// e^{−s lag} of each late signal on the lines: made outside the kernels, which call no function.
+    turns: Vec<Vec<C>>,
     /// Covariance or its factor; transients, residual and columns of θ, whitened. An even number of rows.
     panel: Panel,
     least: Vec<Wide>,
@@ -56,6 +58,14 @@ impl Eight {
         self.values.resize(e.coefficients.results(), Wide::ZERO);
         self.loads.resize(e.orders.len() * pairs.noisy.len() * count, none);
         self.error.resize(e.orders.len() * count, none);
+        let turn = |line: usize, lag: f64| {
+            late((line + spot.lines.first) as f64 * spot.lines.omega0 * lag)
+        };
+        let each = s.lags.iter().map(|lag| match *lag {
+            0.0 => Vec::new(),
+            lag => (0..count).map(|line| turn(line, lag)).collect(),
+        });
+        self.turns = each.collect();
         self.sums.resize(count, [Wide::ZERO; 4]);
         self.panel.resize(even, columns_of(even, spot) + p);
         self.least.resize(even, Wide::ZERO);
@@ -205,11 +215,11 @@ impl Eight {
                 (L::load(part) + L::load(g) * L::splat(*size)).store(part);
             }
         }
-        for (at, signal) in noisy.iter().enumerate().filter(|(_, own)| s.lags[**own] != 0.0) {
+        for (at, signal) in noisy.iter().enumerate() {
             for equation in 0..s.equations.orders.len() {
                 let to = &mut self.loads[(equation * noisy.len() + at) * count..][..count];
-                for (line, to) in to.iter_mut().enumerate() {
-                    stored(turned(loaded::<L>(to), s, line, s.lags[*signal]), to);
+                for (to, turn) in to.iter_mut().zip(&self.turns[*signal]) {
+                    stored(turned(loaded::<L>(to), *turn), to);
                 }
             }
         }
@@ -310,10 +320,9 @@ impl Eight {
     }
 }
 
-/// Times e^{−s lag} of a line.
+/// The product with one number for all.
 #[inline(always)]
-fn turned<L: Lanes>(x: (L, L), s: Shared<'_>, line: usize, lag: f64) -> (L, L) {
-    let turn = late((line + s.spot.lines.first) as f64 * s.spot.lines.omega0 * lag);
+fn turned<L: Lanes>(x: (L, L), turn: C) -> (L, L) {
     let (cos, sin) = (L::splat(turn.0), L::splat(turn.1));
     (x.0 * cos - x.1 * sin, x.0 * sin + x.1 * cos)
 }
@@ -426,9 +435,9 @@ impl Eight {
                 }
             }
             let noise = (half * sum.0, half * sum.1);
-            let noise = match s.lags[signal] {
-                0.0 => noise,
-                lag => turned(noise, s, m, lag),
+            let noise = match self.turns[signal].get(m) {
+                Some(turn) => turned(noise, *turn),
+                None => noise,
             };
             let to = &mut self.denoised[signal * count + m];
             let own = loaded::<L>(to);
