@@ -63,7 +63,7 @@ impl TermsFitter {
         let (mut fit, back) = self.finish(records, sigmas, &chosen, std::mem::take(worker))?;
         *worker = back;
         if fit.driven.is_none() {
-            fit.seen = levels(&seen);
+            fit.seen = seen.iter().map(Sigma::levels).collect();
         }
         Ok(fit)
     }
@@ -440,20 +440,18 @@ impl TermsFitter {
         cost: f64,
         band_rule: Option<BandRule>,
     ) -> TermsFit {
-        let e = &self.o.equations;
         let degrees = problem.degrees_of_freedom();
         let scale = cost / degrees as f64;
-        let lost = matches!(ended.status, Status::Rank | Status::NonFinite);
-        let p = e.parameters;
-        let worth = match (lost, self.o.method) {
-            (true, _) => Worth {
+        let p = self.o.equations.parameters;
+        let worth = match (ended.status, self.o.method) {
+            (Status::Rank | Status::NonFinite, _) => Worth {
                 nonrobust: vec![f64::NAN; p * p],
                 hc3: vec![f64::NAN; p * p],
                 gram: vec![f64::NAN; p * p],
                 degrees: vec![f64::NAN; p],
                 spectral: (vec![f64::NAN; p * p], vec![f64::NAN; p], NoiseSpectrum::default()),
             },
-            (false, Method::Ls) => problem.differenced_worth(scale, degrees),
+            (_, Method::Ls) => problem.differenced_worth(scale, degrees),
             _ => problem.worth(scale, &ended.at_bound),
         };
         // No variance is known better than the noise that scales it.
@@ -463,7 +461,8 @@ impl TermsFitter {
             .spots
             .iter()
             .map(|spot| {
-                let mut each = vec![vec![(0.0, 0.0); spot.lines.count()]; e.orders.len()];
+                let mut each =
+                    vec![vec![(0.0, 0.0); spot.lines.count()]; self.o.equations.orders.len()];
                 for (row, value) in spot.rows.iter().zip(&spot.residual) {
                     let to = &mut each[row.equation][row.line];
                     *(if row.im { &mut to.1 } else { &mut to.0 }) = value * by;
@@ -471,6 +470,7 @@ impl TermsFitter {
                 each
             })
             .collect();
+        let seen: Vec<_> = problem.sigmas.iter().map(Sigma::levels).collect();
         TermsFit {
             answer: Answer {
                 theta: ended.theta.clone(),
@@ -488,8 +488,8 @@ impl TermsFitter {
                 band_rule,
             },
             scale,
-            levels: levels(&problem.sigmas),
-            seen: levels(&problem.sigmas),
+            levels: seen.clone(),
+            seen,
             correlation: problem.sigmas.iter().map(Sigma::correlation).collect(),
             hc3_degrees,
             at_bound: ended.at_bound.clone(),
@@ -497,8 +497,4 @@ impl TermsFitter {
             driven: None,
         }
     }
-}
-
-fn levels(sigmas: &[Sigma]) -> Vec<Vec<f64>> {
-    sigmas.iter().map(Sigma::levels).collect()
 }
