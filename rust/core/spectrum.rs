@@ -470,15 +470,13 @@ impl Scratch {
 
 /// Weighted samples of a window of N intervals as N numbers of a period.
 fn weighted(weights: &Weights, window: impl Source<One>, out: &mut [f64]) {
-    let n = out.len();
-    let low = weights.edge().min(n);
+    let (n, low) = (out.len(), weights.edge().min(out.len()));
     let high = (n - low).max(low);
     for k in (0..low).chain(high..n) {
         out[k] = window.get(k) * weights.at(k);
     }
     let (inner, each) = (weights.inner(), low..high);
     match window.samples() {
-        // What takes the time: plain slices.
         Some(all) => {
             let both = out[each.clone()].iter_mut().zip(&all[each.clone()]);
             both.zip(each).for_each(|((to, x), k)| *to = x * inner[k % 2]);
