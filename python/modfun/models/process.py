@@ -48,6 +48,11 @@ class Numerator:
     and 2 times, of levels of at least 0. The numerator is its factor without zeros in the right half-plane.
     One of degree 2 therefore has a damping ratio of at least 0.71.
 
+    References
+    ----------
+    K. J. Åström, Introduction to Stochastic Control Theory, Academic Press, 1970, chapter 4 (spectral
+    factorisation).
+
     Examples
     --------
     >>> import modfun as mf

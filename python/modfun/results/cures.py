@@ -96,7 +96,11 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
             after = bic_beside(other, fit)
             if not (isfinite(after) and after < best):
                 continue
-            if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
+            try:
+                unstable = growth(other) > 0 >= growth(fit)
+            except ModfunError:  # a lag of 0 s, of which the model is not finite
+                continue
+            if unstable:
                 continue
             found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
             best = after
