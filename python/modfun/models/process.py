@@ -174,7 +174,7 @@ class ProcessNoise:
         Parameters
         ----------
         levels : sequence of float
-            Squares of factors, and coefficients of |C|²; of a numerator the constant is first.
+            Squares of factors, and coefficients of a squared numerator, the constant first.
 
         Returns
         -------

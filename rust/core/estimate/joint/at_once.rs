@@ -5,7 +5,7 @@
 //! at once sees it turned, too, B″ = B (1 + sk) of one degree more. From there on what is folded and the estimate take
 //! turns, each half the way.
 
-use super::design::JointDesign;
+use super::design::{JointDesign, Seen};
 use super::iterate::{JointStart, Refresh};
 use super::single::{Run, Single};
 use super::structure::{JointSignal, JointStructure, Term};
@@ -26,14 +26,6 @@ const SETTLED: f64 = 1e-6;
 const NEARLY: f64 = 1e-3;
 /// Fewest samples per period of the lines that the first estimate takes.
 pub(crate) const SAMPLES: f64 = 8.0;
-
-/// The problem of the first estimate.
-#[derive(Debug, Clone)]
-pub(crate) struct Seen {
-    pub design: Box<JointDesign>,
-    /// Seconds that the samples come after the middle of each path's hold, where it is turned.
-    behind: Vec<Option<f64>>,
-}
 
 impl Seen {
     /// Where an input with a known delay acts at once on an output of `d`; `make` plans the problem of a structure.

@@ -1,6 +1,5 @@
 //! The plan of a joint problem: lines, columns and scales; nothing in it depends on the samples.
 
-use super::at_once::Seen;
 use super::structure::{JointSignal, JointStructure, Term};
 use super::whitener::Uneven;
 use crate::error::Error;
@@ -133,6 +132,14 @@ pub(crate) struct RecordLines {
     pub lines: Lines,
     pub used: usize,
     pub uneven: Uneven,
+}
+
+/// The problem of the first estimate where held inputs act at once (`at_once`).
+#[derive(Debug, Clone)]
+pub(crate) struct Seen {
+    pub design: Box<JointDesign>,
+    /// Seconds that the samples come after the middle of each path's hold, where it is turned.
+    pub(super) behind: Vec<Option<f64>>,
 }
 
 impl JointDesign {

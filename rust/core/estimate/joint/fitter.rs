@@ -2,9 +2,9 @@
 
 use std::sync::OnceLock;
 
-use super::at_once::{SAMPLES, Seen};
+use super::at_once::SAMPLES;
 use super::delays::{self, Delayed};
-use super::design::{Colour, JointDesign, NoiseModel, RecordLines};
+use super::design::{Colour, JointDesign, NoiseModel, RecordLines, Seen};
 use super::iterate::JointStart;
 use super::single::{Covariances, Ended, Single};
 use super::structure::{Delay, JointStructure, Path};
