@@ -394,7 +394,8 @@ impl Problem {
         }
     }
 
-    /// Rows of samples of uneven variance: the lines' own dense covariance, then Σ.
+    /// Rows of samples of uneven variance: the dense covariance of all lines of all outputs. Two outputs share the
+    /// noise of the better one of two samples, by their usual variances; what is worse in the other is its own.
     fn whiten_samples(&self, r: &Record, out: &mut [Vec<f64>], from: usize) {
         let q = self.outputs();
         let (t, _, weights) = r.window();
@@ -408,34 +409,29 @@ impl Problem {
             turned.map(|z| if *im { z.1 } else { z.0 }).collect()
         };
         let waves: Vec<Vec<f64>> = rows.iter().map(wave).collect();
-        for i in 0..q {
-            let most =
-                r.variances[i].iter().filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(*v));
-            let power: Vec<f64> = r.variances[i][r.lead..]
-                .iter()
-                .zip(&weights)
-                .map(|(v, w)| w * w * if v.is_finite() { *v } else { 1e8 * most })
-                .collect();
-            let entry = |a: &Vec<f64>, b: &Vec<f64>| {
-                C(a.iter().zip(b).zip(&power).map(|((a, b), p)| a * b * p).sum(), 0.0)
-            };
-            let covariance: Vec<Vec<C>> =
-                waves.iter().map(|a| waves.iter().map(|b| entry(a, b)).collect()).collect();
-            let white = whitener(&covariance);
-            for column in out.iter_mut() {
-                let own: Vec<f64> = (0..rows.len()).map(|k| column[from + k * q + i]).collect();
-                for k in 0..rows.len() {
-                    column[from + k * q + i] = (0..=k).map(|l| white[k][l].0 * own[l]).sum();
-                }
-            }
-        }
-        let sigma: Vec<Vec<C>> =
-            self.sigma.iter().map(|row| row.iter().map(|s| C(*s, 0.0)).collect()).collect();
-        let root = whitener(&sigma);
+        let usual: Vec<f64> = (0..q)
+            .map(|i| {
+                let own = r.variances[i][r.lead..].iter().copied();
+                let mut known: Vec<f64> = own.filter(|v| v.is_finite()).collect();
+                known.sort_by(f64::total_cmp);
+                known[known.len() / 2]
+            })
+            .collect();
+        let over = |i: usize, k: usize| (r.variances[i][r.lead + k] / usual[i]).min(1e8);
+        let entry = |(a, i): (usize, usize), (b, j): (usize, usize)| {
+            let shared = |k: usize| over(i, k).min(over(j, k)) * weights[k] * weights[k];
+            let sum: f64 = (0..t.len()).map(|k| shared(k) * waves[a][k] * waves[b][k]).sum();
+            C(self.sigma[i][j] * (usual[i] * usual[j]).sqrt() * sum, 0.0)
+        };
+        let places: Vec<(usize, usize)> =
+            (0..rows.len()).flat_map(|k| (0..q).map(move |i| (k, i))).collect();
+        let covariance: Vec<Vec<C>> =
+            places.iter().map(|a| places.iter().map(|b| entry(*a, *b)).collect()).collect();
+        let white = whitener(&covariance);
         for column in out.iter_mut() {
-            for eq in column[from..].chunks_mut(q) {
-                let own = eq.to_vec();
-                (0..q).for_each(|i| eq[i] = (0..=i).map(|j| root[i][j].0 * own[j]).sum());
+            let own = column[from..].to_vec();
+            for (row, to) in white.iter().zip(&mut column[from..]) {
+                *to = row.iter().zip(&own).map(|(w, x)| w.0 * x).sum();
             }
         }
     }
