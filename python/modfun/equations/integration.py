@@ -73,10 +73,13 @@ class Function:
         return self.at(around.ravel()).reshape(around.shape) @ self.weights
 
 
-def signal(source: Source, grid: F64, kind: str, order: int, delay: float, name: str) -> Signal | Function:
+def signal(
+    source: Source, grid: F64, kind: str, order: int, delay: float, name: str, steady: bool
+) -> Signal | Function:
     """The `order`-th derivative of an input, `delay` late, which does between samples what `kind` says.
 
-    Before the samples an array holds its first value; text and functions are evaluated there.
+    Before the samples an array holds its first value, or is 0 where it was not `steady`; text and functions
+    are evaluated there.
     """
     step = float(np.min(np.diff(grid)))
     if order > {"zoh": 0, "foh": 1, "smooth": 2}[kind] and (kind != "smooth" or is_samples(source)):
@@ -101,7 +104,7 @@ def signal(source: Source, grid: F64, kind: str, order: int, delay: float, name:
     else:
         smooth = spline(knots, values)
         pieces = (smooth.derivative(order) if order else smooth).c.T
-    return Signal(knots, pieces, 0.0 if order else float(values[0]), delay)
+    return Signal(knots, pieces, float(values[0]) if steady and not order else 0.0, delay)
 
 
 # States -------------------------------------------------------------------------------------------

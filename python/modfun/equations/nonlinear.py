@@ -231,12 +231,9 @@ class NonlinearModel:
         if any(not (np.isfinite(d) and d >= 0) for d in late):
             raise SpecError(f"simulating: delays are {late} s; a delay is at least 0")
         drives = [
-            signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input])
+            signal(inputs[d.input], grid, kinds[d.input], d.order, delay, self.inputs[d.input], steady)
             for d, delay in zip(form.drives, late, strict=False)
         ]
-        for one in drives:
-            if isinstance(one, Signal) and not steady:
-                one.before = 0.0
         known = [_known(given, grid) for given in self._known]
         pasts = [(p.state, d) for p, d in zip(form.pasts, late[len(drives) :], strict=True)]
         if not len(starts):

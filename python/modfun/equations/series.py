@@ -12,6 +12,7 @@ from ..base.arguments import public, real
 from ..base.names import nearest
 from ..errors import DataError, SpecError
 from ..records.record import Record
+from ..records.steady import QUIET, standing
 from ..systems.lti import LTI
 from ..systems.making import linear, tf
 from .matrices import Entry
@@ -20,7 +21,6 @@ from .state_space import StateSpace
 __all__ = ["through"]
 
 FORGOTTEN = 9.0  # time constants of the slowest pole, after which 1e-4 is left of a state
-QUIET = 4  # samples with steady inputs, before which the filters are taken as steady
 
 
 @overload
@@ -127,8 +127,7 @@ def through(
         filtered_names.append(name)
         longest = max(longest, _memory(whole))
     if settle is None:
-        moving = np.any(rec.u != rec.u[:, :1], axis=0)
-        settle = 0.0 if int(np.argmax(moving)) >= QUIET else longest
+        settle = 0.0 if standing(rec) >= QUIET else longest
     cut = ceil(real("through", "settle", settle) / rec.dt - 1e-9)
     if cut < 0 or cut > rec.intervals // 2:
         raise DataError(
@@ -164,9 +163,9 @@ def _seen_through(model: StateSpace, actuator: Any, sensor: Any, settle: Any) ->
     for i, name in enumerate(model.outputs):
         if name not in systems:
             continue
-        den = systems[name].den / systems[name].den[0]
-        num = np.append(np.zeros(den.size - np.size(systems[name].num)), systems[name].num)
-        num, first, direct = num / systems[name].den[0], len(a), float(num[0] / systems[name].den[0])
+        den, num = (own / systems[name].den[0] for own in (systems[name].den, systems[name].num))
+        num = np.append(np.zeros(den.size - num.size), num)
+        first, direct = len(a), float(num[0])
         # Its states: z_k' = z_(k+1) − a_k z_1 + b_k v with v from the plant; its output is z_1 + b_0 v.
         for k, (pole, zero) in enumerate(zip(den[1:], num[1:] - direct * den[1:], strict=True)):
             row = [_times(float(zero), entry) for entry in c[i]]

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..equations.layout import layout_of
 from ..equations.matrices import Entry
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
 from ..models.options import Options
 from ..records.record import Record
+from ..results.estimates import COVARIANCES
 
 __all__ = ["fit_from_states"]
 
@@ -67,12 +69,10 @@ def fit_from_states(
         ]
     )
     fit = fit_from_zero(beside, model, options.replace(initial_state="zero"))
-    from ..equations.layout import layout_of
-
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
     place = [list(fit.param_names).index(name) for name in layout.param_names]
     both = np.ix_(place, place)
-    moved = {name: getattr(fit, name)[both] for name in ("cov_nonrobust", "cov_hc3", "cov_spectral", "gram")}
+    moved = {name: getattr(fit, name)[both] for name in (*COVARIANCES, "gram")}
     moved |= {name: getattr(fit, name)[place] for name in ("df_spectral", "df_hc3")}
     return replace(
         fit, params=fit.params[place], **moved, structure=structure, layout=layout, options=options,

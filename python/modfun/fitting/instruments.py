@@ -14,6 +14,7 @@ from ..errors import DataError, FitError, SpecError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
+from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
 
 __all__ = ["explained", "referenced_fit"]
@@ -67,10 +68,7 @@ def referenced_fit(
             f"fit: reference={', '.join(names)!r}: the estimate did not settle in {ROUNDS} rounds, since the "
             "reference explains too little of the inputs; take one that moves them more, or a longer record"
         )
-    widened = {
-        name: rounds.carried @ getattr(fit, name) @ rounds.carried.T
-        for name in ("cov_nonrobust", "cov_hc3", "cov_spectral")
-    }
+    widened = {name: rounds.carried @ getattr(fit, name) @ rounds.carried.T for name in COVARIANCES}
     return replace(fit, options=options, records=records, instrumented=fit.records, again=fit_once, **widened)
 
 

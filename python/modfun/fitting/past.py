@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..equations.layout import layout_of
 from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
+from ..records.steady import QUIET, standing
+from ..results.cures import on_band
+from ..results.estimates import COVARIANCES
 from ..results.stability import deviance
 from .from_states import fit_from_states
 
@@ -25,8 +29,7 @@ __all__ = ["fit_with_past"]
 PART = 0.2  # of a record's intervals that stand before it
 FEWEST = 8  # samples of a past
 CERTAIN = 0.01  # noise of a sample of the past over that of the record's: certain next to these
-COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
-QUIET, SHORT = 4, 12  # samples from which a level is first guessed, steady and in motion
+SHORT = 12  # samples from which a level is first guessed in motion
 STEP = 0.2  # of the noise: differences of levels
 SETTLED = 0.1  # of its standard error: change of a level that ends the search
 ROUNDS = 8
@@ -65,7 +68,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     fit = search.fit(search.levels)
     if not fit.usable:
         return replace(fit, records=records, options=options)
-    search.inner = search.inner.replace(harmonics=None, band=(fit.band[0], fit.band[1] * (1 + 1e-9)))
+    search.inner = on_band(fit, fit.band)
     wider: dict[str, F64] = {}
     if search.free:
         fit, wider = search.settled(fit)
@@ -186,8 +189,7 @@ def _moved(records: Sequence[Record], structure: Any) -> bool:
 
 def _first_level(rec: Record, past: F64) -> F64:
     """Means of the outputs while the inputs stand as they did before, or where a parabola begins."""
-    moving = np.any(rec.u != past, axis=0)
-    count = int(np.argmax(moving)) if moving.any() else 0
+    count = standing(rec, past)
     degree = 0 if count >= QUIET else 2
     count = max(count, QUIET if degree == 0 else SHORT)
     good = np.ones((len(rec.y), count)) if rec.mask is None else rec.mask[:, :count] + 1e-9
@@ -210,8 +212,6 @@ def _longest_delay(structure: Any, rec: Record, options: Options) -> float:
     if isinstance(structure, TransferFunction):
         return structure.layout(rec.outputs, rec.inputs).longest_delay
     own = structure.own_channels(rec)
-    from ..equations.layout import layout_of
-
     return layout_of(structure, options, own.outputs, own.inputs, own.intersample).longest_delay
 
 

@@ -14,6 +14,7 @@ from ..errors import FitError, ModfunError, SpecError
 from ..models.options import Options
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..results.estimates import COVARIANCES
 from ..results.priors import shares
 
 __all__ = ["robust_fit"]
@@ -21,7 +22,6 @@ __all__ = ["robust_fit"]
 ROUNDS = 20
 SETTLED = 0.02  # of a standard error: change of a parameter that ends the rounds
 TAILS = (1.0, 60.0)  # degrees of freedom that are tried; beyond, noise is normal
-COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
 GAIN = 3.0  # of log likelihood over normal noise, without which noise is taken as normal
 
 

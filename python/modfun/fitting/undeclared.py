@@ -138,17 +138,10 @@ def _asked(
         word = fits[0].intersample[fits[0].inputs.index(name)]
         bar = VERY_STRONG if loop or held or many else POSITIVE
         changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}
-        others = [
-            _fit(read_as(records, changed), structure, on_band(fit, fit.band), fit_once)
-            for records, fit in zip(each, fits, strict=True)
-        ]
+        others = _on_bands(each, fits, changed, structure, fit_once)
         gain = _gain(fits, others)
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
-            again = [
-                _fit(read_as(records, found), structure, on_band(fit, fit.band), fit_once)
-                for records, fit in zip(each, fits, strict=True)
-            ]
-            gain = min(gain, _gain(again, others))
+            gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
         if gain > bar:
             found, fits = changed, [other for other in others if other is not None]
         elif gain < -bar and not held:
@@ -156,6 +149,20 @@ def _asked(
         elif gain > STRONG and held:
             found[name] = Word(word, CLOSE)
     return found, fits
+
+
+def _on_bands(
+    problems: Sequence[tuple[Record, ...]],
+    fits: Sequence[Fit],
+    words: Mapping[str, Word],
+    structure: Any,
+    fit_once: FitOnce,
+) -> list[Fit | None]:
+    """Fits of the problems read so, each on the band of its fit."""
+    return [
+        _fit(read_as(records, words), structure, on_band(fit, fit.band), fit_once)
+        for records, fit in zip(problems, fits, strict=True)
+    ]
 
 
 def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:

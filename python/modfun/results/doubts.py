@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import combinations
 from typing import Any
 
@@ -103,9 +104,10 @@ def mean(fit: Estimates) -> Doubt | None:
     without = fit.trend is None and any(low == 0 for low, _ in fit.lines)
     if not without or fit.df_resid < 2 or not fit.records:
         return None
+    beside = cache(partial(_with_constant, fit))  # made where it is first wanted
     if fit.layout.rational:
-        told = _bent(fit)
-        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit)}') if told else None
+        told = _bent(fit, beside)
+        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
     from scipy.special import stdtr
 
     spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
@@ -114,10 +116,10 @@ def mean(fit: Estimates) -> Doubt | None:
         # The equation took the offset for the signal.
         return Doubt(
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {_constant(fit)}"
+            f"constant, and no parameter is larger than its standard error. {_constant(fit, beside())}"
         )
-    if told := _bent(fit):
-        return Doubt(f"{told} {_constant(fit)}")
+    if told := _bent(fit, beside):
+        return Doubt(f"{told} {_constant(fit, beside())}")
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
     if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
         return None
@@ -128,11 +130,11 @@ def mean(fit: Estimates) -> Doubt | None:
         return None
     return Doubt(
         f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
-        f"have an offset, and the equation has no constant. {_constant(fit)}"
+        f"have an offset, and the equation has no constant. {_constant(fit, beside())}"
     )
 
 
-def _bent(fit: Estimates) -> str:
+def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
     moved = [np.concatenate([rec.y, rec.u]) for rec in fit.records or ()]
     means = np.mean([values.mean(axis=1) for values in moved], axis=0)
@@ -141,7 +143,7 @@ def _bent(fit: Estimates) -> str:
     noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
     if not np.any(np.abs(means) > spread) or np.all(levels < noise):
         return ""
-    other = _with_constant(fit)
+    other = beside()
     if other is None:
         return ""
     left = np.sqrt(np.diag(other.noise_cov))
@@ -163,16 +165,16 @@ def _with_constant(fit: Estimates) -> Estimates | None:
     return other if other is not None and other.params.shape == fit.params.shape else None
 
 
-def _constant(fit: Estimates) -> str:
+def _constant(fit: Estimates, other: Estimates | None) -> str:
     """The first cure of an offset: of the channel, where that explains more than a constant."""
-    other = _with_constant(fit)
     words = offset_of(fit, math.inf if other is None else bic_beside(other, fit))
-    return words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}'
+    return (
+        words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
+    )
 
 
-def _both_ways(fit: Estimates) -> str:
+def _both_ways(fit: Estimates, other: Estimates | None) -> str:
     """The parameter that a constant changes most, without and with it."""
-    other = _with_constant(fit)
     if other is None or not fit.params.size:
         return ""
     far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)

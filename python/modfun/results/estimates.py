@@ -31,12 +31,13 @@ from ..systems.polynomials import companion
 from . import gradients, prediction
 from .prediction import InitialState
 
-__all__ = ["Estimates"]
+__all__ = ["COVARIANCES", "Estimates"]
 
 # Fields that are in the core's answer by the same name.
+COVARIANCES = ("cov_nonrobust", "cov_hc3", "cov_spectral")
 ANSWERED = (
-    "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "cost", "df_resid", "status", "nit", "gram",
-    "condition_bound", "band_rule")  # fmt: skip
+    *COVARIANCES, "df_spectral", "cost", "df_resid", "status", "nit", "gram", "condition_bound", "band_rule",
+)  # fmt: skip
 LEVELS = ("process_levels", "cov_process_levels", "process_shares")
 
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..records.periods import periods
+from ..records.steady import QUIET, standing
 from .cures import again, on_band
 
 if TYPE_CHECKING:
-    from ..records.record import Record
     from .estimates import Estimates
 
 __all__ = ["contradicted_p", "gain_of_start"]
 
-QUIET = 4  # samples with steady inputs before which a record is not taken to begin at rest
 LEAST_GAIN = 1.2  # of a standard error
 AGREES = 0.05  # p-value
 LEAST_TOLD = 0.2  # of a variance that the past took away
@@ -77,7 +76,7 @@ def gain_of_start(fit: Estimates) -> str | None:
     odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
     if odd or not options.extended:
         return None
-    if all(map(_begins_quiet, fit.records)):
+    if all([standing(rec) >= QUIET for rec in fit.records]):
         told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"
     elif fit.layout.rational and fit.layout.plain and all(periods(rec) > 1 for rec in fit.records):
         told, seen = "periodic", "The inputs repeat, and the output agrees with a steady response"
@@ -97,9 +96,3 @@ def gain_of_start(fit: Estimates) -> str | None:
         f'{seen} (p = {p:.2g}): initial_state="{told}" makes the standard errors {np.min(gains):.2g} to '
         f"{np.max(gains):.2g} times smaller."
     )
-
-
-def _begins_quiet(rec: Record) -> bool:
-    """Whether a record's inputs stand for its first samples, and move later."""
-    moving = np.any(rec.u != rec.u[:, :1], axis=0)
-    return int(np.argmax(moving)) >= QUIET

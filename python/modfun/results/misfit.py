@@ -34,10 +34,8 @@ def misfit(fit: Estimates) -> Doubt | None:
 
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
-    level = level_p(fit)
-    if (
-        level < (LOOK if fit.layout.rational else PLAUSIBLE) or level > 1 - LOOK
-    ):  # or the high band holds signal, such as steps, and tells no level
+    level, least = level_p(fit), LOOK if fit.layout.rational else PLAUSIBLE
+    if level < least or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level
         return True
     for i in range(len(fit.row_names)):
         pieces = [piece[i] for piece in fit.pieces]

@@ -50,10 +50,10 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
     for k, u in enumerate(model.inputs):
         yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k)
     for i, y in enumerate(model.outputs):
+        if state_of(model.C[i], model.D[i]) is not None:
+            continue  # a measured state is no accelerometer
         for j, x in enumerate(model.states):
             c, d = ([list(row) for row in matrix] for matrix in (model.C, model.D))
-            if state_of(model.C[i], model.D[i]) is not None:
-                continue  # a measured state is no accelerometer
             c[i] = [_plus(own, f"{EXTRA}*({a})") for own, a in zip(c[i], model.A[j], strict=True)]
             d[i] = [_plus(own, f"{EXTRA}*({b})") for own, b in zip(d[i], model.B[j], strict=True)]
             words = (

@@ -15,7 +15,7 @@ from ..models.transfer_function import TransferFunction
 from ..systems.polynomials import roots as roots_of
 from .cures import on_band
 from .derived import stable
-from .estimates import Estimates
+from .estimates import COVARIANCES, Estimates
 from .priors import distance
 
 __all__ = ["MARGIN", "deviance", "stable_neighbour"]
@@ -191,7 +191,7 @@ class _Search:
             values |= dict(zip(names, den[1:], strict=True))
         params = np.array([values[name] for name in fit.param_names])
         slopes = self._at_margin(params)
-        free = {name: getattr(fit, name) for name in ("cov_nonrobust", "cov_hc3", "cov_spectral")}
+        free = {name: getattr(fit, name) for name in COVARIANCES}
         return replace(
             fit,
             params=params,

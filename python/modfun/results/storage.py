@@ -14,7 +14,7 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
-from .estimates import Estimates
+from .estimates import COVARIANCES, Estimates
 
 __all__ = ["ARRAYS", "KIND", "PLAIN", "SCHEMA", "TUPLES", "fit_to_dict", "told"]
 
@@ -24,7 +24,7 @@ SCHEMA = 2
 # Fields that are plain numbers and texts; rows of them; arrays.
 PLAIN = ("units", "cost", "noise_scale", "df_resid", "status", "nit", "band_rule")
 TUPLES = ("intersample", "omega0", "intervals", "steps", "at_bound")
-ARRAYS = ("params", "cov_nonrobust", "cov_hc3", "cov_spectral", "df_spectral", "gram", "noise_cov")
+ARRAYS = ("params", *COVARIANCES, "df_spectral", "gram", "noise_cov")
 
 
 def fit_to_dict(fit: Estimates) -> dict[str, Any]:

@@ -35,7 +35,7 @@ const ROUNDS: usize = 40;
 /// Change of the parameters, in parts of them, at which they stand.
 const SETTLED: f64 = 1e-7;
 /// Fewest samples per period of the lines that the first estimate takes.
-const SAMPLES: f64 = 8.0;
+pub(crate) const SAMPLES: f64 = 8.0;
 
 impl Design {
     /// Whether a held input acts at once in some record.

@@ -24,8 +24,6 @@ const ROUNDS: usize = 40;
 /// Change of the parameters, in parts of them, at which they stand; and where the cost alone is wanted.
 const SETTLED: f64 = 1e-6;
 const NEARLY: f64 = 1e-3;
-/// Fewest samples per period of the lines that the first estimate takes.
-pub(crate) const SAMPLES: f64 = 8.0;
 
 impl Seen {
     /// Where an input with a known delay acts at once on an output of `d`; `make` plans the problem of a structure.

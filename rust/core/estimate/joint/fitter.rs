@@ -2,7 +2,6 @@
 
 use std::sync::OnceLock;
 
-use super::at_once::SAMPLES;
 use super::delays::{self, Delayed};
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines, Seen};
 use super::iterate::JointStart;
@@ -14,6 +13,7 @@ use crate::error::{Error, Status};
 use crate::estimate::Options;
 use crate::estimate::aliasing::{Aliasing, output_rule};
 use crate::estimate::answer::{Answer, unit_diagonal};
+use crate::estimate::at_once::SAMPLES;
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME, default_lines};
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
