@@ -21,7 +21,6 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..systems.lti import LTI
-from ..systems.making import tf
 from .axes import Axis
 from .contenders import Contender
 from .generated import Generated
@@ -103,7 +102,7 @@ def thaw(value: Any, arrays: Arrays) -> Any:
     if name == "Estimator":
         return Estimator(given["model"], **given["options"].given())
     if name == "ProcessNoise":
-        return ProcessNoise(**{of: tf(num, den) for of, (num, den) in given["filters"]})
+        return ProcessNoise.of_filters(given["filters"])
     if name in _READ:
         return _READ[name].from_dict(json.loads(given["text"]))
     if name == "NonlinearModel":

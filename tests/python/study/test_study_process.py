@@ -6,6 +6,7 @@ from typing import Any
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.study.frozen import freeze, thaw
 
 SYSTEM, TWO = mf.tf([5], [1, 3, 8]), mf.TransferFunction(poles=2, zeros=0)
 BASE: dict[str, Any] = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
@@ -67,3 +68,16 @@ def test_what_is_refused() -> None:
     cubic = mf.Equation("y' + a*y**3 = u").model({"a": 1.0})
     with pytest.raises(mf.SpecError, match="MonteCarlo: process_noise= is for linear systems"):
         mf.MonteCarlo(system=cubic, **BASE, process_noise=1.0, estimators=["ml"])
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        mf.ProcessNoise(w=mf.Numerator(1)),
+        mf.ProcessNoise(w=mf.Numerator(2, den=(2.0, 1.0)), gust=mf.dryden(1.0)),
+        mf.ProcessNoise(w=0.5),
+    ],
+)
+def test_a_directory_gives_back_filters_and_numerators(noise: mf.ProcessNoise) -> None:
+    arrays: dict[str, Any] = {}
+    assert thaw(freeze(noise, arrays), arrays) == noise
