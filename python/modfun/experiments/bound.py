@@ -134,7 +134,8 @@ def crlb(
         Unknown offset, or offset and slope, of each output and record.
     initial_state : {"unknown", "zero", "rest", "periodic"} or array_like, optional
         Whether the initial state is unknown, known (to be `start`, or zero), steady under the inputs' first
-        values, which needs a `trend` unless these are zero, or that of whole periods of a steady response.
+        values, or that of whole periods of a steady response. "rest" of linear systems needs a
+        `trend` unless these values are zero; of equations the state of rest is searched from `start`.
         Numbers, (state,) or (record, state), are known states, each in place of `start`.
         Default: as the Fit was told, else "unknown".
     model : TransferFunction, optional
@@ -237,13 +238,16 @@ def crlb(
     known, beforehand = valued(sys, params, model, given[0]), sds_beforehand(sys, model)
     driving = isinstance(process_noise, ProcessNoise) or np.any(reals("crlb", "process_noise", process_noise))
     records = [record_for(known, one, process_noise) for one in given]
-    if initial_state == "rest":
-        records = [_from_rest(known, rec, trend) for rec in records]
     each_state = states * (len(records) // len(states))
     if initial_state == "periodic":
         found = [_steady_slopes(known, rec) for rec in records]
+    elif initial_state == "rest" and isinstance(known, Equations):
+        both = zip(records, each_state, strict=True)
+        found = [known.slopes_from_rest(rec, state) for rec, state in both]
     else:
         held = initial_state != "zero" or bool(told)
+        if initial_state == "rest":
+            records = [_from_rest(rec, trend) for rec in records]
         found = [known.slopes(rec, state, held) for rec, state in zip(records, each_state, strict=True)]
     y = np.concatenate([one.y for one in found], axis=1)
     if not np.all(np.abs(y) < 1e100):
@@ -311,14 +315,9 @@ def _covariance(nsr: ArrayLike | None, sigma: ArrayLike | None, rms: F64) -> F64
     return np.diag(np.broadcast_to(values, (q,)) ** 2 * (rms**2 if nsr is not None else 1.0))
 
 
-def _from_rest(known: Known, rec: Record, trend: str | None) -> Record:
+def _from_rest(rec: Record, trend: str | None) -> Record:
     """The record with inputs counted from their first values."""
     first = rec.u[:, :1]
-    if isinstance(known, Equations) and np.any(first != 0):
-        raise SpecError(
-            'crlb: initial_state="rest" of equations is for inputs that begin at zero; give the state in '
-            'which the equations rest, start=[...], and initial_state="zero"'
-        )
     if trend is None and np.any(first != 0):
         raise SpecError(
             'crlb: initial_state="rest" under inputs that begin elsewhere than at zero leaves the output\'s '

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..equations.nonlinear import NonlinearModel
 from ..equations.state_space import StateSpace
-from ..errors import SpecError
+from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.transfer_function import system_of
 from ..records.record import Record
@@ -216,6 +216,65 @@ class Equations:
             k = self.names.index(name)
             slopes[k] = self._to_delay(rec, x0, name, STEP * sizes[k])
         return Slopes(y[:, 0], slopes[: theta.size], slopes[theta.size :])
+
+    def slopes_from_rest(self, rec: Record, guess: F64 | None) -> Slopes:
+        """As `slopes`, from the state of rest under the inputs' first values, a function of the parameters.
+
+        Raises
+        ------
+        SpecError
+            Equations that change with time.
+        DataError
+            No state of rest is found from `guess`.
+        """
+        from scipy.optimize import root
+
+        model, theta = self.model, self.values
+        form, count = model.form, len(model.states)
+        first = np.zeros(count) if guess is None else _checked(guess, count)
+        if not count:
+            return self.slopes(rec, None)
+        self._refuse_time()
+        drives = [0.0 if one.order else rec.u[one.input, 0] for one in form.drives]
+
+        def rates(z: F64) -> F64:
+            x = z[theta.size :]
+            v = [*drives, *(x[past.state] for past in form.pasts)]
+            return np.array(form.rates(0.0, x, v, [], z[: theta.size]), dtype=np.float64)
+
+        with np.errstate(all="ignore"):
+            found = root(lambda x: rates(np.concatenate([theta, x])), first, tol=1e-13)
+            z = np.concatenate([theta, found.x])
+            sizes = np.where(z != 0, np.abs(z), 1.0)
+            steps = np.diag(STEP * sizes)
+            moved = np.array([(rates(z + s) - rates(z - s)) / 2 for s in steps]).T
+        to_theta, to_state = moved[:, : theta.size], moved[:, theta.size :]
+        off = np.abs(rates(z)) > 1e-8 * np.abs(moved).max(axis=1) / STEP
+        # Of an integrator any level is a state of rest: the one found is known, and moves with nothing.
+        per_step = -np.linalg.lstsq(to_state, to_theta, rcond=1e-9)[0] if np.all(np.isfinite(moved)) else None
+        if (
+            per_step is None
+            or off.any()
+            or np.any(np.abs(to_state @ per_step + to_theta) > 1e-6 * np.abs(moved).max())
+        ):
+            raise DataError(
+                f'crlb: initial_state="rest": no state of rest under the inputs {rec.u[:, 0].tolist()}, '
+                f"searched from {first.tolist()}; give one near it, start=[...]"
+            )
+        one = self.slopes(rec, found.x)
+        slopes = per_step * sizes[theta.size :, None] / sizes[: theta.size]
+        return replace(one, params=one.params + np.einsum("sp,sqt->pqt", slopes, one.state))
+
+    def _refuse_time(self) -> None:
+        from ..equations.symbolic.compiled import time
+
+        source = self.model.compiled.source
+        used = set().union(*(e.free_symbols for e in source))
+        if time in used or used & set(self.model.compiled.known):
+            raise SpecError(
+                'crlb: initial_state="rest": the equations change with time, so they rest in no state; give '
+                "it, initial_state=[...]"
+            )
 
     def _delays(self) -> set[str]:
         """Parameters that stand in delays: all starts of a family share these."""

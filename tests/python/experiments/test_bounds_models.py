@@ -381,3 +381,73 @@ def test_free_motion_begins_at_start():
     np.testing.assert_allclose(mf.crlb(mf.fit(rec, equation), sigma=0.02).sd, exact[:2], rtol=1e-3)
     with pytest.raises(mf.DataError, match=r"a1, a2 do not move .* give start=, the initial state"):
         mf.crlb(equation, rec, params=values, sigma=0.02)
+
+
+# From a state of rest that follows from the parameters ------------------------------------------------
+
+TANK = mf.Equation("h' = -k*sqrt(h) + b*u", outputs=["h"])
+INFLOW = np.where(np.linspace(0, 6, 61) >= 0.6, 1.5, 1.0)
+
+
+def filling(z):
+    """The level from rest under an inflow of 1, in u = √h: u' = (−k u + b q)/(2 u)."""
+    k, b = z
+    t = np.linspace(0, 5.4, 55)
+    moved = solve_ivp(
+        lambda _, u: (-k * u + 1.5 * b) / (2 * u), (0, 5.4), [b / k], "DOP853", t, rtol=1e-12, atol=1e-14
+    )
+    return np.concatenate([np.full(6, (b / k) ** 2), moved.y[0] ** 2])[None]
+
+
+@pytest.mark.parametrize("trend", [None, "constant"])
+def test_equations_rest_under_inputs_that_begin_elsewhere_than_at_zero(trend):
+    model = TANK.model({"k": 0.5, "b": 0.4})
+    rec = mf.Record(np.zeros(61), INFLOW, dt=0.1, outputs="h", intersample="zoh")
+    told = {"sigma": 0.01, "initial_state": "rest", "trend": trend, "start": [1.0]}
+    found = mf.crlb(model, rec, **told)
+    same(found.cov, bound(filling, [0.5, 0.4], 2, np.array([[1e-4]]), 0 if trend is None else 1), 1e-5)
+    # A state that only happens to be that of rest tells less of the parameters.
+    given = mf.crlb(model, rec, sigma=0.01, initial_state=[0.64], trend=trend)
+    assert np.all(found.sd < given.sd)
+
+
+def test_linear_equations_that_have_stood_under_their_first_input():
+    u = 1.0 + np.where(np.arange(81) >= 8, 1.0, 0.0)
+    linear = mf.Equation("y'' + a1*y' + a2*y = b0*u").model({"a1": 3.0, "a2": 8.0, "b0": 5.0})
+    rec = mf.Record(np.zeros(81), u, dt=0.05, intersample="zoh")
+    told = {"sigma": 0.05, "initial_state": "rest", "trend": "constant"}
+    same(mf.crlb(linear, rec, **told).cov, with_level(rec), 1e-5)
+
+
+def with_level(rec):
+    """The bound where the level before the first sample is that of the model, by responses from before it."""
+    early = np.concatenate([np.full((1, 400), rec.u[0, 0]), rec.u], axis=1)
+
+    def response(z):
+        a = np.array([[-z[0], 1.0], [-z[1], 0.0]])
+        b = np.array([[0.0], [z[2]]])
+        return held(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1)), early, 0.05, [0, 0])[:, 400:]
+
+    return bound(response, [3.0, 8.0, 5.0], 3, np.array([[0.05**2]]), 1)
+
+
+@pytest.mark.parametrize("equation", ["y'' + a*y' = u", "y' + a*y**2 + exp(y) + 3 = u"])
+def test_equations_without_a_state_of_rest(equation):
+    rec = mf.Record(np.zeros(41), INFLOW[:41], dt=0.1, intersample="zoh")
+    with pytest.raises(mf.DataError, match="no state of rest under the inputs"):
+        mf.crlb(mf.Equation(equation).model({"a": 1.0}), rec, sigma=0.1, initial_state="rest")
+
+
+def test_an_integrator_at_rest_under_no_input_begins_at_the_level_it_is_given():
+    rec = mf.Record(np.zeros(41), INFLOW[:41] - 1.0, dt=0.1, intersample="zoh")
+    still = mf.crlb(
+        mf.Equation("y'' + a*y' = b*u").model({"a": 1.0, "b": 2.0}), rec, sigma=0.1, initial_state="rest"
+    )
+    zero = mf.crlb(
+        mf.tf([2], [1, 1, 0]),
+        rec,
+        sigma=0.1,
+        initial_state="zero",
+        model=mf.TransferFunction(poles=2, zeros=0, params={"a2": 0.0}),
+    )
+    np.testing.assert_allclose(still.sd, zero.sd, rtol=1e-5)
