@@ -18,6 +18,7 @@ import modfun as mf
 import numpy as np
 
 MOTION = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["u"])
+LEVEL = 0.64  # from which the tank fills
 # Model, parameters, duration in s, intervals, size of a step after a tenth of it, trend.
 CASES: dict[str, tuple[Any, dict[str, float], float, int, float, str | None]] = {
     "Duffing": (
@@ -26,6 +27,9 @@ CASES: dict[str, tuple[Any, dict[str, float], float, int, float, str | None]] = 
     ),
     "first order": (
         mf.Equation("y' + a*y + c*y*abs(y) = b*u"), {"a": 1.0, "c": 0.5, "b": 1.0}, 4.0, 200, 1.0, None,
+    ),
+    "tank, inflow from 1": (
+        mf.Equation("h' = -k*sqrt(h) + b*u", outputs=["h"]), {"k": 0.5, "b": 0.4}, 6.0, 200, 0.5, None,
     ),
     "linear, level unknown": (
         mf.Equation("y'' + a*y' + b*y = d*u"), {"a": 3.0, "b": 8.0, "d": 5.0}, 3.0, 128, 1.0, "constant",
@@ -40,9 +44,12 @@ def run(name: str, nsr: float, records: int) -> None:
     """Print the ratios of a case at a noise level."""
     model, values, duration, count, size, trend = CASES[name]
     step = size * (np.arange(count + 1) >= 0.1 * count)
+    moved = name.startswith("tank")
+    step += moved
     told = {"input": step, "duration": duration, "intervals": count, "intersample": "zoh"}
-    clean = mf.simulate(model.model(values), **told)
-    sigma = nsr * np.sqrt(np.mean(clean.y**2, axis=1))
+    clean = mf.simulate(model.model(values), **told, initial_state=[LEVEL] if moved else "zero")
+    # The noise is counted by what moves.
+    sigma = nsr * np.sqrt(np.mean((clean.y - LEVEL * moved) ** 2, axis=1))
     words = {"params": values, "trend": trend, "sigma": sigma if sigma.size > 1 else float(sigma[0])}
     bound = mf.crlb(model, clean, initial_state="rest", **words)
     truth = np.array(list(values.values()))
