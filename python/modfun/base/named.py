@@ -23,6 +23,8 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
     >>> vector = Named([2.91, 7.92], ["a1", "a2"])
     >>> float(vector["a2"]), vector[1:].tolist()
     (7.92, [7.92])
+    >>> dict(vector)["a1"].item()
+    2.91
     >>> vector
     parameter  value
     a1          2.91
@@ -47,6 +49,10 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
                 raise SpecError(f"there is no parameter {key!r}; {nearest(key, self.names)}")
             key = self.names.index(key)
         return np.asarray(self)[key]
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, so that ``dict(vector)`` and ``function(**vector)`` take it as a mapping."""
+        return self.names
 
     def __contains__(self, key: object) -> bool:
         return key in self.names if isinstance(key, str) else super().__contains__(key)

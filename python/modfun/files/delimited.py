@@ -138,7 +138,8 @@ def read_delimited(path: Path) -> Delimited:
     """Read a text file with columns separated by comma, semicolon, tab or blanks.
 
     Empty lines and lines that begin with # or % are skipped. The first line names the columns, unless
-    it is all numbers: then they are ``column1``, ``column2``, ... A line below the header without a number
+    it is all numbers: then the comment above it does if it has as many words, as numpy.savetxt writes it;
+    else they are ``column1``, ``column2``, ... A line below the header without a number
     in it holds the units.
 
     Raises
@@ -181,7 +182,7 @@ def of_lines(label: str, lines: list[str]) -> Delimited:
     delimiter = next((mark for mark in ";\t" if mark in first and _all_numbers(first, mark)), delimiter)
     names = tuple(field.strip() for field in _fields(first, delimiter))
     if _all_numbers(first, delimiter):
-        names = tuple(f"column{k}" for k in range(1, len(names) + 1))
+        names = _commented_names(lines[: kept[0]], delimiter, len(names))
     else:
         kept = kept[1:]
         second = [field.strip() for field in _fields(lines[kept[0]], delimiter)] if kept else []
@@ -205,6 +206,16 @@ def of_lines(label: str, lines: list[str]) -> Delimited:
         if CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()):
             units[name] = "s"
     return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units)
+
+
+def _commented_names(above: list[str], delimiter: str, columns: int) -> tuple[str, ...]:
+    """Names in the comment above the numbers, as numpy.savetxt writes them; else column1, column2, ..."""
+    comment = next((line for line in reversed(above) if line.strip()), "").lstrip("#% \t")
+    said = comment.split() if delimiter == "\t" and delimiter not in comment else _fields(comment, delimiter)
+    names = tuple(name.strip() for name in said)
+    if len(set(names)) == columns and all(name and number(name) is None for name in names):
+        return names
+    return tuple(f"column{k}" for k in range(1, columns + 1))
 
 
 def _all_numbers(line: str, delimiter: str) -> bool:

@@ -31,6 +31,8 @@ __all__ = [
 ]
 
 
+# Names of columns that are times, without their unit.
+TIME_WORDS = frozenset(("t", "time", "timestamp", "elapsed time", "utc", "gmt", "irig", "irig time", "zeit"))
 SECONDS = {
     "s": 1.0,
     "sec": 1.0,
@@ -160,7 +162,7 @@ def time_candidates(table: Columns) -> list[str]:
     """Return the columns that look like times by their names."""
     if table.told.time is not None:
         return [table.told.time]
-    return [name for name in table.names if _time_word(name)[0] in ("t", "time", "timestamp", "elapsed time")]
+    return [name for name in table.names if _time_word(name)[0] in TIME_WORDS]
 
 
 def guess_time(table: Columns) -> str:

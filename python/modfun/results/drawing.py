@@ -30,6 +30,7 @@ from .scores import score
 
 __all__ = ["bode", "correlation", "poles", "response"]
 
+WIDE = 5.0  # inches of a panel in whose width a legend of four entries stands
 NUMBERS = 10  # parameters up to which correlations are written into their cells
 
 
@@ -102,7 +103,14 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
         if lower is not upper:
             lower.axhline(0.0, color="0.3", linewidth=0.6)
             name_y(lower, f"error{unit}" if len(chosen) == 1 else f"error of {name}{unit}")
-        upper.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+        columns = 4 if upper.get_window_extent().width > WIDE * upper.figure.dpi else 2
+        upper.legend(
+            frameon=False,
+            ncols=columns,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.2,
+        )
         for here in (upper, lower):
             here.grid(True, alpha=0.3)
     axes[-1][1].set_xlabel("time (s)")
@@ -184,12 +192,19 @@ def bode(
             )
     low, high = span(marks, band)
     omega = np.geomspace(low, high, 400)
+    named = labels or ([_word_of(system) for system in systems] if len(systems) > 1 else [""])
     for k, system in enumerate(systems):
         for curve in _curves(system, omega):
-            path = "" if grid else curve.path
-            words = (path,) if labels is None else (labels[k], path)
+            words = (named[k], "" if grid else curve.path)
             curves.append((" ".join(filter(None, words)) or type(system).__name__, curve))
     return (draw_bode_grid if grid else draw_bode)(curves, low, high, hz=hz, ax=ax)
+
+
+def _word_of(system: Any) -> str:
+    """What a system is called beside others in a legend."""
+    if isinstance(system, Fit):
+        return f"{system.order} poles"
+    return "measured" if isinstance(system, FrequencyResponse) else "system"
 
 
 def _curves(system: Any, omega: F64) -> list[Curve]:
@@ -259,7 +274,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     drawn = 0
     for k, fit in enumerate(fits):
         fit.need_numbers("plot.poles")
-        named = labels[k] if labels is not None else f"{fit.order} poles" if len(fits) > 1 else ""
+        named = labels[k] if labels is not None else _word_of(fit) if len(fits) > 1 else ""
         for output, i in fit.denominators():
             name = " ".join(part for part in (named, output) if part)
             _poles_of_output(here, fit, i, f"C{drawn % 10}", name)

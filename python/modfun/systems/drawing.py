@@ -14,6 +14,8 @@ from ..errors import SpecError
 
 __all__ = ["Curve", "curves_of", "draw_bode", "draw_bode_grid", "span"]
 
+SURE = 2.0  # the branch of a phase is told by points whose error is at most so often the least
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -75,7 +77,7 @@ def draw_bode(
         with np.errstate(divide="ignore"):
             db = 20 * np.log10(np.abs(curve.gain))
         turns = np.degrees(np.unwrap(np.angle(curve.gain)))
-        phase = _turned(turns, curve.omega, drawn, curve.path)
+        phase = _turned(turns, curve, drawn)
         w, line = factor * curve.omega, f"C{color % 10}"
         for here, values, error in ((upper, db, curve.decibels), (lower, phase, curve.degrees)):
             if error is not None:
@@ -125,12 +127,17 @@ def draw_bode_grid(
     return panels
 
 
-def _turned(degrees: Any, omega: Any, drawn: dict[str, Any], path: str) -> Any:
+def _turned(degrees: Any, curve: Curve, drawn: dict[str, Any]) -> Any:
     """A phase on the branch, of all that differ by whole turns, that is nearest to the path's first one."""
     # A single path of one system may have no name.
-    other = drawn.get(path) or (next(iter(drawn.values())) if len(drawn) == 1 else None)
+    other = drawn.get(curve.path) or (next(iter(drawn.values())) if len(drawn) == 1 else None)
     if other is None:
-        drawn[path] = (omega, degrees)
+        drawn[curve.path] = (curve.omega, degrees)
         return degrees
-    apart = np.interp(omega, *other) - degrees
-    return degrees + 360 * np.round(np.median(apart[np.isfinite(apart)]) / 360) if apart.size else degrees
+    apart = np.interp(curve.omega, *other) - degrees
+    known = np.isfinite(apart)
+    if (
+        curve.degrees is not None and np.isfinite(curve.degrees).any()
+    ):  # where noise hides the gain, its phase wanders by whole turns
+        known &= curve.degrees <= SURE * np.nanmin(curve.degrees)
+    return degrees + 360 * np.round(np.median(apart[known]) / 360) if known.any() else degrees

@@ -22,6 +22,11 @@ def test_names_and_positions_agree(vector):
         vector["a3"]
 
 
+def test_it_is_taken_as_a_mapping(vector):
+    assert dict(vector) == {"a1": 2.0, "a2": 8.0, "b0": 5.0}
+    assert (lambda **by_name: by_name["b0"])(**vector) == 5.0
+
+
 def test_it_prints_as_a_table(vector):
     assert str(vector).split() == ["parameter", "se", "a1", "2", "a2", "8", "b0", "5"]
     assert f"{vector}" == repr(vector) == str(vector)

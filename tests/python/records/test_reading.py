@@ -92,6 +92,21 @@ def test_no_header_names_columns_by_number(file):
     assert read(path, time="column1", outputs={"q": "column2"}, inputs={"de": "column3"}) == expected()
 
 
+@pytest.mark.parametrize("mark", ["#", "%", "# "])
+def test_a_comment_above_the_numbers_names_the_columns(file, mark):
+    body = text().split("\n", 1)[1]
+    assert read(file(f"{mark}t,q,de\n{body}"), outputs="q", inputs="de") == expected()
+    blanks = file(f"{mark}t q de\n" + body.replace(",", " "))
+    assert read(blanks, outputs="q", inputs="de") == expected()
+    with pytest.raises(SpecError, match="column1, column2, column3"):
+        read(file(f"{mark}flight,12\n{body}"), outputs="q", inputs="de")
+
+
+@pytest.mark.parametrize("word", ["UTC", "IRIG time", "Zeit [s]"])
+def test_clocks_by_other_names_are_times(file, word):
+    assert read(file(text(f'"{word}",q,de')), outputs="q", inputs="de") == expected()
+
+
 def test_new_names_units_from_brackets_and_from_the_mapping(file):
     path = file(text("TIME [s],Q (deg/s),DELE (deg)"))
     rec = read(

@@ -91,6 +91,18 @@ def test_bad_use_is_refused(fit, make, words):
         make(fit)
 
 
+def test_several_systems_are_told_apart_and_measured_phases_stand_on_their_branch() -> None:
+    system = mf.tf([5], [1, 3, 8])
+    rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    upper, lower = mf.plot.bode(fit, mf.frf(rec), fit.model)
+    words = [text.get_text() for text in upper.get_legend().get_texts()]
+    assert [word.split(" u")[0] for word in words] == ["2 poles", "measured", "system"]
+    first = [line.get_ydata()[0] for line in lower.get_lines()]
+    assert len(first) >= 3
+    assert np.nanmax(np.abs(first)) < 90.0  # at the lowest frequencies: no whole turns apart
+
+
 def test_a_bode_plot_needs_two_axes() -> None:
     figure, ax = plt.subplots()
     with pytest.raises(mf.SpecError, match="a single Axes; give two, for magnitude and phase"):
