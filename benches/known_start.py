@@ -18,38 +18,38 @@ import modfun as mf
 import numpy as np
 
 MOTION = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["u"])
-LEVEL = 0.64  # from which the tank fills
-# Model, parameters, duration in s, intervals, size of a step after a tenth of it, trend.
-CASES: dict[str, tuple[Any, dict[str, float], float, int, float, str | None]] = {
+# Model, parameters, duration in s, intervals, input before and after a tenth of it, state of rest, trend.
+CASES: dict[str, tuple[Any, dict[str, float], float, int, tuple[float, float], Any, str | None]] = {
     "Duffing": (
         mf.Equation("y'' + a*y' + b*y + c*y**3 = d*u"),
-        {"a": 0.8, "b": 4.0, "c": 2.0, "d": 4.0}, 5.0, 200, 1.0, None,
+        {"a": 0.8, "b": 4.0, "c": 2.0, "d": 4.0}, 5.0, 200, (0.0, 1.0), "zero", None,
     ),
     "first order": (
-        mf.Equation("y' + a*y + c*y*abs(y) = b*u"), {"a": 1.0, "c": 0.5, "b": 1.0}, 4.0, 200, 1.0, None,
+        mf.Equation("y' + a*y + c*y*abs(y) = b*u"),
+        {"a": 1.0, "c": 0.5, "b": 1.0}, 4.0, 200, (0.0, 1.0), "zero", None,
     ),
     "tank, inflow from 1": (
-        mf.Equation("h' = -k*sqrt(h) + b*u", outputs=["h"]), {"k": 0.5, "b": 0.4}, 6.0, 200, 0.5, None,
+        mf.Equation("h' = -k*sqrt(h) + b*u", outputs=["h"]),
+        {"k": 0.5, "b": 0.4}, 6.0, 200, (1.0, 1.5), [0.64], None,
     ),
     "linear, level unknown": (
-        mf.Equation("y'' + a*y' + b*y = d*u"), {"a": 3.0, "b": 8.0, "d": 5.0}, 3.0, 128, 1.0, "constant",
+        mf.Equation("y'' + a*y' + b*y = d*u"),
+        {"a": 3.0, "b": 8.0, "d": 5.0}, 3.0, 128, (0.0, 1.0), "zero", "constant",
     ),
     "state space, levels unknown": (
-        MOTION, {"Za": -0.8, "Ma": -4.5, "Mq": -1.2, "Zd": -0.1, "Md": -5.0}, 3.0, 150, 0.1, "constant",
+        MOTION, {"Za": -0.8, "Ma": -4.5, "Mq": -1.2, "Zd": -0.1, "Md": -5.0},
+        3.0, 150, (0.0, 0.1), "zero", "constant",
     ),
 }  # fmt: skip
 
 
 def run(name: str, nsr: float, records: int) -> None:
     """Print the ratios of a case at a noise level."""
-    model, values, duration, count, size, trend = CASES[name]
-    step = size * (np.arange(count + 1) >= 0.1 * count)
-    moved = name.startswith("tank")
-    step += moved
+    model, values, duration, count, (before, after), state, trend = CASES[name]
+    step = np.where(np.arange(count + 1) >= 0.1 * count, after, before)
     told = {"input": step, "duration": duration, "intervals": count, "intersample": "zoh"}
-    clean = mf.simulate(model.model(values), **told, initial_state=[LEVEL] if moved else "zero")
-    # The noise is counted by what moves.
-    sigma = nsr * np.sqrt(np.mean((clean.y - LEVEL * moved) ** 2, axis=1))
+    clean = mf.simulate(model.model(values), **told, initial_state=state)
+    sigma = nsr * np.sqrt(np.mean((clean.y - clean.y[:, :1]) ** 2, axis=1))  # of what moves
     words = {"params": values, "trend": trend, "sigma": sigma if sigma.size > 1 else float(sigma[0])}
     bound = mf.crlb(model, clean, initial_state="rest", **words)
     truth = np.array(list(values.values()))
@@ -58,9 +58,9 @@ def run(name: str, nsr: float, records: int) -> None:
         for seed in range(records):
             noise = np.random.default_rng(seed).standard_normal(clean.y.shape) * sigma[:, None]
             rec = clean.assign(**dict(zip(clean.outputs, clean.y + noise, strict=True)))
-            before = time.process_time()
+            began = time.process_time()
             fit = mf.fit(rec, model, initial_state=start, trend=trend)
-            spent += time.process_time() - before
+            spent += time.process_time() - began
             if not fit.success:
                 continue
             low, high = fit.conf_int().T

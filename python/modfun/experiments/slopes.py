@@ -227,14 +227,23 @@ class Equations:
         DataError
             No state of rest is found from `guess`.
         """
+        if not self.model.states:
+            return self.slopes(rec, None)
+        if self.model.compiled.is_driven_by_time:
+            raise SpecError(
+                'crlb: initial_state="rest": the equations change with time, so they rest in no state; give '
+                "it, initial_state=[...]"
+            )
+        state, moved = self._rest(rec, guess)
+        one = self.slopes(rec, state)
+        return replace(one, params=one.params + np.einsum("sp,sqt->pqt", moved, one.state))
+
+    def _rest(self, rec: Record, guess: F64 | None) -> tuple[F64, F64]:
+        """The state of rest under the inputs' first values, and its derivatives, (state, parameter)."""
         from scipy.optimize import root
 
-        model, theta = self.model, self.values
-        form, count = model.form, len(model.states)
+        theta, form, count = self.values, self.model.form, len(self.model.states)
         first = np.zeros(count) if guess is None else _checked(guess, count)
-        if not count:
-            return self.slopes(rec, None)
-        self._refuse_time()
         drives = [0.0 if one.order else rec.u[one.input, 0] for one in form.drives]
 
         def rates(z: F64) -> F64:
@@ -246,35 +255,20 @@ class Equations:
             found = root(lambda x: rates(np.concatenate([theta, x])), first, tol=1e-13)
             z = np.concatenate([theta, found.x])
             sizes = np.where(z != 0, np.abs(z), 1.0)
-            steps = np.diag(STEP * sizes)
-            moved = np.array([(rates(z + s) - rates(z - s)) / 2 for s in steps]).T
-        to_theta, to_state = moved[:, : theta.size], moved[:, theta.size :]
-        off = np.abs(rates(z)) > 1e-8 * np.abs(moved).max(axis=1) / STEP
-        # Of an integrator any level is a state of rest: the one found is known, and moves with nothing.
-        per_step = -np.linalg.lstsq(to_state, to_theta, rcond=1e-9)[0] if np.all(np.isfinite(moved)) else None
-        if (
-            per_step is None
-            or off.any()
-            or np.any(np.abs(to_state @ per_step + to_theta) > 1e-6 * np.abs(moved).max())
-        ):
+            moved = np.array([(rates(z + s) - rates(z - s)) / 2 for s in np.diag(STEP * sizes)]).T
+            largest = np.abs(moved).max(axis=1)
+            rests = np.all(np.isfinite(moved)) and np.all(np.abs(rates(z)) <= 1e-8 * largest / STEP)
+        if rests:
+            to_theta, to_state = moved[:, : theta.size], moved[:, theta.size :]
+            # Of an integrator any level is a state of rest: the one found is known, and moves with nothing.
+            per_step = -np.linalg.lstsq(to_state, to_theta, rcond=1e-9)[0]
+            rests = np.all(np.abs(to_state @ per_step + to_theta) <= 1e-6 * largest.max())
+        if not rests:
             raise DataError(
                 f'crlb: initial_state="rest": no state of rest under the inputs {rec.u[:, 0].tolist()}, '
                 f"searched from {first.tolist()}; give one near it, start=[...]"
             )
-        one = self.slopes(rec, found.x)
-        slopes = per_step * sizes[theta.size :, None] / sizes[: theta.size]
-        return replace(one, params=one.params + np.einsum("sp,sqt->pqt", slopes, one.state))
-
-    def _refuse_time(self) -> None:
-        from ..equations.symbolic.compiled import time
-
-        source = self.model.compiled.source
-        used = set().union(*(e.free_symbols for e in source))
-        if time in used or used & set(self.model.compiled.known):
-            raise SpecError(
-                'crlb: initial_state="rest": the equations change with time, so they rest in no state; give '
-                "it, initial_state=[...]"
-            )
+        return found.x, per_step * sizes[theta.size :, None] / sizes[: theta.size]
 
     def _delays(self) -> set[str]:
         """Parameters that stand in delays: all starts of a family share these."""

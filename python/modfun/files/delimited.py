@@ -139,8 +139,8 @@ def read_delimited(path: Path) -> Delimited:
 
     Empty lines and lines that begin with # or % are skipped. The first line names the columns, unless
     it is all numbers: then the comment above it does if it has as many words, as numpy.savetxt writes it;
-    else they are ``column1``, ``column2``, ... A line below the header without a number
-    in it holds the units.
+    else they are ``column1``, ``column2``, ... A line below the header without a number in it holds the
+    units.
 
     Raises
     ------

@@ -223,8 +223,11 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
             'sigma, and numbers also for a StateSpace; take "rest", "zero" or "unknown"'
         )
     _refuse_kind(structure, options)
-    if not isinstance(structure, TransferFunction):
-        _refuse_time(told, structure)
+    if not isinstance(structure, TransferFunction) and structure.compiled().is_driven_by_time:
+        raise SpecError(
+            f"{told}: the equations change with time, so they rest in no state before the record; take "
+            'initial_state="unknown"'
+        )
     if options.initial_state == "rest":
         return
     for k, rec in enumerate(records):
@@ -249,16 +252,4 @@ def _refuse_kind(structure: Any, options: Options) -> None:
         raise SpecError(
             f'{told}: a drift, trend="linear", has no beginning, so nothing rests before it; take '
             'trend="constant"'
-        )
-
-
-def _refuse_time(told: str, structure: Any) -> None:
-    from ..equations.symbolic.compiled import time
-
-    compiled = structure.compiled()
-    used = set().union(*(e.free_symbols for e in compiled.source))
-    if time in used or used & set(compiled.known):
-        raise SpecError(
-            f"{told}: the equations change with time, so they rest in no state before the record; take "
-            'initial_state="unknown"'
         )

@@ -143,10 +143,11 @@ def read(
     Notes
     -----
     In text files and sheets, empty lines and lines that begin with # or % are skipped, the first line names
-    the columns (``column1``, ``column2``, ... if it is all numbers), a line below it without a number holds
-    the units. Times of day, ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and
-    go on over midnight; dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first. Decimal commas
-    are read where another mark separates the columns.
+    the columns (if it is all numbers, the comment above it does, as numpy.savetxt writes it, or they are
+    ``column1``, ``column2``, ...), a line below it without a number holds the units. Times of day,
+    ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and go on over midnight;
+    dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first. Decimal commas are read where another
+    mark separates the columns.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.

@@ -104,13 +104,8 @@ def response(fit: Fit, rec: Record | int | None = None, ax: Any = None, *, outpu
             lower.axhline(0.0, color="0.3", linewidth=0.6)
             name_y(lower, f"error{unit}" if len(chosen) == 1 else f"error of {name}{unit}")
         columns = 4 if upper.get_window_extent().width > WIDE * upper.figure.dpi else 2
-        upper.legend(
-            frameon=False,
-            ncols=columns,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            borderaxespad=0.2,
-        )
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        upper.legend(frameon=False, ncols=columns, **place)
         for here in (upper, lower):
             here.grid(True, alpha=0.3)
     axes[-1][1].set_xlabel("time (s)")

@@ -136,8 +136,7 @@ def _turned(degrees: Any, curve: Curve, drawn: dict[str, Any]) -> Any:
         return degrees
     apart = np.interp(curve.omega, *other) - degrees
     known = np.isfinite(apart)
-    if (
-        curve.degrees is not None and np.isfinite(curve.degrees).any()
-    ):  # where noise hides the gain, its phase wanders by whole turns
+    # Where noise hides the gain, its phase wanders by whole turns.
+    if curve.degrees is not None and np.isfinite(curve.degrees).any():
         known &= curve.degrees <= SURE * np.nanmin(curve.degrees)
     return degrees + 360 * np.round(np.median(apart[known]) / 360) if known.any() else degrees

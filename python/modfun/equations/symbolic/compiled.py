@@ -97,6 +97,12 @@ class Compiled:
     fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def is_driven_by_time(self) -> bool:
+        """Whether the user's equations contain the time or a known function of it."""
+        used = set().union(*(e.free_symbols for e in self.source))
+        return time in used or not used.isdisjoint(self.known)
+
+    @property
     def orders(self) -> tuple[int, ...]:
         """Highest derivative of each equation: the number of its transient coefficients."""
         count = 1 + max(term.equation for term in self.terms)
