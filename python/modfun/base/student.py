@@ -17,6 +17,7 @@ __all__ = [
     "student_factor",
     "student_interval",
     "student_p",
+    "student_tail",
 ]
 
 LEAST = 0.5  # of the level of an interval: what is less is meant as its complement
@@ -67,6 +68,13 @@ def student_p(t: F64, degrees: Any) -> F64:
 
     free = np.asarray(degrees, dtype=np.float64)
     return np.where(free > 0, 2 * stdtr(np.where(free > 0, free, 1.0), -np.abs(t)), np.nan)
+
+
+def student_tail(degrees: float, level: float) -> float:
+    """Probability beyond one end of the interval where quantiles take the level of the noise as known."""
+    from scipy.special import ndtr
+
+    return float(ndtr(-student_factor(degrees, level)))
 
 
 def student_interval(values: F64, errors: F64, degrees: Any, level: float) -> tuple[F64, F64]:

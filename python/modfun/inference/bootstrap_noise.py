@@ -252,6 +252,6 @@ def jacobian_lines(fit: Fit, rec: Record, high: int, lead: int, omega0: float) -
                 add(layout.places[1][i][k] + j, s ** (degree - j) * u / a)
             if layout.routes[i][k] in late:
                 shared[late[layout.routes[i][k]], i] = -s * np.polyval(num, s) * u / a
-        own[: len(trend), i] = trend
-        own[len(trend) : len(trend) + n, i] = [s**j / a for j in range(n)]
+        for k, column in enumerate([*trend, *(s**j / a for j in range(n))]):
+            own[k, i] = column
     return shared, own, divisors
