@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .arrays import F64
 
-__all__ = ["AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "decided", "form_of", "liveliest"]
+__all__ = ["AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "OPEN", "decided", "form_of", "liveliest"]
 
 Mask = NDArray[np.bool_]
 
@@ -27,8 +27,8 @@ FORMS = {
 }
 DOUBTFUL = ("stairs", "rough")
 # What decided where samples leave it open: fits of both, whose difference may be short of
-# very strong evidence, or that a reference tells of a loop.
-BY_FIT, CLOSE, LOOP = "fit", "close", "loop"
+# very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike.
+BY_FIT, CLOSE, LOOP, OPEN = "fit", "close", "loop", "open"
 
 SAME = 1e-9  # of the range: a change that is none
 LINE = 5e-6  # of the range: a bend that is none, since files keep six digits

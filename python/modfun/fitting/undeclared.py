@@ -1,4 +1,4 @@
-"""Inputs that nobody declared and whose samples leave it open how they move between: the fit decides."""
+"""Inputs that nobody declared: fits tell how they move between samples where the samples do not."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN
 from ..errors import ModfunError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
-from ..results.cures import bic_beside, on_band
+from ..results.cures import bic_beside, furthest, on_band
 from ..results.diagnosis import growth
+from ..results.feedback import feedback
 from ..results.fit import Fit
-from ..results.misfit import suspicious
+from ..results.misfit import UNLIKELY, refuted, suspicious
 
 __all__ = ["Word", "decided_by_fit", "fit_as_read", "in_sentences", "read_alike", "read_as"]
 
@@ -26,17 +27,22 @@ FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
 
 FEW = 4  # records that are asked where each of many is fitted by itself
 
-# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides. Very strong evidence is needed in a
-# loop, where the noise that comes back biases both fits and a computer holds what it commands, and of inputs
-# that look held. Most of those were; steps and square waves that passed through straight lines look the same,
-# and so do those that switch between two samples. Strong evidence that they were not held is said.
+# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides where samples are doubtful. Very
+# strong evidence is needed in a loop, where the noise that comes back biases both fits and a computer holds
+# what it commands, and of inputs that look held or like a motion. Most of them were; steps and square waves
+# that passed through straight lines look held, and so do those that switch between two samples, and the
+# command of a computer that changes little a tick looks like a motion; positive evidence does where the noise
+# of an output is seen to come back. Strong evidence that an input was not
+# held is said, and so is that a motion may be held where that makes other estimates.
 POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
+FAR = 3.0  # standard errors between estimates of both readings: these are others
 SAID = {
     BY_FIT: "which the fit prefers",
     CLOSE: "though straight lines between its samples fit better",
     LOOP: "as a computer that closes a loop holds it",
+    OPEN: "though held it fits about as well, with other estimates",
 }
-OTHER = {"zoh": "smooth", "smooth": "zoh"}
+OTHER = {"zoh": "smooth", "smooth": "zoh", "foh": "zoh"}
 
 
 class Word(NamedTuple):
@@ -66,9 +72,9 @@ def decided_by_fit(
 
     `many`: what they prefer is for many more records, whose mean shows a small error.
 
-    Open are undeclared inputs that look `DOUBTFUL`, held or smooth, and those that look held, which may be
-    straight lines from sample to sample. With a reference all undeclared inputs that move smoothly are open,
-    too, and rough ones are held unless the fits say otherwise. Inputs that stay as they look are not named.
+    Open are all undeclared inputs that move: what looks held may be straight lines from sample to sample, and
+    what looks like a motion may be held. With a reference, rough ones are held unless the fits say otherwise.
+    Inputs that stay as they look are not named.
     """
     return _asked(problems, structure, options, fit_once, many)[0]
 
@@ -121,9 +127,8 @@ def _asked(
     each, loop = list(problems), bool(options.reference)
     if not each:
         return {}, []
-    wanted = {"held", *DOUBTFUL} | ({"smooth"} if loop else set())
     forms = {name: _forms(each, name) for name in each[0][0].inputs if name not in options.reference}
-    forms = {name: seen for name, seen in forms.items() if seen & wanted}
+    forms = {name: seen for name, seen in forms.items() if seen - {"rest"}}
     if not forms:
         return {}, []
     found = {name: Word("zoh", LOOP) for name, seen in forms.items() if loop and "rough" in seen}
@@ -132,22 +137,31 @@ def _asked(
     each = [records for records, fit in asked if fit is not None]
     fits = [fit for _, fit in asked if fit is not None]
     for name, seen in forms.items():
-        held = "held" in seen
+        held, doubtful = "held" in seen, not seen.isdisjoint(DOUBTFUL)
+        motion = not (held or doubtful or loop) and options.method == "ml"  # others have no likelihood
+        if not (held or doubtful or loop or motion):
+            continue
         if not fits or name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
             continue
         word = fits[0].intersample[fits[0].inputs.index(name)]
-        bar = VERY_STRONG if loop or held or many else POSITIVE
+        bar = POSITIVE if doubtful and not (loop or many) else VERY_STRONG
         changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}
         others = _on_bands(each, fits, changed, structure, fit_once)
+        if motion and not all(other is not None and other.success and not refuted(other) for other in others):
+            continue  # of two wrong models: half a sample of delay makes up for many a lag
         gain = _gain(fits, others)
+        if motion and POSITIVE < gain <= bar and all(map(_fed_back, fits)):
+            bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
         if gain > bar:
             found, fits = changed, [other for other in others if other is not None]
-        elif gain < -bar and not held:
+        elif gain < -bar and (doubtful or loop):
             found[name] = Word(word, BY_FIT)
         elif gain > STRONG and held:
             found[name] = Word(word, CLOSE)
+        elif gain > -STRONG and motion and _apart(fits, others):
+            found[name] = Word(word, OPEN)
     return found, fits
 
 
@@ -176,6 +190,15 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
     )
 
 
+def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
+    """Whether both readings make estimates that differ by more than their errors."""
+    return any(
+        furthest(fit, other)[-1] > FAR
+        for fit, other in zip(fits, others, strict=True)
+        if other is not None and fit.params.size
+    )
+
+
 def _forms(problems: Sequence[Sequence[Record]], name: str) -> set[str]:
     """What the samples of an input look like; nothing where a record declares it."""
     forms = {rec._seen.get(name, "") for records in problems for rec in records}
@@ -185,6 +208,12 @@ def _forms(problems: Sequence[Sequence[Record]], name: str) -> set[str]:
 def _contradicted(fit: Fit) -> bool:
     """Whether another reading is worth a fit: those of equations take long, so that residuals decide."""
     return fit.layout.rational or suspicious(fit)
+
+
+def _fed_back(fit: Fit) -> bool:
+    """Whether a loop brings the noise back to an input, which most often is closed by a computer."""
+    found = feedback(fit)
+    return found is not None and found.p_value < UNLIKELY
 
 
 def _plain(options: Options) -> Options:

@@ -35,6 +35,7 @@ from .estimates import Estimates
 from .feedback import feedback
 from .known_start import gain_of_start
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals
+from .undeclared import undeclared
 from .uneven_noise import of_time
 
 __all__ = ["check", "warnings_of"]
@@ -97,7 +98,15 @@ def check(fit: Estimates, line: str) -> Findings:
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
             found += [*residual, of_colour(fit, d), of_time(fit)]
-        found += [biased(fit), minima(fit), twin(fit), few_samples(fit), in_hertz(fit), beyond(fit)]
+        found += [
+            undeclared(fit),
+            biased(fit),
+            minima(fit),
+            twin(fit),
+            few_samples(fit),
+            in_hertz(fit),
+            beyond(fit),
+        ]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit) or note or ""

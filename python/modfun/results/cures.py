@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from math import inf, isfinite, log, pi
 from typing import Any
 
+import numpy as np
+
 from ..base.between import BY_FIT
 from ..errors import ModfunError
 from ..models.free import Free
@@ -23,6 +25,7 @@ __all__ = [
     "best_cure",
     "bic_beside",
     "convincing",
+    "furthest",
     "of_written",
     "offset_of",
     "on_band",
@@ -155,6 +158,14 @@ def bic_beside(fit: Estimates, base: Estimates) -> float:
     """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away."""
     own, rows = fit.df_resid + fit.params.size, base.df_resid + base.params.size
     return (fit.bic - fit.params.size * log(own)) / own * rows + fit.params.size * log(rows)
+
+
+def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
+    """What another fit of the structure changes most: parameter, both estimates, errors between them."""
+    far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
+    at = int(np.argmax(far))
+    was, now = (f"{one.params[at]:.4g} ± {one.bse[at]:.2g}" for one in (fit, other))
+    return fit.param_names[at], was, now, float(far[at])
 
 
 def _neighbours(

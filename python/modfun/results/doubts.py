@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..base.names import listed
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
-from .cures import again, bic_beside, offset_of, on_band
+from .cures import again, bic_beside, furthest, offset_of, on_band
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
@@ -177,10 +177,8 @@ def _both_ways(fit: Estimates, other: Estimates | None) -> str:
     """The parameter that a constant changes most, without and with it."""
     if other is None or not fit.params.size:
         return ""
-    far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
-    at = int(np.argmax(far))
-    was, now = (f"{one.params[at]:.4g} ± {one.bse[at]:.2g}" for one in (fit, other))
-    return f" {fit.param_names[at]} is {was} without and {now} with it."
+    name, was, now, _ = furthest(fit, other)
+    return f" {name} is {was} without and {now} with it."
 
 
 def on_bound(fit: Estimates) -> Doubt | None:

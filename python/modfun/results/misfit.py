@@ -37,13 +37,23 @@ def suspicious(fit: Estimates) -> bool:
     level, least = level_p(fit), LOOK if fit.layout.rational else PLAUSIBLE
     if level < least or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level
         return True
-    for i in range(len(fit.row_names)):
-        pieces = [piece[i] for piece in fit.pieces]
-        if colour_of_lines(pieces)[0].p_value < LOOK or correlation_of_lines(pieces)[0].p_value < LOOK:
-            return True
     if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
         return True
-    return event_p(fit) < LOOK
+    return _uneven(fit, LOOK)
+
+
+def refuted(fit: Estimates) -> bool:
+    """Whether a cheap test of the residual lines leaves no doubt that there is more in them than noise."""
+    return level_p(fit) < SURE or _uneven(fit, SURE)
+
+
+def _uneven(fit: Estimates, least: float) -> bool:
+    """Whether lines differ in level, follow each other or show an event with a p-value below `least`."""
+    for i in range(len(fit.row_names)):
+        pieces = [piece[i] for piece in fit.pieces]
+        if colour_of_lines(pieces)[0].p_value < least or correlation_of_lines(pieces)[0].p_value < least:
+            return True
+    return event_p(fit) < least
 
 
 def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> list[Doubt | None]:

@@ -23,7 +23,8 @@ def noisy(seed, intervals=256):
     u = np.sin((DT * np.arange(intervals + 1)) ** 2 / 5)
     y = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=DT)
     rng = np.random.default_rng(seed)
-    return mf.Record(y=10 ** rng.uniform(-3, 3) * (y + 0.1 * rng.standard_normal(u.size)), u=u, dt=DT)
+    y = 10 ** rng.uniform(-3, 3) * (y + 0.1 * rng.standard_normal(u.size))
+    return mf.Record(y=y, u=u, dt=DT, intersample="smooth")
 
 
 def bits(fit):
