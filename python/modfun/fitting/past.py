@@ -23,6 +23,8 @@ from ..results.cures import on_band
 from ..results.estimates import COVARIANCES
 from ..results.stability import deviance
 from .from_states import fit_from_states
+from .kinks import without_kinks
+from .of_equations import fit_equation
 
 __all__ = ["fit_with_past"]
 
@@ -62,9 +64,11 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
 
         return replace(fit_from_states(records, structure, options, from_zero), again=fit_once)
     _refuse(records, structure, options)
-    if not isinstance(structure, TransferFunction):
+    equations = not isinstance(structure, TransferFunction)
+    if equations:
         records = tuple([structure.own_channels(rec) for rec in records])
-    search = _Search(records, structure, options, fit_once)
+    # What kinks of held inputs do to an estimate is hardly another at other levels, and takes long to find.
+    search = _Search(records, structure, options, fit_equation if equations else fit_once)
     fit = search.fit(search.levels)
     if not fit.usable:
         return replace(fit, records=records, options=options)
@@ -72,6 +76,8 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     wider: dict[str, F64] = {}
     if search.free:
         fit, wider = search.settled(fit)
+    if equations and fit.usable:
+        fit = without_kinks(fit, fit_equation)
     return replace(fit, **wider, options=options, records=records, with_past=fit.records, again=fit_once)
 
 
