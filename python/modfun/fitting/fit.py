@@ -11,6 +11,7 @@ from typing import Any, Never, Unpack
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, whole
+from ..base.arrays import F64
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
@@ -26,6 +27,7 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
+from .gaps import across
 from .instruments import referenced_fit
 from .kinks import bent, without_kinks
 from .many import fit_batch, fit_each
@@ -411,8 +413,13 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     sides = [rec.y for rec in records], [rec.u for rec in records]
     refuse_standing(made.layout, *sides, options.initial_state)
     refuse_cut_off(made.layout, [rec.t for rec in records], sides[1])
-    found = made.core.fit(list(made.outputs) or [rec.y for rec in records], [rec.u for rec in records])
-    return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
+
+    def fitted(outputs: list[F64]) -> Fit:
+        found = made.core.fit(outputs, sides[1])
+        return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
+
+    fit = fitted(list(made.outputs) or sides[0])
+    return across(fit, made.outputs, made.blinds, fitted) if made.blinds else fit
 
 
 # What users give ----------------------------------------------------------------------------------

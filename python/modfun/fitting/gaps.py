@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import noise_level
 from ..base.arrays import F64
-from ..errors import DataError
+from ..errors import DataError, ModfunError
 from ..records.record import Record
+from ..results.cures import again, on_band
 
-__all__ = ["bridged", "relative", "variances", "weighs"]
+__all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
 
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
+BLIND = 100.0  # the same of one whose bridged value tells nothing worth having
+ROUNDS, SETTLED = 8, 0.1  # of fits with simulated values in gaps; a move in standard errors that ends them
+SHORTEST = 16  # samples between gaps that make a record
+ASTRAY = 10.0  # times the largest sample: a simulation beyond it fills no gap
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -22,7 +31,8 @@ def bridged(rec: Record) -> tuple[F64, F64, F64]:
     """Outputs with masked samples interpolated, how far each may be off, and the noise in each.
 
     A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
-    `NEAR` nearest ones is treated as its error. Across long gaps it grows beyond all measure.
+    `NEAR` nearest ones is treated as its error. Of a gap of more than `FAR` samples nothing is known:
+    inputs may have moved in it.
 
     Returns
     -------
@@ -55,6 +65,7 @@ def bridged(rec: Record) -> tuple[F64, F64, F64]:
         begins = np.flatnonzero(np.diff(gaps, prepend=-2) > 1)
         lengths = np.diff(begins, append=gaps.size)
         off[i, gaps] = np.abs(y[i, gaps] - first) * np.sqrt(np.repeat(lengths, lengths))
+        off[i, gaps[np.repeat(lengths > FAR, lengths)]] = np.inf
         # A sum over the record counts each sample 1 + c times, c the sum of its weights in a gap's samples.
         own = np.sum(np.add.reduceat(weights, begins) ** 2, axis=1) if gaps.size else lengths
         noise[i, gaps] = np.repeat(1 + own / lengths, lengths)
@@ -62,6 +73,67 @@ def bridged(rec: Record) -> tuple[F64, F64, F64]:
     wild = ~np.isfinite(y) | (np.abs(y - rec.y) > np.ptp(rec.y, axis=1, keepdims=True))
     y, off = np.where(wild, rec.y, y), np.where(wild, np.inf, off)
     return np.ascontiguousarray(y), off, noise
+
+
+def blind(rec: Record, variance: F64 | None) -> NDArray[np.bool_] | None:
+    """Masked samples of which nothing is known (output, time); None where there are none."""
+    if variance is None or rec.mask is None:
+        return None
+    found = ~rec.mask & ~(relative(variance) < BLIND)
+    return found if found.any() else None
+
+
+def across(
+    fit: Any,
+    outputs: Sequence[F64],
+    blinds: Sequence[NDArray[np.bool_] | None],
+    refit: Callable[[list[F64]], Any],
+) -> Any:
+    """The fit of `outputs` with the model's own response where they are blind, `refit` until nothing moves.
+
+    What stands there has no weight in the criterion, but it is in the columns that each step is taken by: far
+    from the response, steps lead astray or do not end. The fit of what lies around the gaps, as records of
+    their own, is another start; of both ends the better one is kept.
+    """
+    found = [_settled(start, outputs, blinds, refit) for start in (fit, _around(fit, blinds)) if start]
+    return min(found, key=lambda one: (not one.usable, one.cost))
+
+
+def _settled(
+    fit: Any, outputs: Sequence[F64], blinds: Sequence[Any], refit: Callable[[list[F64]], Any]
+) -> Any:
+    for _ in range(ROUNDS):
+        if not fit.usable:
+            return fit
+        try:
+            simulated = [y for y, _ in map(fit.simulate, fit.records)]
+        except ModfunError:
+            return fit
+        both = zip(simulated, outputs, strict=True)
+        if any(np.max(np.abs(y)) > ASTRAY * np.max(np.abs(own)) for y, own in both):
+            return fit
+        filled = [
+            own if hidden is None else np.where(hidden, y, own)
+            for own, y, hidden in zip(outputs, simulated, blinds, strict=True)
+        ]
+        before, fit = fit, refit(filled)
+        moved = np.max(np.abs(fit.params - before.params) / np.where(fit.bse > 0, fit.bse, np.inf), initial=0)
+        if fit.success and moved < SETTLED:
+            break
+    return fit
+
+
+def _around(fit: Any, blinds: Sequence[Any]) -> Any:
+    """The fit with the parameters of one to what lies around the gaps; None where there is none."""
+    pieces = []
+    for rec, hidden in zip(fit.records, blinds, strict=True):
+        seen = np.ones(rec.t.size, bool) if hidden is None else ~hidden.any(axis=0)
+        edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).reshape(-1, 2)
+        pieces += [rec.window(rec.t[a], rec.t[b - 1]) for a, b in edges if b - a >= SHORTEST]
+    if not fit.usable or not pieces or fit.again is None:
+        return None
+    other = again(fit, tuple(pieces), fit.structure, on_band(fit, fit.band))
+    return None if other is None else replace(fit, params=other.params)
 
 
 def weighs(rec: Record) -> bool:

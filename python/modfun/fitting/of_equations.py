@@ -20,7 +20,7 @@ from ..models.process import with_inputs
 from ..records.batches import Batch
 from ..records.record import Record
 from ..results.of_equations import EquationFit
-from .gaps import bridged, relative, variances
+from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
@@ -127,9 +127,30 @@ def fit_equation(
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
-    rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y, _, _ in filled]
-    _refuse_not_finite(layout, rows)
-    found = made.core.fit(rows)
+    outputs = [y for _, y, _, _ in filled]
+
+    def fitted(ys: list[F64]) -> EquationFit:
+        rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y in zip(records, ys, strict=True)]
+        _refuse_not_finite(layout, rows)
+        return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
+
+    outputs = [y for _, y, _, _ in filled]
+    fit = fitted(outputs)
+    blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
+    return across(fit, outputs, blinds, fitted) if any(hidden is not None for hidden in blinds) else fit
+
+
+def _of_found(
+    found: dict[str, Any],
+    structure: Any,
+    made: PreparedEquation,
+    options: Options,
+    records: tuple[Record, ...],
+    seen: bool,
+    again: Callable[..., Any] | None,
+) -> EquationFit:
+    """The fit that the core found; `seen`: by noise levels that the records show."""
+    layout = made.layout
     if found["status"] == "nonfinite":
         found["theta"] = np.full_like(found["theta"], nan)  # which is where the search began
     levels = found["levels"]
@@ -147,7 +168,7 @@ def fit_equation(
         records,
         made.intervals,
         # Levels read between gaps are too rough to judge residuals by.
-        noise_scale=found["scale"] if seen is None else nan,
+        noise_scale=nan if seen else found["scale"],
         levels=levels,
         seen=found["seen"],
         df_hc3=found["df_hc3"],

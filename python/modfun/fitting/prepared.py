@@ -9,6 +9,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._core import Fitter, JointFitter, Stream
 from ..base.arrays import F64
@@ -18,7 +19,7 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
-from .gaps import bridged, variances, weighs
+from .gaps import blind, bridged, variances, weighs
 from .weights import weighting
 
 __all__ = [
@@ -47,12 +48,15 @@ class Prepared:
         Sampling intervals used, a record.
     outputs : tuple of ndarray (output, time)
         Of each record, masked samples interpolated; empty for a batch.
+    blinds : tuple of ndarray (output, time) or None
+        Samples of each record that tell nothing, where there are such; empty if none has any.
     """
 
     core: Any
     layout: Layout
     intervals: tuple[int, ...]
     outputs: tuple[F64, ...] = ()
+    blinds: tuple[NDArray[np.bool_] | None, ...] = ()
 
 
 def prepare(structure: TransferFunction, options: Options, data: Batch | Sequence[Record]) -> Prepared:
@@ -330,7 +334,14 @@ def _joint(
         **weighting(layout, options, records, used),
         **joint_words(layout, intersample, options),
     )
-    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _, _ in filled))
+    blinds = tuple(blind(rec, v) for (rec, *_), v in zip(filled, uneven, strict=False))
+    return Prepared(
+        core,
+        layout,
+        intervals,
+        outputs=tuple(y for _, y, _, _ in filled),
+        blinds=blinds if any(hidden is not None for hidden in blinds) else (),
+    )
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

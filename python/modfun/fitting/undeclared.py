@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN
 from ..errors import ModfunError
+from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
@@ -125,8 +126,9 @@ def _asked(
 ) -> tuple[dict[str, Word], list[Fit]]:
     """How open inputs are read, and the fits of the problems so."""
     each, loop = list(problems), bool(options.reference)
-    if not each:
-        return {}, []
+    noise = options.noise
+    if not each or noise == "errors-in-variables" or (isinstance(noise, Noise) and noise.u is not None):
+        return {}, []  # inputs with noise of their own were measured
     forms = {name: _forms(each, name) for name in each[0][0].inputs if name not in options.reference}
     forms = {name: seen for name, seen in forms.items() if seen - {"rest"}}
     if not forms:
@@ -143,6 +145,8 @@ def _asked(
             continue
         if not fits or name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
             continue
+        if not doubtful and fits[0].layout.rational and fits[0].layout.free_delays:
+            continue  # a free delay makes up for half a sample, and what is left tells of other errors
         word = fits[0].intersample[fits[0].inputs.index(name)]
         bar = POSITIVE if doubtful and not (loop or many) else VERY_STRONG
         changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}

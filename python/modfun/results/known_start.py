@@ -57,7 +57,9 @@ def _beside_free(fit: Estimates) -> float:
     ratio = float(np.mean((fit.noise_levels / other.noise_levels) ** 2))
     p_level = float(fdtrc(fit.df_resid, other.df_resid, ratio))
     gap, size = other.params - fit.params, np.sqrt(np.diag(other.cov_nonrobust))
-    left = other.cov_nonrobust - fit.cov_nonrobust / max(ratio, 1.0)
+    free = size > 0  # and not on a bound
+    gap, size = gap[free], size[free]
+    left = (other.cov_nonrobust - fit.cov_nonrobust / max(ratio, 1.0))[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
     told = values > LEAST_TOLD  # of the variances: less is no more than their own scatter
     if not told.any():
@@ -90,7 +92,8 @@ def gain_of_start(fit: Estimates) -> str | None:
     if not (other.success and p > AGREES):
         return None
     gains = np.sqrt(np.diag(fit.cov_nonrobust) / np.diag(other.cov_nonrobust))
-    if not np.max(gains) >= LEAST_GAIN:
+    gains = gains[np.isfinite(gains) & (gains > 0)]  # where neither fit is on a bound
+    if not np.max(gains, initial=0.0) >= LEAST_GAIN:
         return None
     return (
         f'{seen} (p = {p:.2g}): initial_state="{told}" makes the standard errors {np.min(gains):.2g} to '

@@ -1,10 +1,13 @@
 """Masked samples: how much they cost beside the bound of the samples that are left."""
 
+import warnings
+
 import modfun as mf
 import numpy as np
 import pytest
 
 pytestmark = pytest.mark.statistics
+NAMES = ("a1", "a2", "b0", "b1")
 
 N, DT, SD = 512, 0.05, 0.01
 T = np.arange(N + 1) * DT
@@ -92,3 +95,34 @@ def test_outputs_share_noise_in_the_samples_both_have(kind):
     found, se = errors(covariance, mask)
     assert (np.sqrt(np.mean(found**2, axis=0)) < 1.35 * least).all()
     assert (np.abs(se / least - 1) < 0.15).all()
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_gaps_in_which_much_happens_are_crossed(late):
+    """45 samples hidden where the response answers a pulse, or held commands change.
+
+    Of 30 fits 13 did not settle, or 14 of 100 ended 6 standard errors off. The mean square of scores is 1.44
+    at most in runs of 100; the limit allows for 30 records (once in 1,000, four scores counted as two).
+    """
+    t = 0.02 * np.arange(601)
+    plant = mf.tf([-4, -3], [1, 1.8, 5])
+    if late:
+        u = np.interp(t + 1e-9, [0, 1, 2.5, 3.5, 4, 4.5, 12], range(7)) // 1
+        u = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0])[u.astype(int)]
+    else:
+        u = 2 * np.sin(1.7 * t) * np.exp(-((t - 3) ** 2))
+    word = "zoh" if late else "smooth"
+    y = plant.simulate(u=u, dt=0.02, intersample=word, initial_state=[0.1, 0.1]).ravel()
+    mask = np.ones(601, bool)
+    mask[200:245] = False
+    linear = mf.Equation("y'' + a1*y' + a2*y = b0*u' + b1*u")
+    for structure in [mf.TransferFunction(poles=2, zeros=1)] + ([] if late else [linear]):
+        scores = []
+        for seed in range(30):
+            noise = 0.05 * y.std() * np.random.default_rng(seed).standard_normal(601)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", mf.ModfunWarning)
+                fit = mf.fit(mf.Record(y=y + noise, u=u, dt=0.02, mask=mask, intersample=word), structure)
+            assert fit.success, seed
+            scores.append([(fit[k] - v) / fit.bse[k] for k, v in zip(NAMES, (1.8, 5, -4, -3), strict=True)])
+        assert np.mean(np.square(scores)) < 1.9

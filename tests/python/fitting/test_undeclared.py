@@ -305,3 +305,30 @@ def test_ramps_of_a_computer_are_held():
                 wrong += 1
                 assert "Nobody declared" in str(fit.check())
     assert wrong <= 4
+
+
+def test_a_free_delay_leaves_steps_held():
+    """A step 6.5 samples before the answer: straight lines fitted better, by errors of another kind."""
+    t = 0.2 * np.arange(201)
+    y = np.where(t > 6.3, 2 * (1 - np.exp(-(t - 6.3) / 5)), 0.0)
+    late = mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(min=0, max=4))
+    for seed in range(5):
+        noise = 0.002 * np.random.default_rng(seed).standard_normal(201)
+        fit = quiet(mf.Record(y=y + noise, u=1.0 * (t >= 5), dt=0.2), late, initial_state="rest")
+        assert fit.intersample == ("zoh",)
+        assert abs(fit["delay"] - 1.3) < 4 * fit.bse["delay"]
+
+
+def test_an_input_with_noise_was_measured():
+    """One in eleven was read as held, with estimates three standard errors off."""
+    t = 0.025 * np.arange(2401)
+    u = np.sin(t**2 / 30) + 0.5 * np.sin(1.3 * t)
+    y = PLANT.simulate(u=u, dt=0.025).ravel()
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        noise = 0.3 * u.std() * rng.standard_normal(t.size), 0.1 * y.std() * rng.standard_normal(t.size)
+        rec = mf.Record(y=y + noise[1], u=u + noise[0], dt=0.025)
+        assert set(rec._seen) == {"u"}
+        fit = quiet(rec, TWO, noise="errors-in-variables")
+        assert fit.intersample == ("smooth",)
+        assert fit.records[0] is rec
