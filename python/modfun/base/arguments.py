@@ -160,8 +160,12 @@ def _blame(function: Any, name: str, args: tuple[Any, ...], given: dict[str, Any
             values = {f"{key}[{k}]": one for k, one in enumerate(bound[key])}
         elif parameter.kind is parameter.VAR_KEYWORD:
             values = bound[key]
+        words = str(written.parameters[key].annotation).split(" | ")
         for own, value in values.items():
-            if not _surely_fits(value, parameter.annotation):
+            # `str | ArrayLike` is `ArrayLike` to Python, which takes text, too, and no text is an array here.
+            if not (isinstance(value, str) and "str" in words) and not _surely_fits(
+                value, parameter.annotation
+            ):
                 raise SpecError(
                     f"{name}: {own}={shown(value)} is of type {type(value).__name__}; it takes "
                     f"{_written(written.parameters[key].annotation)}"

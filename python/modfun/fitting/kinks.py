@@ -17,7 +17,7 @@ from ..results.of_equations import EquationFit
 
 __all__ = ["bent", "without_kinks"]
 
-FINE = 16  # samples per period of the highest line: with as many, kinks of held inputs are not seen
+FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
 ROUNDS = 4
 SETTLED = 0.25  # of a standard error: the last step, which is taken
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..errors import FitError, ModfunError, SpecError
 from ..models.options import Options
+from ..models.transfer_function import TransferFunction
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.estimates import COVARIANCES
@@ -34,8 +35,10 @@ def robust_fit(
     """The fit with each sample weighted by what Student's t makes of its residual.
 
     Rounds of expectation and maximisation: a sample whose residual is e in units of the scale has the
-    variance (ν + e²)/(ν + 1); the fit that follows counts it (`Record.sigma`). Where the residuals are no
-    heavier than normal ones, the plain fit is returned.
+    variance (ν + e²)/(ν + 1); the fit that follows counts it (`Record.sigma`). Equations, whose powers and
+    products an error of one sample bends, are fitted to samples that are that much nearer to the response
+    instead: the scores are the same (P. J. Huber, Robust Statistics, Wiley, 1981, section 7.8). Where the
+    residuals are no heavier than normal ones, the plain fit is returned.
 
     Raises
     ------
@@ -50,18 +53,22 @@ def robust_fit(
             'fit: robust=True weights samples, which goes with "ml" and "awls", an initial_state that is '
             'unknown, "rest" or "zero", and no reference=; leave the other option out'
         )
-    options = options.replace(robust=False)
+    options, equations = options.replace(robust=False), not isinstance(structure, TransferFunction)
     fit = first = fit_once(records, structure, options)
     if not first.usable:
         return first
     asked = options.replace(robust=True)
     for _ in range(ROUNDS):
-        errors = [_errors(fit, own, rec) for own, rec in zip(fit.records, records, strict=True)]
+        responses = [_response(fit, own) for own in fit.records]
+        errors = [_errors(y, rec) for y, rec in zip(responses, records, strict=True)]
         tail, gain, weights = student(errors)
         if gain < GAIN:
             return replace(first, options=asked, again=first.again)
         weighed = tuple(_weighed(rec, own) for rec, own in zip(records, weights, strict=True))
-        after = fit_once(weighed, structure, options)
+        taken = weighed
+        if equations:
+            taken = tuple(_nearer(*each, tail) for each in zip(records, responses, weights, strict=True))
+        after = fit_once(taken, structure, options)
         if not after.usable:
             raise FitError(f"fit: robust=True: the fit with weighted samples failed ({after.message})")
         moved = np.max(np.abs(after.params - fit.params) / after.bse, initial=0.0)
@@ -69,9 +76,12 @@ def robust_fit(
         if moved < SETTLED:
             break
     # Weights count as known in the covariances; that they follow the residuals costs information.
-    lost, (_, told) = _lost(fit, tail, weights, errors), shares(fit)
+    lost, (_, told) = (
+        _lost_nearer(tail, weights) if equations else _lost(fit, tail, weights, errors),
+        shares(fit),
+    )
     wider = {name: told + lost * (getattr(fit, name) - told) for name in COVARIANCES}
-    return replace(fit, options=asked, tail=tail, **wider)
+    return replace(fit, options=asked, tail=tail, records=weighed if equations else fit.records, **wider)
 
 
 def _lost(fit: Any, tail: float, weights: Sequence[F64], errors: Sequence[F64]) -> float:
@@ -96,14 +106,31 @@ def _lost(fit: Any, tail: float, weights: Sequence[F64], errors: Sequence[F64]) 
     return float(np.mean(over)) * score * mean / slope**2
 
 
-def _errors(fit: Any, weighed: Record, rec: Record) -> F64:
-    """Simulation errors at the samples (output, time) over the record's own sigma; nan where masked."""
+def _lost_nearer(tail: float, weights: Sequence[F64]) -> float:
+    """The same of samples that were moved: their scatter is that of the scores, whose mean slope is left."""
+    w = np.concatenate([own[np.isfinite(own)] for own in weights])
+    square = np.maximum((tail + 1) / w - tail, 0.0)
+    return float(np.mean(tail * (tail - square) / (tail + square) ** 2)) ** -2
+
+
+def _response(fit: Any, weighed: Record) -> F64:
     try:
-        simulated, _ = fit.simulate(weighed)
+        simulated: F64 = fit.simulate(weighed)[0]
     except ModfunError as error:
         raise FitError(f"fit: robust=True weighs samples by the simulation's errors, but {error}") from None
+    return simulated
+
+
+def _errors(response: F64, rec: Record) -> F64:
+    """Simulation errors at the samples (output, time) over the record's own sigma; nan where masked."""
     own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
-    return np.where(own > 0, (rec.y - simulated) * own, np.nan)
+    return np.where(own > 0, (rec.y - response) * own, np.nan)
+
+
+def _nearer(rec: Record, response: F64, weights: F64, tail: float) -> Record:
+    """The record with samples as near to the response as their scores are small."""
+    part = np.where(np.isfinite(weights), weights * tail / (tail + 1), 1.0)
+    return rec._like(y=response + part * (rec.y - response))
 
 
 def _weighed(rec: Record, weights: F64) -> Record:

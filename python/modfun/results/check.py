@@ -34,7 +34,7 @@ from .doubts import (
 from .estimates import Estimates
 from .feedback import feedback
 from .known_start import gain_of_start
-from .misfit import UNLIKELY, misfit, of_colour, of_residuals
+from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
 from .undeclared import undeclared
 from .uneven_noise import of_time
 
@@ -97,7 +97,7 @@ def check(fit: Estimates, line: str) -> Findings:
             d = diagnose(fit)
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
-            found += [*residual, of_colour(fit, d), of_time(fit)]
+            found += [of_tone(fit), *residual, of_colour(fit, d), of_time(fit)]
         found += [
             undeclared(fit),
             biased(fit),

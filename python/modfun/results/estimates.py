@@ -245,12 +245,15 @@ class Estimates(Elsewhere):
         if self.known_level is not None:
             return self.known_level
         levels, order = [], max(self.layout.orders)
+        held = self.usable and not {"zoh", "foh"}.isdisjoint(self.intersample)
         for rec, intervals, (_, hi) in zip(self.records or (), self.intervals, self.lines, strict=False):
             intervals = min(intervals, rec.intervals)  # a past is no part of the record
             few = hi > intervals // 4 or intervals < 8 * (order + 4)
             if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
                 return np.full(len(self.outputs), np.nan)
-            levels.append(noise_level(np.ascontiguousarray(rec.y[:, rec.intervals - intervals :]), order))
+            # The response to held inputs has kinks, and so power at all frequencies.
+            y = prediction.unexplained(self, rec) if held else rec.y
+            levels.append(noise_level(np.ascontiguousarray(y[:, rec.intervals - intervals :]), order))
         return geometric_mean(levels, self.rows) if levels else np.full(len(self.outputs), np.nan)
 
     @property

@@ -78,6 +78,8 @@ def gain_of_start(fit: Estimates) -> str | None:
     odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
     if odd or not options.extended:
         return None
+    if len(fit.outputs) > 1:  # forty to eighty fits, a level of each output before the record being unknown
+        return None
     if all(standing(rec) >= QUIET for rec in fit.records):
         told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"
     elif fit.layout.rational and fit.layout.plain and all(periods(rec) > 1 for rec in fit.records):

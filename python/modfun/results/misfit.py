@@ -12,9 +12,18 @@ from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
-from .origin import gain_of_colour, gain_of_process, origin
+from .origin import gain_of_colour, gain_of_process, hum, origin
 
-__all__ = ["UNLIKELY", "misfit", "of_colour", "of_residuals", "suspicious", "too_large", "too_small"]
+__all__ = [
+    "UNLIKELY",
+    "misfit",
+    "of_colour",
+    "of_residuals",
+    "of_tone",
+    "suspicious",
+    "too_large",
+    "too_small",
+]
 
 UNLIKELY = 0.01  # p-value below which a test speaks
 PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far above the noise
@@ -112,6 +121,20 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
             )
         )
     return found
+
+
+def of_tone(fit: Estimates) -> Doubt | None:
+    """That most of the residuals are one tone, such as a hum."""
+    found = hum(fit)
+    if found is None:
+        return None
+    output, omega, part = found
+    return Doubt(
+        f"A tone near {omega:.4g} rad/s is {100 * part:.0f} % of the power of the "
+        f"residuals{_of(fit, fit.outputs[output])}: a hum, or an oscillation that acts on the system. If you "
+        "know its frequency w, as of mains or a rotor, put sin(w t) and cos(w t) into the record as inputs.",
+        sure=False,
+    )
 
 
 def of_colour(fit: Estimates, d: Diagnosis) -> Doubt | None:

@@ -10,12 +10,29 @@ from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
 
-__all__ = ["gain_of_colour", "gain_of_process", "origin"]
+__all__ = ["gain_of_colour", "gain_of_process", "hum", "origin"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0
 LEAST_GAIN = 1.2  # of a standard error
+HUM, HUM_LINES = 0.7, 16  # part of the residuals' power in two lines beside each other, of so many at least
 POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
+
+
+def hum(fit: Estimates) -> tuple[int, float, float] | None:
+    """Output, frequency and part of the power of a tone that most of the residuals are; None without."""
+    for i in range(len(fit.row_names) if fit.layout.rational else 0):
+        for piece, (low, _), omega0 in zip(fit.pieces, fit.lines, fit.omega0, strict=True):
+            power = np.abs(piece[i]) ** 2
+            if power.size < HUM_LINES:
+                continue
+            pairs = power[1:] + power[:-1]
+            at = int(np.argmax(pairs))
+            part = float(pairs[at] / power.sum())
+            if part > HUM:
+                centre = at + float(power[at + 1] / pairs[at])
+                return i, (low + centre) * omega0, part
+    return None
 
 
 def origin(fit: Estimates) -> str | None:
@@ -27,7 +44,7 @@ def origin(fit: Estimates) -> str | None:
     to eleven.
     """
     plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
-    if not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
+    if hum(fit) or not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
         return None
     steps = [rec.dt for rec in fit.records if rec.dt is not None and rec.mask is None and rec.sigma is None]
     if len(steps) != len(fit.records):
@@ -70,6 +87,8 @@ def gain_of_colour(fit: Estimates) -> float | None:
     Geometric mean over the parameters, over the band of the fit.
     """
     if fit.options.noise != "output" or fit.again is None or fit.records is None or not fit.layout.rational:
+        return None
+    if hum(fit):  # the lines beside it would count as known
         return None
     options = on_band(fit, fit.band).replace(noise="coloured", output_weights=None)
     other = again(fit, fit.records, fit.structure, options)

@@ -12,7 +12,7 @@ from .._core import simulate_uneven
 from ..base.arguments import shown
 from ..base.arrays import F64
 from ..base.samples import LARGEST, frozen
-from ..errors import DataError, SpecError
+from ..errors import DataError, ModfunError, SpecError
 from ..models.layout import Layout
 from ..records.mask import sample_weights
 from ..records.record import Record
@@ -30,6 +30,7 @@ __all__ = [
     "path_columns",
     "path_model",
     "simulate_paths",
+    "unexplained",
 ]
 
 
@@ -256,3 +257,13 @@ def _forced_uneven(model: LTI, rec: Record) -> F64:
     a, b, c, d, _ = model.scaled()
     held = [kind == "zoh" for kind in rec.intersample]
     return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)
+
+
+def unexplained(fit: Any, rec: Record) -> F64:
+    """What a fit's response leaves of the outputs; all of them where it cannot be simulated."""
+    try:
+        with np.errstate(all="ignore"):
+            left: F64 = rec.y - fit.simulate(rec)[0]
+    except ModfunError:
+        return rec.y
+    return left if np.isfinite(left).all() else rec.y

@@ -57,8 +57,28 @@ def test_batches_are_fitted_alike() -> None:
 
 
 def test_fast_sampling_needs_nothing() -> None:
-    rec = record("cubic", 0, dt=0.02)
+    rec = record("cubic", 0, dt=0.01)
     fit = mf.fit(rec, CUBIC, band=(0, 10))
-    assert fit.band[1] * 0.02 * 16 < 2 * np.pi
+    assert fit.band[1] * 0.01 * 40 < 2 * np.pi
     plain = fit_equation((rec,), CUBIC, Options(band=(0.0, 10.0)))
     np.testing.assert_array_equal(fit.params, plain.params)
+
+
+def test_little_noise_shows_kinks_of_fast_samples() -> None:
+    """A doublet at 27 samples per period of the band's end, 0.1 % noise: Za was 1.7 standard errors off.
+
+    Means of 16 errors in standard errors, as above.
+    """
+    motion = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["u"])
+    truth = {"Za": -0.9, "Ma": -5.2, "Mq": -1.4, "Zd": -0.12, "Md": -7.5}
+    u = np.zeros(301)
+    u[50:90], u[90:130] = 0.05, -0.05
+    told = {"dt": 0.02, "intersample": "zoh"}
+    y = motion.model(truth).simulate(u=u, initial_state=[0.02, -0.03], **told)
+    scores = []
+    for seed in range(16):
+        noise = 0.001 * y.std(axis=1, keepdims=True) * np.random.default_rng(seed).standard_normal(y.shape)
+        rec = mf.Record(y=y + noise, u=u, outputs=["alpha", "q"], inputs=["u"], **told)
+        fit = mf.fit(rec, motion)
+        scores.append([(fit[name] - value) / fit.bse[name] for name, value in truth.items()])
+    assert np.max(np.abs(np.mean(scores, axis=0))) < 1.0

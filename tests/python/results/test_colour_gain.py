@@ -30,3 +30,22 @@ def test_where_it_pays() -> None:
 def test_white_noise_and_coloured_fits_are_left_alone() -> None:
     assert not any(WORDS in line for line in mf.fit(noisy(False), TWO).check())
     assert not any(WORDS in line for line in mf.Estimator(TWO, noise="coloured")(noisy(True)).check())
+
+
+def test_a_hum_is_named_and_weights_are_not_proposed() -> None:
+    """Weights by its own residuals made standard errors ten times smaller, and intervals cover 35 %."""
+    w, t = 2.5, 0.05 * np.arange(1201)
+    u = np.sin(t**2 / 40) + np.sin(2 * t)
+    y = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=0.05).ravel()
+    noise = np.random.default_rng(0).standard_normal(t.size)
+    y = y + 0.1 * y.std() * (1.4 * np.sin(w * t + 1) + 0.1 * noise)
+    fit = mf.Estimator(TWO)(mf.Record(y=y, u=u, dt=0.05, intersample="smooth"))
+    said = str(fit.check())
+    assert "A tone near 2.5" in said
+    assert WORDS not in said
+    assert "noise=" not in said
+    waves = [u, np.sin(w * t), np.cos(w * t)]  # as the check advises
+    rec = mf.Record(y=y, u=waves, dt=0.05, intersample="smooth", inputs=["u", "s", "c"])
+    known = mf.fit(rec, mf.TransferFunction(poles=2, zeros=[0, 0, 0]))
+    assert np.all(np.abs(known.params[:3] - [3, 8, 5]) < 4 * known.bse[:3])
+    assert np.all(known.bse[:3] < 0.1 * fit.bse)
