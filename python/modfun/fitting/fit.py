@@ -405,20 +405,19 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
-        past: Fit = fit_with_past(records, structure, options, fit_quietly)
-        return past
+        return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
     made = prepare(structure, options, records)
-    sides = [rec.y for rec in records], [rec.u for rec in records]
-    refuse_standing(made.layout, *sides, options.initial_state)
-    refuse_cut_off(made.layout, [rec.t for rec in records], sides[1])
+    ys, us = [rec.y for rec in records], [rec.u for rec in records]
+    refuse_standing(made.layout, ys, us, options.initial_state)
+    refuse_cut_off(made.layout, [rec.t for rec in records], us)
 
     def fitted(outputs: list[F64]) -> Fit:
-        found = made.core.fit(outputs, sides[1])
+        found = made.core.fit(outputs, us)
         return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
 
-    fit = fitted(list(made.outputs) or sides[0])
+    fit = fitted(list(made.outputs) or ys)
     return across(fit, made.outputs, made.blinds, fitted) if made.blinds else fit
 
 

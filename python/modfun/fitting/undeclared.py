@@ -199,7 +199,7 @@ def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
     return any(
         furthest(fit, other)[-1] > FAR
         for fit, other in zip(fits, others, strict=True)
-        if other is not None and fit.params.size
+        if other is not None and fit.param_names and fit.param_names == other.param_names
     )
 
 

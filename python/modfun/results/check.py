@@ -46,7 +46,16 @@ BIASED = 0.3  # standard errors: bias that is said
 
 def unsettled(fit: Estimates) -> Doubt | None:
     """That the iteration did not end by itself."""
-    return None if fit.success else Doubt(fit.message)
+    return None if fit.success else Doubt(_message(fit))
+
+
+def _message(fit: Estimates) -> str:
+    """What went wrong, and that a start which is no such start looks like it."""
+    start = fit.options.initial_state
+    if isinstance(start, str) and start == "unknown":
+        return fit.message
+    said = repr(start) if isinstance(start, str) else "..."
+    return f'First try initial_state="unknown": the record may not begin as {said} says. {fit.message}'
 
 
 def fed_back(fit: Estimates) -> Doubt | None:
@@ -79,7 +88,7 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
 def warnings_of(fit: Estimates) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
     if not fit.usable:
-        return [f"fit: {fit.message}"]
+        return [f"fit: {_message(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
         found = (look(fit) for look in LOOKS)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
@@ -89,7 +98,7 @@ def check(fit: Estimates, line: str) -> Findings:
     """What is wrong or doubtful about a fit, `line` in words; see `Fit.check`."""
     title = f"Check of {line}"
     if not fit.usable:
-        return Findings(title, [fit.message])
+        return Findings(title, [_message(fit)])
     with np.errstate(all="ignore"):
         found = [look(fit) for look in LOOKS if look is not unexplained]
         note = noise_free(fit)

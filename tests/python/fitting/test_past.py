@@ -225,3 +225,18 @@ def test_inputs_that_would_jump_and_equations_of_time() -> None:
         mf.fit(rec, later, initial_state="rest")
     with pytest.raises(mf.errors.SpecError, match="change with time"):
         mf.crlb(later.model({"a": 1.0, "b": 1.0}), rec, sigma=0.1, initial_state="rest")
+
+
+def test_a_start_in_motion_is_blamed_where_no_fit_is_found():
+    """The samples were said to tell nothing, and "zero" and "unknown" find all."""
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.choice([-1.5, 1.5], 300), 8)[:300]  # acts from the first sample on
+    duffing = mf.Equation("y'' + d*y' + a*y + b*y**3 = u")
+    told = {"dt": 0.05, "intersample": "zoh"}
+    y = duffing.model({"d": 0.6, "a": 1.0, "b": 0.5}).simulate(u=u, initial_state=[0, 0], **told).ravel()
+    rec = mf.Record(y=y + 0.03 * np.random.default_rng(0).standard_normal(300), u=u, **told)
+    with pytest.warns(mf.ModfunWarning, match=r'First try initial_state="unknown"'):
+        fit = mf.fit(rec, duffing, initial_state="rest")
+    assert not fit.success
+    assert 'initial_state="unknown"' in str(fit.check())
+    assert mf.fit(rec, duffing, initial_state="zero").success
