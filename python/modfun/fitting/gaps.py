@@ -95,7 +95,9 @@ def across(
     from the response, steps lead astray or do not end. The fit of what lies around the gaps, as records of
     their own, is another start; of both ends the better one is kept.
     """
-    found = [_settled(start, outputs, blinds, refit) for start in (fit, _around(fit, blinds)) if start]
+    found, start = [_settled(fit, outputs, blinds, refit)], _around(fit, blinds)
+    if start is not None and (other := _settled(start, outputs, blinds, refit)) is not start:
+        found.append(other)
     return min(found, key=lambda one: (not one.usable, one.cost))
 
 
