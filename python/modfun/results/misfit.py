@@ -30,6 +30,7 @@ PLAUSIBLE = 0.1  # p-value below which a cure is tried where residuals are far a
 LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by itself
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about, and of gains
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
+AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
@@ -87,7 +88,8 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         said += _of_free_motion(fit)
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
     if d.chi2_p < PLAUSIBLE or (isnan(d.chi2_p) and seen):
-        said += _of_written(fit, sure_only)
+        products = _of_products(fit, d)
+        said += [(products, 0.0)] if products else _of_written(fit, sure_only)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -248,6 +250,22 @@ def _of_written(fit: Estimates, sure_only: bool) -> list[tuple[Doubt, float]]:
         f"to {cure.after:.4g}."
     )
     return [(Doubt(text, convincing(fit, cure)), cure.before - cure.after)]
+
+
+def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
+    """That products of a signal and a derivative have made more of the noise than estimates bear."""
+    formulas = getattr(fit.layout, "formulas", None)  # of equations
+    if formulas is None or not (d.level_ratio > AMPLIFIED and d.chi2_p < SURE):
+        return None
+    if all(term.factor is None for term in formulas.compiled.terms):
+        return None
+    hidden = ", ".join(formulas.compiled.hidden)
+    cure = f"measure {hidden}" if hidden else "fit the response itself, mf.rivals.output_error(model)"
+    return Doubt(
+        "Products of a signal and a derivative are left in the equation, which amplify noise, and the "
+        f"residuals are {d.level_ratio:.3g} times {_reference(fit)}: estimates may be off by much more than "
+        f"their errors. First {cure}."
+    )
 
 
 def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
