@@ -41,8 +41,10 @@ def longitudinal(folder: Place, matrices: dict[str, Any]) -> tuple[mf.Record, Ar
     gain = np.array([[0.0, FEEDBACK["alpha"], FEEDBACK["q"], 0.0]])
     loop = mf.ss(a + b @ gain, b, np.vstack([np.eye(4)[1:3], gain]), [[0.0], [0.0], [1.0]])
     alpha, q, stabilator = loop.simulate(u=[command], dt=dt)
-    names = {"outputs": ["alpha", "q"], "inputs": ["stab"]}
-    return mf.Record(y=[alpha, q], u=stabilator, dt=dt, intersample="smooth", **names), command
+    clean = mf.Record(
+        y=[alpha, q], u=stabilator, dt=dt, intersample="smooth", outputs=["alpha", "q"], inputs=["stab"]
+    )
+    return clean, command
 
 
 def lateral(folder: Place, matrices: dict[str, Any]) -> mf.Record:
@@ -50,8 +52,8 @@ def lateral(folder: Place, matrices: dict[str, Any]) -> mf.Record:
     u, dt = inputs(folder, "f18harv_lat_342l/f18harv_342l.csv", ["ail_deg", "rdr_deg"])
     aircraft = mf.ss(matrices["A"], matrices["B"], np.eye(4)[:3], np.zeros((3, 2)))
     y = aircraft.simulate(u=u, dt=dt)
-    names = {"outputs": ["beta", "p", "r"], "inputs": ["ail", "rdr"]}
-    return mf.Record(y=y, u=u, dt=dt, intersample="smooth", **names)
+    names = ["beta", "p", "r"]
+    return mf.Record(y=y, u=u, dt=dt, intersample="smooth", outputs=names, inputs=["ail", "rdr"])
 
 
 def noisy(clean: mf.Record, level: float, seed: int) -> mf.Record:
