@@ -417,8 +417,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         found = made.core.fit(outputs, us)
         return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
 
-    fit = fitted(list(made.outputs) or ys)
-    return across(fit, made.outputs, made.blinds, fitted) if made.blinds else fit
+    return across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
 
 
 # What users give ----------------------------------------------------------------------------------

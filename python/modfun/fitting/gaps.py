@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from ..records.record import Record
 from ..results.cures import again, on_band
 
 __all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
+
+AnyFit = TypeVar("AnyFit", bound=Any)
 
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
@@ -84,17 +86,19 @@ def blind(rec: Record, variance: F64 | None) -> NDArray[np.bool_] | None:
 
 
 def across(
-    fit: Any,
+    fit: AnyFit,
     outputs: Sequence[F64],
     blinds: Sequence[NDArray[np.bool_] | None],
-    refit: Callable[[list[F64]], Any],
-) -> Any:
+    refit: Callable[[list[F64]], AnyFit],
+) -> AnyFit:
     """The fit of `outputs` with the model's own response where they are blind, `refit` until nothing moves.
 
     What stands there has no weight in the criterion, but it is in the columns that each step is taken by: far
     from the response, steps lead astray or do not end. The fit of what lies around the gaps, as records of
     their own, is another start; of both ends the better one is kept.
     """
+    if all(hidden is None for hidden in blinds):
+        return fit
     found, start = [_settled(fit, outputs, blinds, refit)], _around(fit, blinds)
     if start is not None and (other := _settled(start, outputs, blinds, refit)) is not start:
         found.append(other)
@@ -102,8 +106,8 @@ def across(
 
 
 def _settled(
-    fit: Any, outputs: Sequence[F64], blinds: Sequence[Any], refit: Callable[[list[F64]], Any]
-) -> Any:
+    fit: AnyFit, outputs: Sequence[F64], blinds: Sequence[Any], refit: Callable[[list[F64]], AnyFit]
+) -> AnyFit:
     for _ in range(ROUNDS):
         if not fit.usable:
             return fit
@@ -125,7 +129,7 @@ def _settled(
     return fit
 
 
-def _around(fit: Any, blinds: Sequence[Any]) -> Any:
+def _around(fit: AnyFit, blinds: Sequence[Any]) -> AnyFit | None:
     """The fit with the parameters of one to what lies around the gaps; None where there is none."""
     pieces = []
     for rec, hidden in zip(fit.records, blinds, strict=True):

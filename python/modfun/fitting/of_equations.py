@@ -127,7 +127,6 @@ def fit_equation(
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
-    outputs = [y for _, y, _, _ in filled]
 
     def fitted(ys: list[F64]) -> EquationFit:
         rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y in zip(records, ys, strict=True)]
@@ -137,7 +136,7 @@ def fit_equation(
     outputs = [y for _, y, _, _ in filled]
     fit = fitted(outputs)
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
-    return across(fit, outputs, blinds, fitted) if any(hidden is not None for hidden in blinds) else fit
+    return across(fit, outputs, blinds, fitted)
 
 
 def _of_found(

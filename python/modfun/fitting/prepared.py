@@ -49,7 +49,7 @@ class Prepared:
     outputs : tuple of ndarray (output, time)
         Of each record, masked samples interpolated; empty for a batch.
     blinds : tuple of ndarray (output, time) or None
-        Samples of each record that tell nothing, where there are such; empty if none has any.
+        Samples of each record that tell nothing, None where there are none; empty as `outputs` is.
     """
 
     core: Any
@@ -335,13 +335,7 @@ def _joint(
         **joint_words(layout, intersample, options),
     )
     blinds = tuple(blind(rec, v) for (rec, *_), v in zip(filled, uneven, strict=False))
-    return Prepared(
-        core,
-        layout,
-        intervals,
-        outputs=tuple(y for _, y, _, _ in filled),
-        blinds=blinds if any(hidden is not None for hidden in blinds) else (),
-    )
+    return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _, _ in filled), blinds=blinds)
 
 
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:

@@ -76,10 +76,8 @@ def robust_fit(
         if moved < SETTLED:
             break
     # Weights count as known in the covariances; that they follow the residuals costs information.
-    lost, (_, told) = (
-        _lost_nearer(tail, weights) if equations else _lost(fit, tail, weights, errors),
-        shares(fit),
-    )
+    lost = _lost_nearer(tail, weights) if equations else _lost(fit, tail, weights, errors)
+    _, told = shares(fit)
     wider = {name: told + lost * (getattr(fit, name) - told) for name in COVARIANCES}
     return replace(fit, options=asked, tail=tail, records=weighed if equations else fit.records, **wider)
 

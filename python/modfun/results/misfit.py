@@ -20,6 +20,7 @@ __all__ = [
     "of_colour",
     "of_residuals",
     "of_tone",
+    "refuted",
     "suspicious",
     "too_large",
     "too_small",

@@ -242,7 +242,8 @@ def motor(seed: int, level: float) -> mf.Record:
 def test_a_command_that_looks_smooth_is_read_as_held_where_that_fits_far_better():
     """Read as smooth, the estimates were 15 standard errors off, and nothing was said.
 
-    With six parameters' scores in ten records, the mean square of 30 scores is above 1.8 once in 200.
+    The mean square of 30 scores, three in each of ten records, is above 1.8 once in 200 if these are
+    independent.
     """
     scores = []
     for seed in range(10):
