@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, isqrt, nan
+from math import ceil, isqrt, log, nan
 from typing import Any
 
 import numpy as np
 
-from .._core import TermsFitter
+from .._core import TermsFitter, noise_level
 from ..base.arrays import F64, geometric_mean
 from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
@@ -19,11 +19,14 @@ from ..models.options import Options
 from ..models.process import with_inputs
 from ..records.batches import Batch
 from ..records.record import Record
+from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
+
+QUIET = log(0.01)  # of the outputs' size: less in the high band may be kinks alone
 
 
 def _levels(noise: Any, outputs: int, inputs: int) -> list[float] | None:
@@ -59,8 +62,9 @@ def prepare_equation(
     data: Batch | Sequence[Record],
     uneven: Sequence[F64 | None] = (None,),
     levels: list[float] | None = None,
+    learn: bool = True,
 ) -> PreparedEquation:
-    """What fits of equations share whatever the samples.
+    """What fits of equations share whatever the samples; `learn`: levels of noise with the parameters.
 
     Raises
     ------
@@ -83,7 +87,7 @@ def prepare_equation(
     words["noise"] = "process" if options.drives else "equation" if options.noise == "equation" else "output"
     words["shapes"] = tuple(own for _, own in getattr(options.noise, "filters", ()))
     # Noise of inputs and outputs cannot be told apart by how large the residuals are.
-    words["learn"] = options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
+    words["learn"] = learn and options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))
@@ -126,17 +130,35 @@ def fit_equation(
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
-    made = prepare_equation(structure, options, records, [_all_noisy(layout, v) for v in capped], seen)
+    learns = options.noise == "output" and len(layout.outputs) * len(records) > 1
+    spread = [_all_noisy(layout, v) for v in capped]
 
-    def fitted(ys: list[F64]) -> EquationFit:
+    def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
+        made = prepare_equation(structure, options, records, spread, seen, learn)
         rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y in zip(records, ys, strict=True)]
         _refuse_not_finite(layout, rows)
         return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
 
     outputs = [y for _, y, _, _ in filled]
-    fit = fitted(outputs)
+    fit = fitted(outputs, learn=False) if learns and _quiet(records, order) else None
+    if fit is None or not fit.success or noise_free(fit) is None:
+        fit = fitted(outputs)
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
     return across(fit, outputs, blinds, fitted)
+
+
+def _quiet(records: Sequence[Record], order: int) -> bool:
+    """Whether the outputs may be without noise: their high band holds no more than kinks of held inputs do.
+
+    The residuals are then errors of the quadrature, and levels of white noise learnt from these run away.
+    """
+    even = all([rec.dt is not None and rec.mask is None for rec in records])
+    if not even or not any(["zoh" in rec.intersample for rec in records]):
+        return False
+    ys = [np.ascontiguousarray(rec.y) for rec in records if rec.intervals >= 8 * (order + 4)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = [np.log(noise_level(y, order) / y.std(axis=1)) for y in ys]
+    return bool(parts) and float(np.mean(parts)) < QUIET
 
 
 def _of_found(

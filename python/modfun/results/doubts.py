@@ -418,10 +418,12 @@ def noise_free(fit: Estimates) -> str | None:
         np.mean([_rms(rec.y[i], float(rec.y[i].mean())) ** 2 for rec in fit.records])
         for i in range(len(fit.outputs))
     ])  # fmt: skip
-    if not np.all(levels < FINEST * spread):
+    # One scale for all outputs does not say in which of them the errors are.
+    each = levels / spread
+    if not (np.all(each < 3 * FINEST) and np.mean(np.log(each)) < math.log(FINEST)):
         return None
     return (
-        f"There is no noise to test the residuals against: they are {numbers(levels / spread)} of the output "
+        f"There is no noise to test the residuals against: they are {numbers(each)} of the output "
         "(rms), as errors of the quadrature may be."
     )
 

@@ -51,6 +51,22 @@ def ratio(
     return np.sqrt(np.mean(np.square(errors), axis=0)), np.mean(inside, axis=0), p
 
 
+@pytest.mark.parametrize("told", ["unknown", "rest"])
+@pytest.mark.parametrize("nsr", [0.0, 1e-6, 1e-4])
+def test_errors_of_the_quadrature_are_no_noise(told: str, nsr: float) -> None:
+    """Levels of noise learnt from kinks that a held input leaves ran away, to estimates three times off."""
+    drive = mf.signals.multistep("de", unit=0.5, before=1.0, duration=10.0, dt=0.02)
+    record = mf.simulate(MOTION.model(DERIVATIVES), input=drive, nsr=nsr, seed=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit = mf.fit(record, MOTION, initial_state=told)
+    assert fit.success
+    np.testing.assert_allclose(fit.params, list(DERIVATIVES.values()), rtol=2e-3)
+    found = fit.check()
+    assert not found
+    assert "There is no noise to test the residuals against" in str(found)
+
+
 @pytest.mark.parametrize("told", ["zero", "rest"])
 def test_exact_without_noise(told: str) -> None:
     np.testing.assert_allclose(mf.fit(duffing(), DUFFING, initial_state=told).params, TRUTH, rtol=3e-3)
