@@ -29,6 +29,7 @@ __all__ = [
     "of_written",
     "offset_of",
     "on_band",
+    "rewritten",
     "with_drift",
 ]
 
@@ -181,7 +182,7 @@ def _neighbours(
     if path is None:
         degrees[output][channel] = layout.orders[output] - 1
         words = f"a path from {name} to {fit.outputs[output]}, zeros={_told(degrees)}"
-        yield words, records, _with(fit, zeros=degrees)
+        yield words, records, rewritten(fit, zeros=degrees)
         return
     for word in ("zoh", "smooth", "foh"):
         if word != fit.intersample[channel]:
@@ -198,11 +199,11 @@ def _neighbours(
     if not isinstance(known, Free):
         for late in _likeliest_delay(fit, delays, output, channel):
             delays[output][channel] = late
-            yield f"a delay{of}, delay={_told(delays)}", records, _with(fit, delay=delays)
+            yield f"a delay{of}, delay={_told(delays)}", records, rewritten(fit, delay=delays)
     if path < layout.orders[output]:
         more = [list(row) for row in degrees]
         more[output][channel] = path + 1
-        yield f"one more zero{of}, zeros={_told(more)}", records, _with(fit, zeros=more)
+        yield f"one more zero{of}, zeros={_told(more)}", records, rewritten(fit, zeros=more)
     yield from _poles(fit, output)
 
 
@@ -224,7 +225,7 @@ def _likeliest_delay(
     def score(k: int) -> None:
         late = [list(row) for row in delays]
         late[output][channel] = known + k * dt
-        other = again(fit, fit.records, _with(fit, delay=late), options)
+        other = again(fit, fit.records, rewritten(fit, delay=late), options)
         scores[k] = bic_beside(other, fit) if other is not None else inf
 
     best = 0
@@ -278,15 +279,15 @@ def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...
                 TransferFunction(poles=told, denominator=fit.structure.denominator),
             )
             continue
-        yield f"{words}, poles={told}, zeros={_told(degrees)}", records, _with(fit, poles=told)
+        yield f"{words}, poles={told}, zeros={_told(degrees)}", records, rewritten(fit, poles=told)
         wider = [
             [None if d is None else d + extra for d in row] if layout.common or i == output else row
             for i, row in enumerate(degrees)
         ]
-        yield f"{words}, poles={told}, zeros={_told(wider)}", records, _with(fit, poles=told, zeros=wider)
+        yield f"{words}, poles={told}, zeros={_told(wider)}", records, rewritten(fit, poles=told, zeros=wider)
 
 
-def _with(fit: Estimates, **changes: Any) -> TransferFunction:
+def rewritten(fit: Estimates, **changes: Any) -> TransferFunction:
     """The structure with some of its words changed, each written [output][input]."""
     structure, layout = fit.structure, fit.layout
     words: dict[str, Any] = {

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
-from .cures import again, on_band
+from .cures import again, on_band, rewritten
 
 if TYPE_CHECKING:
     from .estimates import Estimates
@@ -18,6 +19,7 @@ __all__ = ["contradicted_p", "gain_of_start"]
 
 LEAST_GAIN = 1.2  # of a standard error
 AGREES = 0.05  # p-value
+ABOUT = 4.0  # standard errors, or samples if more, of a delay either side of its estimate
 LEAST_TOLD = 0.2  # of a variance that the past took away
 
 
@@ -87,7 +89,7 @@ def gain_of_start(fit: Estimates) -> str | None:
     else:
         return None
     options = on_band(fit, fit.band).replace(initial_state=told)
-    other = again(fit, fit.records, fit.structure, options)
+    other = again(fit, fit.records, _near(fit), options)
     if other is None:
         return None
     p = contradicted_p(other)
@@ -101,3 +103,22 @@ def gain_of_start(fit: Estimates) -> str | None:
         f'{seen} (p = {p:.2g}): initial_state="{told}" makes the standard errors {np.min(gains):.2g} to '
         f"{np.max(gains):.2g} times smaller."
     )
+
+
+def _near(fit: Estimates) -> Any:
+    """The structure with free delays bounded about their estimates: a search over wide bounds takes long."""
+    layout = fit.layout
+    if not layout.rational or not layout.free_delays:
+        return fit.structure
+    dt = max(rec.dt for rec in fit.records or () if rec.dt)
+    late = dict(zip(layout.free_delays, range(len(layout.free), fit.params.size), strict=True))
+
+    def about(path: int) -> Any:
+        known: Any = layout.paths[path].delay
+        if path not in late or known.sd is not None:
+            return known
+        here = fit.params[late[path]]
+        width = ABOUT * max(dt, np.nan_to_num(fit.bse[late[path]]))
+        return Free(here, min=max(known.min, here - width), max=min(known.max, here + width))
+
+    return rewritten(fit, delay=[[about(path) for path in row] for row in layout.routes])

@@ -15,6 +15,7 @@ from .meaning import parameter
 __all__ = ["twins"]
 
 SEED, STARTS = 20, 40
+FURTHEST = 100  # evaluations from a start: those that arrive take some 20, and others go to infinity
 SAME = 1e-9  # relative difference of coefficients that rounding leaves
 APART = 1e-3  # relative difference of parameters that are others
 MOST = 3
@@ -51,6 +52,7 @@ def twins(compiled: Compiled, params: F64) -> list[F64]:
                 xtol=1e-15,
                 ftol=1e-15,
                 gtol=1e-15,
+                max_nfev=FURTHEST,
             )
         except (ValueError, FloatingPointError):  # a start at which a coefficient has no value
             continue
