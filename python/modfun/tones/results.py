@@ -12,9 +12,10 @@ from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.names import nearest
 from ..base.student import confidence, student_interval
-from ..base.tables import Table
+from ..base.tables import Findings, Table
 from ..errors import SpecError
 from . import drawing
+from .check import check
 
 __all__ = ["KINDS", "Sinusoids", "SinusoidsMany"]
 
@@ -89,9 +90,9 @@ class Sinusoids(_Tones):
     Attributes
     ----------
     params : (p,) array
-        Estimates in the order of `param_names`: also as `omega`, `damping`, `amplitude`, `phase`.
+        Estimates by number or name, ``s.params["omega1"]``: also as `omega`, `damping`, `amplitude`, `phase`.
     bse : (p,) array
-        Standard errors for white noise.
+        Standard errors for white noise, by number or name.
     kinds : tuple of str
         What the parameters are, in this order: "omega", "damping" (where free), "amplitude", "phase".
     cov : (p, p) array
@@ -114,6 +115,8 @@ class Sinusoids(_Tones):
     weights : (time,) array
         Zero where samples are masked; else 1, or 1/sigma of the record.
     dt : float
+    lines : int
+        Lines of the spectrum on each side of a tone that were fitted; 0: all samples.
 
     See Also
     --------
@@ -148,6 +151,7 @@ class Sinusoids(_Tones):
     y: NDArray[Any]
     weights: F64
     dt: float
+    lines: int
 
     @property
     def success(self) -> bool:
@@ -162,6 +166,17 @@ class Sinusoids(_Tones):
     def __len__(self) -> int:
         return int(self.omega.size)
 
+    def check(self) -> Findings:
+        """What is wrong or doubtful about the tones, in sentences with numbers and what to try.
+
+        Tones no larger than peaks of noise, with less than one period, or too close together; samples far
+        from all others; and, unless only `lines` were fitted, tones that decay, grow or move, a further
+        tone, and noise whose level about a tone is not that of the record. Each kind of test objects where
+        its p-value is below 0.01, over all tones, lines or samples that it looks at; all together object to
+        about one right answer in thirty.
+        """
+        return check(self)
+
     def cov_params(self) -> F64:
         """Covariance of the parameters (a copy)."""
         return self.cov.copy()
@@ -169,7 +184,9 @@ class Sinusoids(_Tones):
     def conf_int(self, level: float = 0.95) -> F64:
         """Confidence intervals, (p, 2), from Student's t with `df_resid` degrees of freedom."""
         level = confidence("conf_int", level)
-        return np.column_stack(student_interval(self.params, self.bse, self.df_resid, level))
+        return np.column_stack(
+            student_interval(np.asarray(self.params), np.asarray(self.bse), self.df_resid, level)
+        )
 
     def estimates(self) -> dict[str, float]:
         """Estimates by name, what an estimator of `MonteCarlo` may return."""
@@ -198,8 +215,11 @@ class Sinusoids(_Tones):
         errors = self.bse.reshape(len(self.kinds), len(self))
         for kind, error in zip(self.kinds, errors, strict=True):
             columns |= {kind: self._of(kind), f"{kind}_bse": error}
-        how = "" if self.success else f"; {self.status}: {self.message}"
-        return Table(columns, title=f"{len(self)} tones (rad/s, 1/s), noise sd {self.sigma:.4g}{how}")
+        doubts = len(self.check()) if self.success else 0
+        how = f"; {doubts} doubt{'s' if doubts > 1 else ''}, see check()" if doubts else ""
+        how = how if self.success else f"; {self.status}: {self.message}"
+        tones = "1 tone" if len(self) == 1 else f"{len(self)} tones"
+        return Table(columns, title=f"{tones} (rad/s, 1/s), noise sd {self.sigma:.4g}{how}")
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
         """Draw the spectrum of the record and of what the tones leave; see `modfun.plot.sinusoids`."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import sinusoids as core_sinusoids
 from ..base.arguments import public, real, reals, whole
 from ..base.arrays import F64
+from ..base.named import Named
 from ..base.names import nearest
 from ..base.progress import Progress
 from ..base.samples import FEWEST, LARGEST
@@ -174,7 +175,7 @@ def sinusoids(
     kinds = KINDS if damped else tuple(kind for kind in KINDS if kind != "damping")
     if many:
         return _made_many(found, kinds, wanted, step, scale)
-    return _made(found, kinds, wanted, step, float(scale[0]), trend, y[0], weights)
+    return _made(found, kinds, wanted, step, float(scale[0]), trend, y[0], weights, reach)
 
 
 def _made(
@@ -186,15 +187,17 @@ def _made(
     trend: str | None,
     y: NDArray[Any],
     weights: F64,
+    lines: int,
 ) -> Sinusoids:
     own = int(found["count"][0])
     unit = _units(kinds, own, dt) * np.repeat([scale if kind == "amplitude" else 1.0 for kind in kinds], own)
     params, bse = (
         found[name][0].reshape(len(kinds), wanted)[:, :own].ravel() * unit for name in ("params", "bse")
     )
+    names = tuple(f"{kind}{i + 1}" for kind in kinds for i in range(own))
     return Sinusoids(
-        params=params,
-        bse=bse,
+        params=Named(params, names),
+        bse=Named(bse, names, "se"),
         kinds=kinds,
         cov=found["cov"] * np.outer(unit, unit),
         sigma=float(np.sqrt(found["variance"][0])) * scale,
@@ -208,6 +211,7 @@ def _made(
         y=y,
         weights=weights,
         dt=dt,
+        lines=lines,
     )
 
 
