@@ -154,6 +154,14 @@ impl Hold {
         }
     }
 
+    /// What the first two samples count in the signal's value at the start of a cell that it comes `ahead` of.
+    pub(crate) fn start(self, ahead: f64) -> [f64; 2] {
+        match self {
+            Hold::Zoh => [1.0, 0.0],
+            Hold::Foh => [1.0 - ahead, ahead],
+        }
+    }
+
     /// What the samples of one cell contribute to ∫₀¹ u(σ) e^{−ixσ} dσ, x = 2π·`turns`, when the signal
     /// comes `ahead` of its own grid by a part of a cell.
     ///

@@ -66,6 +66,8 @@ pub struct CoefficientPlan {
     unit_variance: f64,
     sums: Sums,
     holds: Vec<HoldFactor>,
+    /// What the first two samples count in the jump at the window's ends, where that is kept.
+    jump: Option<[f64; 2]>,
 }
 
 #[derive(Clone)]
@@ -133,6 +135,7 @@ impl CoefficientPlan {
             unit_variance: weights.sum_of_squares() / (intervals as f64 * intervals as f64),
             sums: Sums::Uneven { t: Vec::new(), weights: Vec::new() },
             holds: Vec::new(),
+            jump: None,
         };
         match kind {
             Kind::Hold(hold) => {
@@ -174,7 +177,20 @@ impl CoefficientPlan {
             unit_variance: weights.iter().map(|w| w * w).sum::<f64>() / (span * span),
             sums: Sums::Uneven { t: t.to_vec(), weights },
             holds: Vec::new(),
+            jump: None,
         })
+    }
+
+    /// The same plan, which writes into `im[0]`, nothing else, what a held signal jumps by from the window's end to its
+    /// beginning, v(0) − v(T): what sampling folds depends on it.
+    #[must_use]
+    pub(crate) fn with_jump(mut self) -> CoefficientPlan {
+        if let Kind::Hold(hold) = self.kind
+            && let Some(factor) = self.holds.first()
+        {
+            self.jump = Some(hold.start(factor.ahead));
+        }
+        self
     }
 
     /// Samples a record must have: lead + N + 1.

@@ -301,10 +301,31 @@ def plain_words(
 
 
 def joint_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
-    """Keywords of the core for any layout, noise aside."""
+    """Keywords of the core for any layout, noise aside.
+
+    Raises
+    ------
+    SpecError
+        For a delay that the samples cannot tell.
+    """
+    _refuse_hidden_delay(layout, intersample)
     words = {**layout.core(), "intersample": intersample, **options.core()}
     del words["noise"]
     return words
+
+
+def _refuse_hidden_delay(layout: Layout, intersample: tuple[str, ...]) -> None:
+    """A held input that acts at once steps between two samples, which do not tell where."""
+    for order, routes, degrees in zip(layout.orders, layout.routes, layout.numerators, strict=True):
+        for kind, path, degree in zip(intersample, routes, degrees, strict=True):
+            if kind == "zoh" and degree == order and path in layout.free_delays:
+                own = layout.paths[path]
+                raise SpecError(
+                    f"fit: {own.name} is to be estimated, but {layout.inputs[own.input]} is held between "
+                    "samples and acts at once (as many zeros as poles): with other delays within a sampling "
+                    "interval and other numerators the samples are the same. Give the delay, take fewer "
+                    'zeros, or declare the input intersample="smooth" if it is not held'
+                )
 
 
 def _joint(

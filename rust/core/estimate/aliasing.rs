@@ -4,15 +4,17 @@
 //! line m. There the input's coefficients are known from its own on line m: with s_j = i(m + jN)ω₀
 //!
 //! ```text
-//! U(m + jN) = U(m) (m/(m + jN))^p e^{−2πijτ/h},     p = 1 held, 2 straight between samples, τ its delay,
-//! Y(m) = sum over samples − Σ_{j≠0} G(s_j) U(m + jN).
+//! U(m + jN) = (U(m) − J(m)) (m/(m + jN))^p e^{−2πijτ/h} + J(m) m/(m + jN),     J(m) = (u(0) − u(T))/(2πim),
+//! Y(m) = sum over samples − Σ_{j≠0} G(s_j) U(m + jN),
 //! ```
 //!
+//! p = 1 held, 2 straight between samples, τ its delay; J is the jump from the record's end to its beginning, which
+//! stands at a sample whatever the delay.
 //! The sums over j beyond a few end in closed form. G is that of the estimate, which then follows anew: the error of
 //! G in so small a term is next to nothing after two rounds. What the folding adds is no small matter: for one pole
 //! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Where all inputs are
 //! held, what the ends of the record fold is known from the transient, and the output's sums are plain ones; else the
-//! ends are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their weights, too.
+//! ends, J among them, are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their weights, too.
 
 use std::f64::consts::{PI, TAU};
 
@@ -96,6 +98,23 @@ impl Aliasing {
 }
 
 impl Fold {
+    /// Of steps at samples, whose outputs see the mean of both values.
+    const AT_SAMPLES: Fold = {
+        let mut far = PI * PI / 3.0;
+        let mut j = 1;
+        while j <= FOLDS {
+            far -= 2.0 / (j * j) as f64;
+            j += 1;
+        }
+        Fold {
+            hold: Hold::Zoh,
+            behind: 0.0,
+            phases: [[Wide([1.0; LANES]), Wide::ZERO]; FOLDS],
+            far: Wide([far; LANES]),
+            jump: Wide::ZERO,
+        }
+    };
+
     /// Of an input that is late by so many steps.
     pub fn new(hold: Hold, delay: [f64; LANES]) -> Fold {
         let mut fold = Fold {
@@ -127,28 +146,47 @@ impl Fold {
         fold
     }
 
-    /// Σ_{j≠0} G(i(x + jX)) (x/(x + jX))^p e^{−2πijf} of a = (a₁ … a_n) and b in falling powers.
+    /// What is folded of an input with U = `u` on line x, by G of a = (a₁ … a_n) and b in falling powers; `jump` is ixJ(x),
+    /// whose own folding is left out where the ends of the record are not known (`ends`).
     #[inline(always)]
-    pub fn sum<L: Lanes>(&self, a: &[Wide], b: &[Wide], images: &Images<L>) -> (L, L) {
-        let mut sum = (L::splat(0.0), L::splat(0.0));
+    pub fn of<L: Lanes>(
+        &self,
+        (a, b): (&[Wide], &[Wide]),
+        images: &Images<L>,
+        u: (L, L),
+        jump: L,
+        ends: bool,
+    ) -> (L, L) {
+        let zero = L::splat(0.0);
+        let (mut sum, mut plain) = ((zero, zero), (zero, zero));
         for (k, [cos, sin]) in self.phases.iter().enumerate() {
             let (cos, sin) = (L::load(cos), L::load(sin));
             for (k, sin) in [(2 * k, sin), (2 * k + 1, -sin)] {
-                let part = images.x / images.at[k];
-                let part = if self.hold == Hold::Zoh { part } else { part * part };
                 let g = times(polynomial::<L>(b, images.at[k]), images.inverse[k]);
+                let part = images.over[k];
+                plain = (g.0.mul_add(part, plain.0), g.1.mul_add(part, plain.1));
+                let part = if self.hold == Hold::Zoh { part } else { part * part * images.x };
                 let (c, s) = (part * cos, part * sin);
                 sum.0 = g.0.mul_add(c, (-g.1).mul_add(s, sum.0));
                 sum.1 = g.0.mul_add(s, g.1.mul_add(c, sum.1));
             }
         }
-        let rest = self.rest::<L>(a, b, images.x, images.span);
-        (sum.0 + rest.0, sum.1 + rest.1)
+        let rest = self.rest::<L>(a, b, images);
+        sum = (sum.0 + rest.0, sum.1 + rest.1);
+        // xU less xJ, which is −i times what was given.
+        let within = (u.0 * images.x, u.1.mul_add(images.x, jump));
+        let mut folded = times(sum, within);
+        if ends {
+            let rest = Fold::AT_SAMPLES.rest::<L>(a, b, images);
+            let by = times((plain.0 + rest.0, plain.1 + rest.1), (zero, jump));
+            folded = (folded.0 - by.0, folded.1 - by.1);
+        }
+        folded
     }
 
-    /// Those beyond, where G = g₀ + g₁/s + …
+    /// Σ of those beyond, over x, where G = g₀ + g₁/s + …
     #[inline(always)]
-    fn rest<L: Lanes>(&self, a: &[Wide], b: &[Wide], x: L, span: f64) -> (L, L) {
+    fn rest<L: Lanes>(&self, a: &[Wide], b: &[Wide], images: &Images<L>) -> (L, L) {
         let zero = L::splat(0.0);
         let (mut through, mut next) = (zero, zero);
         if b.len() > a.len() {
@@ -161,32 +199,36 @@ impl Fold {
         } else {
             return (zero, zero);
         }
-        let far = x * L::load(&self.far) * L::splat(1.0 / (span * span));
+        let span = images.span;
+        let far = L::load(&self.far) * L::splat(1.0 / (span * span));
         match self.hold {
             Hold::Zoh => {
-                let jump = through * x * L::load(&self.jump) * L::splat(1.0 / span);
-                (-(through * x * far), jump - next * far)
+                let jump = through * L::load(&self.jump) * L::splat(1.0 / span);
+                (-(through * images.x * far), jump - next * far)
             }
-            Hold::Foh => (through * x * far, zero),
+            Hold::Foh => (through * images.x * far, zero),
         }
     }
 }
 
-/// Lines that sampling folds onto line x, with 1/A on them.
+/// Lines that sampling folds onto line x.
 pub(crate) struct Images<L> {
     x: L,
     span: f64,
     at: [L; IMAGES],
+    /// One over these, and 1/A on them.
+    over: [L; IMAGES],
     inverse: [(L, L); IMAGES],
 }
 
 impl<L: Lanes> Images<L> {
     #[inline(always)]
     pub fn new(a: &[Wide], x: L, span: f64) -> Images<L> {
-        let (mut at, mut inverse) = ([x; IMAGES], [(x, x); IMAGES]);
+        let (mut at, mut over, mut inverse) = ([x; IMAGES], [x; IMAGES], [(x, x); IMAGES]);
         for k in 0..IMAGES {
             let shift = (k / 2 + 1) as f64 * span;
             at[k] = x + L::splat(if k % 2 == 0 { shift } else { -shift });
+            over[k] = L::splat(1.0) / at[k];
             // Monic.
             let mut sum = (L::splat(1.0), L::splat(0.0));
             for next in a {
@@ -195,7 +237,7 @@ impl<L: Lanes> Images<L> {
             let square = sum.0.mul_add(sum.0, sum.1 * sum.1);
             inverse[k] = (sum.0 / square, -sum.1 / square);
         }
-        Images { x, span, at, inverse }
+        Images { x, span, at, over, inverse }
     }
 
     /// Σ_{j≠0} T(i(x + jX))/A(i(x + jX)): what the ends of the record fold, by the transient's columns and values.
@@ -300,15 +342,19 @@ mod tests {
     use super::*;
     use crate::simd::{Isa, Kernel};
 
-    struct Sum<'a>(&'a Fold, &'a [f64], &'a [f64], f64, f64);
+    /// What is folded of a unit input by G of (a, b) on line x at this span, with this jump.
+    struct Folded<'a>(&'a Fold, &'a [f64], &'a [f64], f64, f64, f64);
 
-    impl Kernel for Sum<'_> {
+    impl Kernel for Folded<'_> {
         type Output = (f64, f64);
         #[inline(always)]
         fn run<L: Lanes>(self) -> (f64, f64) {
             let wide = |v: &[f64]| v.iter().map(|v| Wide::splat(*v)).collect::<Vec<_>>();
             let (a, b) = (wide(self.1), wide(self.2));
-            let found = self.0.sum(&a, &b, &Images::new(&a, L::splat(self.3), self.4));
+            let x = L::splat(self.3);
+            let one = (L::splat(1.0), L::splat(0.0));
+            let jump = L::splat(self.5);
+            let found = self.0.of((&a, &b), &Images::new(&a, x, self.4), one, jump, true);
             let (mut re, mut im) = (Wide::ZERO, Wide::ZERO);
             found.0.store(&mut re);
             found.1.store(&mut im);
@@ -372,7 +418,7 @@ mod tests {
             for system @ (a, b, d) in [(0.3, 1.0, 0.0), (2.0, -1.5, 0.0), (0.7, 1.0, 0.4)] {
                 for w in [0.01, 0.3, 0.8, 1.6, 2.5] {
                     let numerator = if d == 0.0 { vec![b] } else { vec![d, b] };
-                    let found = Isa::Plain.run(Sum(&fold, &[a], &numerator, w, TAU));
+                    let found = Isa::Plain.run(Folded(&fold, &[a], &numerator, w, TAU, 0.0));
                     let own = over((b, d * w), (a, w));
                     let all = sampled(hold, system, late, w);
                     let size = all.0.hypot(all.1);
@@ -384,10 +430,23 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_at_a_sample_counts_only_where_outputs_see_it_at_once() {
+        let fold = Fold::new(Hold::Zoh, [2.0; LANES]);
+        for (numerator, through) in [(vec![1.0], 0.0), (vec![0.4, 1.0], 0.4)] {
+            let at = |jump: f64| Isa::Plain.run(Folded(&fold, &[0.7], &numerator, 0.8, TAU, jump));
+            // A sum over samples sees the mean of both values there, not the new one.
+            let gap = -PI * through * 0.3 / TAU;
+            let (with, without) = (at(0.3), at(0.0));
+            assert!((with.0 - without.0 - gap).abs() < 1e-15, "{with:?} {without:?}");
+            assert!((with.1 - without.1).abs() < 1e-15, "{with:?} {without:?}");
+        }
+    }
+
+    #[test]
     fn two_poles_more_than_zeros_fold_by_the_fourth_power() {
         // 1/(s² + s + 1): Σ (1/s_j²)(x/x_j) of the leading term is x (1/X)³ Σ 1/j⁴-like sums, odd in j.
         let fold = Fold::new(Hold::Zoh, [0.0; LANES]);
-        let at = |w: f64| Isa::Plain.run(Sum(&fold, &[1.0, 1.0], &[1.0], w, TAU));
+        let at = |w: f64| Isa::Plain.run(Folded(&fold, &[1.0, 1.0], &[1.0], w, TAU, 0.0));
         let (low, high) = (at(0.02), at(0.04));
         assert!((high.0 / low.0 / 4.0 - 1.0).abs() < 0.01, "{low:?} {high:?}");
         assert!(low.0.abs() < 1e-5, "{low:?}");

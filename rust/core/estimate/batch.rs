@@ -42,6 +42,7 @@ pub(crate) fn load(space: &mut Workspace, signal: usize, lines: Lines, re: &[Wid
     let (to_re, to_im) = space.signal_mut(0, signal);
     to_re.copy_from_slice(&re[lines.first..=lines.last]);
     to_im.copy_from_slice(&im[lines.first..=lines.last]);
+    space.keep_jump(0, signal, lines.first, |jump| *jump = im[0]);
 }
 
 impl Batch<'_> {

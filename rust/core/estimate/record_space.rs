@@ -11,6 +11,8 @@ pub(crate) struct RecordSpace {
     pub re: Vec<Wide>,
     /// Imaginary parts, alike.
     pub im: Vec<Wide>,
+    /// What each input jumps by from the record's end to its beginning, where it is held.
+    pub jumps: Vec<Wide>,
     /// The output as its sums were, where held inputs fold into it.
     pub measured: Measured,
     /// The transient as a function of θ, where the record begins in a known state.

@@ -1,5 +1,7 @@
 //! Takes what sampling folds into the output's sums under held inputs out of them, at the estimate that stands.
 
+use std::f64::consts::TAU;
+
 use super::aliasing::{Aliasing, Images, LARGE, LARGE_AT_ONCE};
 use super::design::Design;
 use super::workspace::Workspace;
@@ -36,6 +38,7 @@ impl Kernel for Unalias<'_> {
         let each = w.records.iter_mut().zip(&design.records).zip(&aliasing.records);
         for (((r, rd), own), transient) in each.zip(transients) {
             let (Some(record), transient) = (own, &transient.now) else { continue };
+            let line = L::splat(rd.lines.omega0 / design.band_edge / TAU);
             for (m, x) in rd.x.iter().enumerate() {
                 let mut sum = (L::splat(0.0), L::splat(0.0));
                 let images = Images::new(a, L::splat(*x), record.span);
@@ -47,11 +50,11 @@ impl Kernel for Unalias<'_> {
                     let own = &b[from..=from + degree];
                     from += degree + 1;
                     let Some(fold) = fold else { continue };
-                    let c = fold.sum(a, own, &images);
                     let at = (1 + input) * r.lines + m;
                     let u = (L::load(&r.re[at]), L::load(&r.im[at]));
-                    sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
-                    sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
+                    let jump = L::load(&r.jumps[input]) * line;
+                    let own = fold.of((a, own), &images, u, jump, record.ends);
+                    sum = (sum.0 + own.0, sum.1 + own.1);
                 }
                 if record.ends {
                     let columns = design.columns.iter().copied().zip(transient);

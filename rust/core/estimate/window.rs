@@ -121,6 +121,7 @@ pub(crate) fn coefficient_plans(
         Time::Uneven(t) => CoefficientPlan::uneven(t, highest, *kind),
         Time::Even(dt) => {
             CoefficientPlan::new(window.intervals, highest, *kind, delay / dt, window.lead)
+                .map(CoefficientPlan::with_jump)
         }
     };
     let mut plans: Vec<CoefficientPlan> = Vec::with_capacity(channels.len());

@@ -110,6 +110,7 @@ impl Workspace {
                     re
                 },
                 im: wide((2 + inputs) * r.x.len()),
+                jumps: wide(inputs),
                 // Inputs that act at once are turned for a while.
                 measured: Measured::new(
                     d.aliasing.as_ref(),
@@ -181,6 +182,24 @@ impl Workspace {
         self.straight.inputs_ready &= signal == 0;
         let range = signal * r.lines..(signal + 1) * r.lines;
         (&mut r.re[range.clone()], &mut r.im[range])
+    }
+
+    /// Keeps what a held input jumps by, which line 0 of its coefficients came with: the workspace's own are written, from
+    /// line `first` on.
+    pub(crate) fn keep_jump(
+        &mut self,
+        record: usize,
+        signal: usize,
+        first: usize,
+        write: impl FnOnce(&mut Wide),
+    ) {
+        let r = &mut self.records[record];
+        if let Some(jump) = signal.checked_sub(1).and_then(|input| r.jumps.get_mut(input)) {
+            write(jump);
+            if first == 0 {
+                r.im[signal * r.lines] = Wide::ZERO;
+            }
+        }
     }
 
     /// Nothing known yet: the live lanes iterate, the others do not.

@@ -10,6 +10,8 @@ use crate::quadrature::{Hold, times};
 pub(super) struct HoldFactor {
     pub(super) sum: (f64, f64),
     pub(super) ends: [(f64, f64); 2],
+    /// Part of a cell by which the signal comes ahead of its grid.
+    pub(super) ahead: f64,
 }
 
 impl HoldFactor {
@@ -25,6 +27,7 @@ impl HoldFactor {
         HoldFactor {
             sum: (c0.0 + both.0, c0.1 + both.1),
             ends: [(by * both.0, by * both.1), (by * second.0, by * second.1)],
+            ahead,
         }
     }
 }
@@ -46,7 +49,7 @@ impl CoefficientPlan {
         if self.first < self.lead {
             both[1] = sample(self.intervals + 1) - sample(1);
         }
-        for ((factor, re), im) in self.holds.iter().zip(re).zip(im) {
+        for ((factor, re), im) in self.holds.iter().zip(re).zip(im.iter_mut()) {
             let (x, y) = (R::load(re), R::load(im));
             let mut real = R::scaled(x, factor.sum.0) - R::scaled(y, factor.sum.1);
             let mut imag = R::scaled(x, factor.sum.1) + R::scaled(y, factor.sum.0);
@@ -56,6 +59,10 @@ impl CoefficientPlan {
             }
             R::store(real, re);
             R::store(imag, im);
+        }
+        if let Some([first, second]) = self.jump {
+            let jump = R::add_scaled(both[1], -second, R::scaled(both[0], -first));
+            R::store(jump, &mut im[0]);
         }
     }
 }

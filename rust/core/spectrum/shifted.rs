@@ -78,7 +78,8 @@ impl Shifted {
         })
     }
 
-    /// Writes the coefficients at a delay of so many samples, from line 0 on.
+    /// Writes the coefficients at a delay of so many samples, from line 0 on; of a held signal with its jump
+    /// ([`CoefficientPlan::with_jump`]).
     ///
     /// # Errors
     /// [`Error::Spec`] for a delay below 0 or beyond the lead.
@@ -109,7 +110,7 @@ impl Shifted {
                 let n = self.plan.intervals();
                 let rise = |k: usize| self.samples[first + k + n] - self.samples[first + k];
                 let ends = [rise(0), if first < self.lead { rise(1) } else { 0.0 }];
-                for (m, (re, im)) in re.iter_mut().zip(im).enumerate() {
+                for (m, (re, im)) in re.iter_mut().zip(im.iter_mut()).enumerate() {
                     let factor = HoldFactor::new(hold, m, n, ahead);
                     let sum = times(factor.sum, (*re, *im));
                     let add = |part: fn((f64, f64)) -> f64| {
@@ -117,6 +118,8 @@ impl Shifted {
                     };
                     (*re, *im) = (sum.0 + add(|c| c.0), sum.1 + add(|c| c.1));
                 }
+                let start = hold.start(ahead);
+                im[0] = -(start[0] * ends[0] + start[1] * ends[1]);
             }
         }
         re[0] += self.offset;
@@ -165,7 +168,7 @@ mod tests {
                     let lines = || vec![0.0; harmonics + 1];
                     let (mut want, mut got) = ([lines(), lines()], [lines(), lines()]);
                     let [re, im] = &mut want;
-                    plan.unwrap().run(&samples, re, im).unwrap();
+                    plan.unwrap().with_jump().run(&samples, re, im).unwrap();
                     let [re, im] = &mut got;
                     all.write(delay, re, im).unwrap();
                     for (want, got) in want.iter().flatten().zip(got.iter().flatten()) {

@@ -42,6 +42,8 @@ impl Fitter {
                     for ((to_re, to_im), (re, im)) in to.0.iter_mut().zip(to.1).zip(from) {
                         (to_re.0[lane], to_im.0[lane]) = (re / unit, im / unit);
                     }
+                    let jump = im[0] / unit;
+                    problem.space.keep_jump(k, signal, own.first, |to| to.0[lane] = jump);
                 }
             }
         }

@@ -160,6 +160,8 @@ impl Problem {
                     *re = Wide::splat(from_re / unit);
                     *im = Wide::splat(from_im / unit);
                 }
+                let jump = Wide::splat(s.im[0] / unit);
+                self.space.keep_jump(k, signal, range.first, |to| *to = jump);
             }
             // The band rule may have asked for fewer.
             self.space.records[k].limit = self.space.records[k].lines;

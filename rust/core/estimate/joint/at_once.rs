@@ -222,6 +222,8 @@ pub(super) fn one_by_one(
                     }
                 }
             }
+            let jumps = single.w.records[k].jumps.iter_mut().zip(&from.jumps);
+            jumps.for_each(|(to, from)| *to = Wide::splat(from.0[lane]));
         }
         single.w.keep_measured();
         let ended = single.estimate(JointStart::Wls, o, None, &mut |_| Ok(()))?;

@@ -278,6 +278,8 @@ impl JointShared {
                 to_im.0[lane] = from_im.0[lane] * by;
             }
         }
+        let jump = Wide(im[0].0.map(|v| v * by));
+        space.keep_jump(&self.design, 0, signal, |to| *to = jump);
     }
 
     /// Brings outputs that stand in the user's units to those of the workspace.

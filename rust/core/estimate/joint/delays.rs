@@ -6,7 +6,7 @@ use super::tile::Across;
 use super::workspace::JointSpace;
 use crate::error::Error;
 use crate::quadrature::Hold;
-use crate::simd::{Isa, LANES, numbers_mut};
+use crate::simd::{Isa, LANES, Wide, numbers_mut};
 use crate::spectrum::{Kind, Shifted};
 
 /// What one record's delayed inputs are made from.
@@ -68,6 +68,7 @@ pub(crate) fn refresh(
                 if from == lane {
                     let steps = tau / record.dt;
                     record.table(isa, *s, lane, highest)?.write(steps, &mut re, &mut im)?;
+                    let jump = std::mem::take(&mut im[0]) / unit;
                     let own = &record.samples[*s];
                     let samples = own[lane.min(own.len() - 1)];
                     let kind = record.kinds[*s];
@@ -76,6 +77,10 @@ pub(crate) fn refresh(
                     let rise = (at(start + record.intervals as f64) - at(start)) / duration;
                     let (across, r) = (w.across, &mut w.records[k]);
                     let lines = r.lines;
+                    match across {
+                        Across::Replicates => r.jumps[*s].0[lane] = jump,
+                        Across::Lines => r.jumps[*s] = Wide::splat(jump),
+                    }
                     let (to_re, to_im) = (numbers_mut(&mut r.re), numbers_mut(&mut r.im));
                     // Of one lane, or of lines one after another.
                     let place = |signal: usize, m: usize| match across {
@@ -93,6 +98,7 @@ pub(crate) fn refresh(
                     }
                 } else {
                     let r = &mut w.records[k];
+                    r.jumps[*s].0[lane] = r.jumps[*s].0[from];
                     for signal in [q + s, q + paths + s] {
                         for m in signal * count..(signal + 1) * count {
                             r.re[m].0[lane] = r.re[m].0[from];

@@ -368,6 +368,8 @@ impl JointFitter {
                     *to_re = Wide::splat(re[first + m] / unit);
                     *to_im = Wide::splat(im[first + m] / unit);
                 }
+                let jump = Wide::splat(im[0] / unit);
+                w.keep_jump(d, k, signal, |to| *to = jump);
             }
         }
         w.begin_delays(d);

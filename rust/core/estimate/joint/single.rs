@@ -100,6 +100,8 @@ impl<'d> Single<'d> {
                 *to = from / unit;
             }
         }
+        let jump = Wide::splat(im[0] / unit);
+        self.w.keep_jump(self.d, record, signal, |to| *to = jump);
     }
 
     /// Estimates θ from the coefficients in the workspace; `near`: another estimate, in the workspace's units.

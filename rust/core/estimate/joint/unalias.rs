@@ -1,5 +1,7 @@
 //! What sampling folds into the outputs' sums under held inputs, taken out of them (`estimate::aliasing`).
 
+use std::f64::consts::TAU;
+
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointSpace;
@@ -64,6 +66,7 @@ impl Kernel for Unalias<'_> {
         let each = w.records.iter_mut().zip(&d.records).zip(&aliasing.records);
         for (((r, rd), own), transient) in each.zip(transients) {
             let (Some(record), transient) = (own, &transient.now) else { continue };
+            let line = L::splat(rd.lines.omega0 / d.band_edge / TAU);
             for m in 0..r.lines {
                 let x = w.across.load::<L>(&rd.x, rd.stride(), 0, m);
                 for i in 0..q {
@@ -77,11 +80,12 @@ impl Kernel for Unalias<'_> {
                             continue;
                         };
                         let from = d.numerators[i * paths + s];
-                        let c = fold.sum(a, &w.coefficients[from..=from + degree], &images);
+                        let b = &w.coefficients[from..=from + degree];
                         let at = (q + s) * r.lines + m;
                         let u = (L::load(&r.re[at]), L::load(&r.im[at]));
-                        sum.0 = c.0.mul_add(u.0, (-c.1).mul_add(u.1, sum.0));
-                        sum.1 = c.0.mul_add(u.1, c.1.mul_add(u.0, sum.1));
+                        let jump = L::load(&r.jumps[s]) * line;
+                        let own = fold.of((a, b), &images, u, jump, record.ends);
+                        sum = (sum.0 + own.0, sum.1 + own.1);
                     }
                     if record.ends {
                         let own = |(t, _): &(&TransientColumn, &Wide)| t.output == i;

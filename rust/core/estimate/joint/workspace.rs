@@ -17,6 +17,8 @@ pub(crate) struct JointRecordSpace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
     pub im: Vec<Wide>,
+    /// What each path's input jumps by from the record's end to its beginning, where it is held.
+    pub jumps: Vec<Wide>,
     /// The outputs as their sums were, where held inputs fold into them.
     pub measured: Measured,
     /// System of this record, (transient + θ) × (one more).
@@ -147,6 +149,7 @@ impl JointSpace {
             .map(|r| JointRecordSpace {
                 re: wide((q + 2 * paths) * r.count),
                 im: wide((q + 2 * paths) * r.count),
+                jumps: wide(paths),
                 measured: Measured::new(d.aliasing.as_ref(), q * r.count),
                 matrix: wide(size * (size + 1)),
                 projection: wide(nt * p),
@@ -218,6 +221,7 @@ impl JointSpace {
             JointRecordSpace {
                 re: wide((q + 2 * paths) * lines),
                 im: wide((q + 2 * paths) * lines),
+                jumps: wide(paths),
                 measured: Measured::new(d.aliasing.as_ref(), q * lines),
                 colour: vec![Wide::splat(1.0); lines * q],
                 lines,
@@ -269,6 +273,30 @@ impl JointSpace {
         let r = &mut self.records[record];
         let range = signal * r.lines..(signal + 1) * r.lines;
         (&mut r.re[range.clone()], &mut r.im[range])
+    }
+
+    /// Keeps what a path's held input jumps by, which line 0 of its coefficients came with: the workspace's own are
+    /// written, from line `first` on.
+    pub(crate) fn keep_jump(
+        &mut self,
+        d: &JointDesign,
+        record: usize,
+        signal: usize,
+        write: impl FnOnce(&mut Wide),
+    ) {
+        let r = &mut self.records[record];
+        let path = signal.checked_sub(d.outputs());
+        if let Some(jump) = path.and_then(|path| r.jumps.get_mut(path)) {
+            write(jump);
+            if d.records[record].lines.first == 0 {
+                // Of a single problem the first of eight lines.
+                let line = &mut r.im[signal * r.lines];
+                match self.across {
+                    Across::Replicates => *line = Wide::ZERO,
+                    Across::Lines => line.0[0] = 0.0,
+                }
+            }
+        }
     }
 
     /// Writes the coefficients that θ and the held values make, in the workspace's units.
