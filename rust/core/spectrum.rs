@@ -28,7 +28,7 @@ use offset::{levelled, offset, offsets};
 pub use padded::Padded;
 pub(crate) use shifted::Shifted;
 pub use sliding::Sliding;
-use source::{Between, Eight, One, Source, Taps};
+use source::{Between, Eight, One, Taps, weighted};
 
 /// Harmonics up to which sums are folded (same bits in every lane and on every processor); above, an FFT.
 pub const FOLDED_HARMONICS: usize = 64;
@@ -179,18 +179,6 @@ impl CoefficientPlan {
             holds: Vec::new(),
             jump: None,
         })
-    }
-
-    /// The same plan, which writes into `im[0]`, nothing else, what a held signal jumps by from the window's end to its
-    /// beginning, v(0) − v(T): what sampling folds depends on it.
-    #[must_use]
-    pub(crate) fn with_jump(mut self) -> CoefficientPlan {
-        if let Kind::Hold(hold) = self.kind
-            && let Some(factor) = self.holds.first()
-        {
-            self.jump = Some(hold.start(factor.ahead));
-        }
-        self
     }
 
     /// Samples a record must have: lead + N + 1.
@@ -482,24 +470,6 @@ impl Scratch {
         self.complex.resize(transform.complex_len(), Complex::default());
         self.work.resize(transform.get_scratch_len(), Complex::default());
     }
-}
-
-/// Weighted samples of a window of N intervals as N numbers of a period.
-fn weighted(weights: &Weights, window: impl Source<One>, out: &mut [f64]) {
-    let (n, low) = (out.len(), weights.edge().min(out.len()));
-    let high = (n - low).max(low);
-    for k in (0..low).chain(high..n) {
-        out[k] = window.get(k) * weights.at(k);
-    }
-    let (inner, each) = (weights.inner(), low..high);
-    match window.samples() {
-        Some(all) => {
-            let both = out[each.clone()].iter_mut().zip(&all[each.clone()]);
-            both.zip(each).for_each(|((to, x), k)| *to = x * inner[k % 2]);
-        }
-        None => each.for_each(|k| out[k] = window.get(k) * inner[k % 2]),
-    }
-    out[0] += window.get(n) * weights.at(n);
 }
 
 fn check_harmonics(intervals: usize, harmonics: usize) -> Result<(), Error> {

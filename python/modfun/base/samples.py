@@ -144,6 +144,15 @@ def numbered(letter: str, count: int) -> tuple[str, ...]:
     return (letter,) if count == 1 else tuple(f"{letter}{k}" for k in range(1, count + 1))
 
 
+def apart(values: Any, names: Names, letter: str, option: str) -> tuple[Any, Names]:
+    """Samples and names of a mapping from one to the other; anything else as it is."""
+    if not isinstance(values, Mapping):
+        return values, names
+    if names is not None:
+        raise SpecError(f"Record: {letter} names its channels, as does {option}; leave {option} out")
+    return [floats(own, f"channel {name!r}") for name, own in values.items()], list(values)
+
+
 def names_of(given: Names, count: int, letter: str, option: str) -> tuple[str, ...]:
     if given is None:
         return numbered(letter, count)

@@ -15,6 +15,7 @@ from ..base.names import nearest
 from ..base.samples import (
     FEWEST,
     Names,
+    apart,
     channels_of,
     intersample_of,
     names_of,
@@ -46,9 +47,9 @@ class Record(Samples):
 
     Parameters
     ----------
-    y : array_like, shape (time,) or (channel, time)
+    y : array_like, shape (time,) or (channel, time), or dict of name to samples
         Measured outputs.
-    u : array_like, shape (time,) or (channel, time), or Signals, optional
+    u : array_like, shape (time,) or (channel, time), dict of name to samples, or Signals, optional
         Inputs; none: free motion. `mf.signals` bring their names, dt and intersample.
     dt : float, optional
         Sampling interval in seconds. Exactly one of `dt`, `fs` and `t` is needed.
@@ -136,8 +137,8 @@ class Record(Samples):
 
     def __init__(
         self,
-        y: ArrayLike,
-        u: ArrayLike | Signals | None = None,
+        y: ArrayLike | Mapping[str, ArrayLike],
+        u: ArrayLike | Mapping[str, ArrayLike] | Signals | None = None,
         *,
         dt: float | None = None,
         fs: float | None = None,
@@ -161,10 +162,12 @@ class Record(Samples):
                 )
             dt, inputs, intersample = u.dt, u.inputs, u.intersample
             u = u.u if axis != 0 else u.u.T
-        ys = channels_of(y, "y", axis)
+        y_samples, outputs = apart(y, outputs, "y", "outputs")
+        u_samples, inputs = apart(u, inputs, "u", "inputs")
+        ys = channels_of(y_samples, "y", axis)
         if ys.shape[0] == 0:
             raise DataError("Record: y has no channel; give at least one output")
-        us = np.empty((0, ys.shape[1])) if u is None else channels_of(u, "u", axis)
+        us = np.empty((0, ys.shape[1])) if u is None else channels_of(u_samples, "u", axis)
         kept = {
             str(name): channels_of(values, f"kept channel {name!r}", -1)
             for name, values in (keep or {}).items()

@@ -1,7 +1,7 @@
 //! Exact coefficients of signals that are held between samples, from plain sums of the samples.
 
-use super::CoefficientPlan;
 use super::source::Records;
+use super::{CoefficientPlan, Kind};
 use crate::math::root_of_unity;
 use crate::quadrature::{Hold, times};
 
@@ -33,6 +33,18 @@ impl HoldFactor {
 }
 
 impl CoefficientPlan {
+    /// The same plan, which writes into `im[0]`, nothing else, what a held signal jumps by from the window's end to its
+    /// beginning, v(0) − v(T): what sampling folds depends on it.
+    #[must_use]
+    pub(crate) fn with_jump(mut self) -> CoefficientPlan {
+        if let Kind::Hold(hold) = self.kind
+            && let Some(factor) = self.holds.first()
+        {
+            self.jump = Some(hold.start(factor.ahead));
+        }
+        self
+    }
+
     /// Makes the plain sums of held values coefficients.
     #[inline(always)]
     pub(super) fn hold<R: Records>(

@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 use std::ops::{Add, Sub};
 
 use crate::Error;
+use crate::quadrature::Weights;
 use crate::simd::{Lanes, Wide};
 
 /// Samples through which a rule's signal is interpolated at a fractional delay.
@@ -157,4 +158,22 @@ impl<R: Records> Source<R> for Between<'_, R> {
     fn samples(&self) -> Option<&[R::Stored]> {
         None
     }
+}
+
+/// Weighted samples of a window of N intervals as N numbers of a period.
+pub(super) fn weighted(weights: &Weights, window: impl Source<One>, out: &mut [f64]) {
+    let (n, low) = (out.len(), weights.edge().min(out.len()));
+    let high = (n - low).max(low);
+    for k in (0..low).chain(high..n) {
+        out[k] = window.get(k) * weights.at(k);
+    }
+    let (inner, each) = (weights.inner(), low..high);
+    match window.samples() {
+        Some(all) => {
+            let both = out[each.clone()].iter_mut().zip(&all[each.clone()]);
+            both.zip(each).for_each(|((to, x), k)| *to = x * inner[k % 2]);
+        }
+        None => each.for_each(|k| out[k] = window.get(k) * inner[k % 2]),
+    }
+    out[0] += window.get(n) * weights.at(n);
 }

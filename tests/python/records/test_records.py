@@ -687,3 +687,16 @@ def test_import_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[] True"
+
+
+def test_samples_by_name():
+    t = np.arange(50) * 0.1
+    rec = mf.Record(y={"alpha": np.sin(t), "q": np.cos(t)}, u={"de": t}, dt=0.1)
+    assert (rec.outputs, rec.inputs) == (("alpha", "q"), ("de",))
+    np.testing.assert_array_equal(rec["q"], np.cos(t))
+    with pytest.raises(mf.SpecError, match="y names its channels, as does outputs"):
+        mf.Record(y={"alpha": t}, outputs="q", dt=0.1)
+    with pytest.raises(mf.DataError, match="y is ragged"):
+        mf.Record(y={"alpha": t, "q": t[:-1]}, dt=0.1)
+    with pytest.raises(mf.DataError, match="channel 'alpha' holds str"):
+        mf.Record(y={"alpha": ["fast"] * 50}, dt=0.1)
