@@ -176,8 +176,8 @@ def _further(found: Sinusoids, power: F64, far: F64, changed: Iterable[int]) -> 
         omega = 2 * np.pi * (np.flatnonzero(enough)[p.argmin()] + 1) / (found.y.size * found.dt)
         omega -= 2 * np.pi / found.dt if omega > np.pi / found.dt else 0
         yield (
-            f"The residuals have a peak at {omega:.4g} rad/s (p = {p.min():.1g}), which may be a further tone. "
-            f"Compare with count={len(found) + 1}."
+            f"The residuals have a peak at {omega:.4g} rad/s (p = {p.min():.1g}), which may be a further "
+            f"tone. Compare with count={len(found) + 1}."
         )
 
 
