@@ -27,6 +27,7 @@ NEAR, PART = 8, 0.3  # lines on both sides that residuals are averaged over, and
 RANK = 1e-10  # of columns of unit length
 STEPS, SETTLED = 25, 1e-4  # of the likelihood; squared step in standard errors
 FREE, HALVINGS = 2, 6  # first steps, which may raise the cost; halvings of a later one
+UPHILL = 0.25  # of the rise of a step that half of it has, at least, where no part of it lowers a parabola
 
 
 @dataclass(frozen=True)
@@ -226,10 +227,11 @@ class Lines:
 
     def _factor(self, through: F64) -> F64 | None:
         """Cholesky factor of the covariance of the rows; None where numbers overflow."""
+        from scipy.linalg import hankel, toeplitz
+
         count, own, most = 2 * self.top + 1, len(self.orders), through.shape[1]
         n = self.record.intervals
-        m = np.arange(self.top + 1)
-        minus, plus = m[:, None] - m[None, :], m[:, None] + m[None, :]
+        top = self.top
         scaled = through * (self.weights * np.sqrt(self.variances))
         full = np.zeros((own * count, own * count))
         used = [[p for p in range(most) if np.any(through[e, p])] for e in range(own)]
@@ -244,10 +246,8 @@ class Lines:
                         h = np.fft.rfft(product[:-1], n)
                         both = self.powers[p][:, None] * self.powers[q][None, :]
                         conj = (-1) ** q * both  # s is imaginary
-                        toeplitz = h[np.abs(minus)]
-                        toeplitz = np.where(minus < 0, toeplitz.conj(), toeplitz)
-                        a += conj * toeplitz
-                        b += both * h[plus]
+                        a += conj * toeplitz(h[: top + 1])
+                        b += both * hankel(h[: top + 1], h[top : 2 * top + 1])
                 block = np.block(
                     [
                         [(a + b).real, (b - a).imag[:, 1:]],
@@ -324,24 +324,35 @@ def estimate(lines: Sequence[Lines], chosen: Any, start: F64, steps: int = STEPS
     at = np.flatnonzero(chosen)
     theta = np.where(chosen, start, 0.0)
     now, _ = cost_of(lines, theta, at)
-    settled = False
+    settled, rows = False, sum((2 * one.top + 1) * len(one.orders) for one in lines)
     for step in range(steps):
         move = np.zeros_like(theta)
         move[at] = _solve(now.gram, now.right - now.gram @ theta[at])
-        if float(move[at] @ now.gram @ move[at]) < SETTLED:
+        enough = SETTLED * max(1.0, now.cost / rows)  # a misfit is noise, too
+        if float(move[at] @ now.gram @ move[at]) < enough:
             settled = True
             break
-        trial, _ = cost_of(lines, theta + move, at)
-        for _ in range(HALVINGS):
-            if trial.cost <= now.cost + SETTLED or (step < FREE and np.isfinite(trial.cost)):
-                break
-            move /= 2
-            trial, _ = cost_of(lines, theta + move, at)
-        else:
+        found = _lowered(lines, theta, now, move, at, enough, step < FREE)
+        if found is None:
             break
-        theta, now = theta + move, trial
+        theta, now = found
     everything, smooth = cost_of(lines, theta, np.arange(theta.size))
     return Estimate(theta, everything, settled, smooth)
+
+
+def _lowered(
+    lines: Sequence[Lines], theta: F64, now: Quadratic, move: F64, at: Any, enough: float, free: bool
+) -> tuple[F64, Quadratic] | None:
+    """After a move, halved until the cost does not rise; None where it rises on the whole way."""
+    trial, _ = cost_of(lines, theta + move, at)
+    for _ in range(HALVINGS):
+        if trial.cost <= now.cost + enough or (free and np.isfinite(trial.cost)):
+            return theta + move, trial
+        whole, move = trial.cost - now.cost, move / 2
+        trial, _ = cost_of(lines, theta + move, at)
+        if trial.cost - now.cost > max(UPHILL * whole, enough):
+            return None
+    return None
 
 
 def _solve(gram: F64, right: F64) -> F64:

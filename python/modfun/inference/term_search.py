@@ -20,6 +20,7 @@ __all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
 FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
 COLOURINGS = 6  # weights from residuals, those of the whole library first
 ROUNDS = 12  # of likelihood and subsets
+MISFIT = 2.0  # times the cost: what was taken from the outputs was no noise
 FINALISTS, NEAR = 4, 4.0  # refitted by likelihood: how many, and how far above the best criterion
 
 
@@ -129,9 +130,15 @@ class Search:
                 if np.array_equal(best.chosen, which):
                     break
                 theta, which = best.estimate.theta, best.chosen
+        straight = [one.slopes for one in self.lines]
         for one, y in zip(self.lines, best.estimate.smooth, strict=True):
             one.bend(y)
-        best = self._walk(estimate(self.lines, best.chosen, best.estimate.theta))
+        bent = estimate(self.lines, best.chosen, best.estimate.theta)
+        if bent.cost < MISFIT * best.estimate.cost:
+            best = self._walk(bent)
+        else:
+            for one, slopes in zip(self.lines, straight, strict=True):
+                one.slopes = slopes
         rivals = [best]
         for chosen, value in best.subsets[1 : FINALISTS + 1]:
             if value < best.subsets[0][1] + NEAR:
