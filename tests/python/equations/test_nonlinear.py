@@ -572,10 +572,21 @@ def test_a_response_that_changes_ever_faster_ends_in_words():
         )
 
 
-def test_a_scale_of_what_is_hidden_must_be_held_to_simulate():
+def test_a_scale_of_what_is_hidden_is_one():
+    """Any value of b gives the same outputs; a hidden state is in units in which it is 1."""
     text, own = ["x' = a*x - b*x*z", "z' = d*x*z - c*z"], {"outputs": ["x"]}
-    held = mf.Equation(text, params={"b": 1.0}, **own)
-    x = held.model({"a": 1.0, "c": 0.8, "d": 0.3}).simulate(t=T, initial_state=[2.0, 0.7])
-    fit = mf.fit(mf.Record(y=x, dt=T[1], outputs="x"), mf.Equation(text, **own))
-    with pytest.raises(mf.SpecError, match=r"b only scales the hidden z: hold it, params=\{'b': 1.0\}"):
-        fit.score()
+    held = mf.Equation(text, params={"b": 0.5}, **own)
+    values = {"a": 1.0, "c": 0.8, "d": 0.3}
+    x = held.model(values).simulate(t=T, initial_state=[2.0, 0.7])
+    free = mf.Equation(text, **own)
+    np.testing.assert_allclose(free.model(values).simulate(t=T, initial_state=[2.0, 0.35]), x, rtol=1e-8)
+    fit = mf.fit(mf.Record(y=x, dt=T[1], outputs="x"), free)
+    assert [row["fit_percent"] for row in fit.score()][0] > 99.9
+    assert fit.initial_state().state == pytest.approx([2.0, 0.35], rel=1e-3)
+
+
+def test_a_scale_that_may_not_be_one_must_be_held():
+    text = ["x' = a*x - (b - 1)*x*z", "z' = d*x*z - c*z"]
+    model = mf.Equation(text, outputs=["x"]).model({"a": 1.0, "c": 0.8, "d": 0.3})
+    with pytest.raises(mf.SpecError, match=r"nothing gives b a value; hold them, params=\{'b': 1.0\}"):
+        model.simulate(t=T, initial_state=[2.0, 0.7])

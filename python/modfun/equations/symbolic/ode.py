@@ -135,12 +135,17 @@ def first_order(
             f"simulating: an output among {', '.join(outputs)} is given by a past state at once; name the "
             "past state by an equation with a derivative"
         )
+    # Elimination takes parameters that only scale what is hidden: whatever their values, outputs are the same.
     stray = used - {*x, *v, *theta, *known, time}
-    if stray:
+    ones = dict.fromkeys(stray, sympy.Integer(1))
+    whole, (f, g) = (*f, *g), ([e.xreplace(ones) for e in own] for own in (f, g))
+    scales = hidden and all(
+        e.free_symbols - stray == one.free_symbols for e, one in zip(whole, (*f, *g), strict=True)
+    )
+    if stray and not scales:
         names = sorted(map(str, stray))
-        why = f"{names[0]} only scales the hidden {', '.join(hidden)}: " if hidden and len(names) == 1 else ""
         raise SpecError(
-            f"simulating: nothing gives {', '.join(names)} a value; {why}hold {'it' if why else 'them'}, "
+            f"simulating: nothing gives {', '.join(names)} a value; hold them, "
             f"params={dict.fromkeys(names, 1.0)}"
         )
     arguments = [time, x, v, list(known), theta]
