@@ -581,7 +581,7 @@ def test_a_scale_of_what_is_hidden_is_one():
     free = mf.Equation(text, **own)
     np.testing.assert_allclose(free.model(values).simulate(t=T, initial_state=[2.0, 0.35]), x, rtol=1e-8)
     fit = mf.fit(mf.Record(y=x, dt=T[1], outputs="x"), free)
-    assert [row["fit_percent"] for row in fit.score()][0] > 99.9
+    assert next(row["fit_percent"] for row in fit.score()) > 99.9
     assert fit.initial_state().state == pytest.approx([2.0, 0.35], rel=1e-3)
 
 

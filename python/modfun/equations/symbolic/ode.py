@@ -135,7 +135,7 @@ def first_order(
             f"simulating: an output among {', '.join(outputs)} is given by a past state at once; name the "
             "past state by an equation with a derivative"
         )
-    # Elimination takes parameters that only scale what is hidden: whatever their values, outputs are the same.
+    # Elimination takes parameters that only scale what is hidden: outputs are the same at any values.
     stray = used - {*x, *v, *theta, *known, time}
     ones = dict.fromkeys(stray, sympy.Integer(1))
     whole, (f, g) = (*f, *g), ([e.xreplace(ones) for e in own] for own in (f, g))
