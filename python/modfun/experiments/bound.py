@@ -91,7 +91,7 @@ class Bound:
 
 @public
 def crlb(
-    sys: Any,
+    system: Any,
     experiment: Record | Signals | Sequence[Record | Signals] | None = None,
     *,
     nsr: ArrayLike | None = None,
@@ -111,7 +111,7 @@ def crlb(
 
     Parameters
     ----------
-    sys : LTI, NonlinearModel, TransferFunction, StateSpace, Equation or Fit, or of python-control or SciPy
+    system : LTI, NonlinearModel, TransferFunction, StateSpace, Equation or Fit, or of python-control or SciPy
         A system with numbers, or a structure and its numbers in `params`. Of a Fit: its model and estimates,
         and, unless given, its noise and trend; so what this, or another, experiment lets it know.
     experiment : Record, Signals, or a sequence of these
@@ -178,9 +178,9 @@ def crlb(
     Examples
     --------
     >>> import modfun as mf
-    >>> sys = mf.tf([5], [1, 3, 8])
-    >>> rec = mf.simulate(sys, input="sin(t**2/5)", duration=10.0, intervals=256)
-    >>> round(mf.crlb(sys, rec, nsr=0.2).relative, 1)
+    >>> system = mf.tf([5], [1, 3, 8])
+    >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256)
+    >>> round(mf.crlb(system, rec, nsr=0.2).relative, 1)
     3.3
 
     Before the flight, with no record:
@@ -196,7 +196,7 @@ def crlb(
     if trend not in TRENDS:
         raise SpecError(f"crlb: trend={trend!r} is unknown; choose None, 'constant' or 'linear'")
     if initial_state is None:
-        initial_state = sys.options.initial_state if isinstance(sys, Fit) else "unknown"
+        initial_state = system.options.initial_state if isinstance(system, Fit) else "unknown"
     told: list[Any] = []
     if not isinstance(initial_state, str):
         told = list(np.atleast_2d(reals("crlb", "initial_state", initial_state)))
@@ -210,19 +210,19 @@ def crlb(
         raise SpecError("crlb: give the noise once, nsr= (relative to the response) or sigma=")
     levels: F64 | float = 1.0
     states: list[Any] = told or [None if start is None else reals("crlb", "start", start)]
-    if isinstance(sys, Fit):
+    if isinstance(system, Fit):
         if experiment is None:
-            if sys.records is None:
+            if system.records is None:
                 raise SpecError("crlb: the fit has no records with it; give the experiment")
-            experiment = sys.records
+            experiment = system.records
             if start is None and initial_state == "unknown":
-                states = [sys.initial_state(k).state for k in range(len(sys.records))]
+                states = [system.initial_state(k).state for k in range(len(system.records))]
         if nsr is None and sigma is None:
-            sigma, found = noise_of(sys)
+            sigma, found = noise_of(system)
             process_noise = found if process_noise is None else process_noise
-            if experiment is sys.records:
-                levels = sys.level_ratios
-        trend = sys.trend if trend is None else trend
+            if experiment is system.records:
+                levels = system.level_ratios
+        trend = system.trend if trend is None else trend
     process_noise = 0.0 if process_noise is None else process_noise
     if nsr is None and sigma is None:
         raise SpecError("crlb: give the noise, nsr= (relative to the response) or sigma=")
@@ -235,7 +235,7 @@ def crlb(
         raise SpecError(
             f"crlb: the experiment is a {kind}; give a Record, mf.signals, or a list of these, one or more"
         )
-    known, beforehand = valued(sys, params, model, given[0]), sds_beforehand(sys, model)
+    known, beforehand = valued(system, params, model, given[0]), sds_beforehand(system, model)
     driving = isinstance(process_noise, ProcessNoise) or np.any(reals("crlb", "process_noise", process_noise))
     records = [record_for(known, one, process_noise) for one in given]
     each_state = states * (len(records) // len(states))

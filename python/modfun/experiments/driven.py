@@ -59,7 +59,7 @@ class NoiseModel:
         return cov
 
 
-def noise_model(sys: Any, given: Any, who: str = "simulate") -> NoiseModel:
+def noise_model(system: Any, given: Any, who: str = "simulate") -> NoiseModel:
     """How noise of levels `given`, which `simulate` describes, moves the outputs of a linear system."""
     if isinstance(given, ProcessNoise):
         if given.estimated:
@@ -67,9 +67,9 @@ def noise_model(sys: Any, given: Any, who: str = "simulate") -> NoiseModel:
                 f"{who}: process_noise: the numerator of {given.estimated[0]} has no numbers; give a "
                 "filter, as in mf.ProcessNoise(w=mf.tf([0.5, 1], [2, 1]))"
             )
-        return NoiseModel(*_through_inputs(sys, given, who), len(sys.A))
+        return NoiseModel(*_through_inputs(system, given, who), len(system.A))
     levels = np.atleast_1d(reals(who, "process_noise", given))
-    a, c, enters = _by_equation(sys, who)
+    a, c, enters = _by_equation(system, who)
     if levels.ndim != 1 or levels.size not in (1, enters.shape[1]) or not np.all(levels >= 0):
         raise SpecError(
             f"{who}: process_noise={given!r} must be a level of at least 0, one for all or one for each "
@@ -111,11 +111,11 @@ class Driven:
         return self.system.respond(held, self.dt, self.intervals, self.first @ draws[:, 0], "zoh")
 
 
-def driven(sys: Any, given: Any, dt: float, intervals: int, who: str = "simulate") -> Driven:
+def driven(system: Any, given: Any, dt: float, intervals: int, who: str = "simulate") -> Driven:
     """What responses to noise of levels `given`, which `simulate` describes, are made of."""
     from scipy.linalg import expm
 
-    model = noise_model(sys, given, who)
+    model = noise_model(system, given, who)
     a, (n, outputs) = model.a, (len(model.a), len(model.c))
     over = expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]) * dt)[:n, n:]
     return Driven(
@@ -127,45 +127,46 @@ def driven(sys: Any, given: Any, dt: float, intervals: int, who: str = "simulate
     )
 
 
-def measured(sys: Any, given: Any, who: str = "simulate") -> Any:
+def measured(system: Any, given: Any, who: str = "simulate") -> Any:
     """The system without the inputs through which noise enters."""
     if not isinstance(given, ProcessNoise):
-        return sys
-    keep = [k for k, name in enumerate(_names(sys, given, who)) if name not in given.names]
-    delays = tuple([sys.path_delays[0, k] for k in keep])
-    known = state_space(sys.A, sys.B[:, keep], sys.C, sys.D[:, keep], delays)
-    return replace(known, inputs=tuple([sys.inputs[k] for k in keep]), outputs=sys.outputs)
+        return system
+    keep = [k for k, name in enumerate(_names(system, given, who)) if name not in given.names]
+    delays = tuple([system.path_delays[0, k] for k in keep])
+    known = state_space(system.A, system.B[:, keep], system.C, system.D[:, keep], delays)
+    return replace(known, inputs=tuple([system.inputs[k] for k in keep]), outputs=system.outputs)
 
 
-def _names(sys: Any, given: ProcessNoise, who: str) -> tuple[str, ...]:
-    if not isinstance(sys, LTI) or sys.inputs is None:
+def _names(system: Any, given: ProcessNoise, who: str) -> tuple[str, ...]:
+    if not isinstance(system, LTI) or system.inputs is None:
         raise SpecError(
             f"{who}: process_noise=ProcessNoise(...) names inputs of a linear system that has names, as "
             "StateSpace(...).model(values)"
         )
-    missing = [name for name in given.names if name not in sys.inputs]
+    missing = [name for name in given.names if name not in system.inputs]
     if missing:
         raise SpecError(
-            f"{who}: process_noise: {missing[0]!r} is not an input of the system; it has {list(sys.inputs)}"
+            f"{who}: process_noise: {missing[0]!r} is not an input of the system; it has "
+            f"{list(system.inputs)}"
         )
-    if np.any(sys.path_delays != sys.path_delays[0]):
+    if np.any(system.path_delays != system.path_delays[0]):
         raise SpecError(f"{who}: process_noise=ProcessNoise(...) takes one delay an input, not a path")
-    return sys.inputs
+    return system.inputs
 
 
-def _through_inputs(sys: Any, given: ProcessNoise, who: str) -> tuple[F64, F64, F64]:
+def _through_inputs(system: Any, given: ProcessNoise, who: str) -> tuple[F64, F64, F64]:
     """The system behind the filters of its noise: A, C, and where white noise of unit density enters."""
-    names = _names(sys, given, who)
-    a, c = sys.A, sys.C
+    names = _names(system, given, who)
+    a, c = system.A, system.C
     columns: list[F64] = []
     for name, (num, den) in given.filters:
         at = names.index(name)
-        if np.any(sys.D[:, at] != 0):
+        if np.any(system.D[:, at] != 0):
             raise SpecError(
                 f"{who}: process_noise: {name} acts on an output directly: its variance is infinite"
             )
         shape = tf(num, den).to_ss()
-        own, n, extra = sys.B[:, at : at + 1], len(a), len(shape.A)
+        own, n, extra = system.B[:, at : at + 1], len(a), len(shape.A)
         # Columns of noise that came before end at the states there were.
         columns = [np.concatenate([column, np.zeros(extra)]) for column in columns]
         into = np.zeros((n, 1))
@@ -182,16 +183,16 @@ def _root(cov: F64) -> F64:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _by_equation(sys: Any, who: str) -> tuple[F64, F64, F64]:
+def _by_equation(system: Any, who: str) -> tuple[F64, F64, F64]:
     """A, C, and where the noise of each equation enters: A(p) y = B(p) u + w, or x' = A x + B u + w."""
-    if not isinstance(sys, LTI):
+    if not isinstance(system, LTI):
         raise SpecError(
             f"{who}: process_noise= is for linear systems, mf.tf and mf.ss; of others add noise to an input"
         )
-    if sys.matrices is not None:
-        return sys.A, sys.C, np.eye(len(sys.A))
+    if system.matrices is not None:
+        return system.A, system.C, np.eye(len(system.A))
     orders, blocks = [], []
-    for k, row in enumerate(sys.polynomials()[1]):
+    for k, row in enumerate(system.polynomials()[1]):
         if any(not np.array_equal(row[0], own) for own in row[1:]):
             raise SpecError(
                 f"{who}: process_noise= drives A(p) y = B(p) u + w; the paths to output {k} have "

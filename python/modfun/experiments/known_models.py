@@ -29,53 +29,55 @@ __all__ = ["noise_of", "record_for", "sds_beforehand", "valued"]
 
 
 def valued(
-    sys: Any, params: Mapping[str, float] | None, model: TransferFunction | None, first: Record | Signals
+    system: Any, params: Mapping[str, float] | None, model: TransferFunction | None, first: Record | Signals
 ) -> Known:
     """The model with values for its parameters."""
-    sys = linear(sys, "crlb")
-    structured = isinstance(sys, TransferFunction | StateSpace | Equation)
+    system = linear(system, "crlb")
+    structured = isinstance(system, TransferFunction | StateSpace | Equation)
     if structured and params is None:
         raise SpecError(
-            f"crlb: a {type(sys).__name__} has no numbers; give params={{name: value}}, or a system with "
+            f"crlb: a {type(system).__name__} has no numbers; give params={{name: value}}, or a system with "
             "numbers, as mf.tf(num, den) or a Fit"
         )
     if not structured and params is not None:
-        raise SpecError(f"crlb: params= is for structures; a {type(sys).__name__} has its own numbers")
-    if model is not None and not isinstance(sys, LTI):
-        raise SpecError(f"crlb: model= is for systems made by mf.tf or mf.ss, not for a {type(sys).__name__}")
-    if isinstance(sys, Fit):
-        return _of_fit(sys)
-    if isinstance(sys, LTI):
-        structure = TransferFunction.from_system(sys) if model is None else model
-        q, k = sys.shape
-        inputs = sys.inputs or (first.inputs if len(first.inputs) == k else numbered("u", k))
-        named = sys.inputs if isinstance(first, Signals) else None
-        return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(sys), named)
-    if isinstance(sys, NonlinearModel):
-        return Equations(sys)
+        raise SpecError(f"crlb: params= is for structures; a {type(system).__name__} has its own numbers")
+    if model is not None and not isinstance(system, LTI):
+        raise SpecError(
+            f"crlb: model= is for systems made by mf.tf or mf.ss, not for a {type(system).__name__}"
+        )
+    if isinstance(system, Fit):
+        return _of_fit(system)
+    if isinstance(system, LTI):
+        structure = TransferFunction.from_system(system) if model is None else model
+        q, k = system.shape
+        inputs = system.inputs or (first.inputs if len(first.inputs) == k else numbered("u", k))
+        named = system.inputs if isinstance(first, Signals) else None
+        return Transfers(structure.layout(_outputs(first, q), inputs), structure.theta(system), named)
+    if isinstance(system, NonlinearModel):
+        return Equations(system)
     assert params is not None or not structured
-    if isinstance(sys, TransferFunction):
-        count = sys.n_outputs
+    if isinstance(system, TransferFunction):
+        count = system.n_outputs
         if count is None:
             count = len(first.outputs) if isinstance(first, Record) else 1
-        layout = sys.layout(_outputs(first, count), first.inputs)
+        layout = system.layout(_outputs(first, count), first.inputs)
         return Transfers(layout, _values(params, layout.param_names))
-    if isinstance(sys, StateSpace):
-        held = [name for name, given in sys.params if isinstance(given, int | float)]
-        names = tuple(name for name in sys.all_parameters if name not in held)
-        return States(sys, dict(zip(names, _values(params, names).tolist(), strict=True)))
-    if isinstance(sys, Equation):
-        _values(params, sys.param_names())
-        return Equations(sys.model(params or {}))
+    if isinstance(system, StateSpace):
+        held = [name for name, given in system.params if isinstance(given, int | float)]
+        names = tuple(name for name in system.all_parameters if name not in held)
+        return States(system, dict(zip(names, _values(params, names).tolist(), strict=True)))
+    if isinstance(system, Equation):
+        _values(params, system.param_names())
+        return Equations(system.model(params or {}))
     raise SpecError(
-        f"crlb: the system is a {type(sys).__name__}; give mf.tf(num, den), a structure with params=, or a "
-        "Fit"
+        f"crlb: the system is a {type(system).__name__}; give mf.tf(num, den), a structure with params=, or "
+        "a Fit"
     )
 
 
-def sds_beforehand(sys: Any, model: TransferFunction | None) -> dict[str, float]:
+def sds_beforehand(system: Any, model: TransferFunction | None) -> dict[str, float]:
     """Standard deviations of what is known of parameters before the experiment."""
-    structure = sys.structure if isinstance(sys, Fit) else sys if model is None else model
+    structure = system.structure if isinstance(system, Fit) else system if model is None else model
     if not isinstance(structure, TransferFunction | StateSpace | Equation):
         return {}
     return {name: given.sd for name, given in priors_of(structure).items() if given.sd}

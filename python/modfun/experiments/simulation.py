@@ -83,7 +83,7 @@ class Experiment:
 
 
 def experiment(
-    sys: LTI | NonlinearModel | DelaySystem,
+    system: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
     duration: float | None = None,
@@ -95,15 +95,15 @@ def experiment(
 
     `start` is the state from which the response of equations is taken.
     """
-    if not isinstance(sys, LTI | NonlinearModel | DelaySystem):
+    if not isinstance(system, LTI | NonlinearModel | DelaySystem):
         raise SpecError(
-            f"simulate: the system is a {type(sys).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
+            f"simulate: the system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
             "mf.Equation(...).model({name: value}), fit.model or mf.timelag.DelaySystem(...)"
         )
     names = None
     if isinstance(input, Signals):
         input.agree("simulate", duration=duration, intervals=intervals, intersample=intersample)
-        input = input.arranged("simulate", getattr(sys, "inputs", None), sys.shape[1])
+        input = input.arranged("simulate", getattr(system, "inputs", None), system.shape[1])
         duration, intervals, intersample = input.duration, input.intervals, input.intersample
         names = input.inputs
     if duration is None or intervals is None:
@@ -114,32 +114,32 @@ def experiment(
         raise SpecError(f"simulate: duration={duration!r} must be a time in seconds above 0")
     count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
     dt = float(duration) / count
-    given = sources(input, sys.shape[1])
+    given = sources(input, system.shape[1])
     kinds = intersample_kinds(AUTO if intersample is None else intersample, given)
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
-    if not isinstance(sys, LTI):
-        state = np.zeros(len(sys.states)) if start is None else reals("simulate", "start", start)
-        y, x = sys.trajectory(given, t, state, kinds)
+    if not isinstance(system, LTI):
+        state = np.zeros(len(system.states)) if start is None else reals("simulate", "start", start)
+        y, x = system.trajectory(given, t, state, kinds)
         size = np.sqrt(np.mean(x**2, axis=1))
         none = np.zeros((0, *y.shape))
         return Experiment(
-            sys, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state, names
+            system, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state, names
         )
-    y = sys.respond(given, dt, count, None, kinds)
-    a, b, _, _, scale = sys.scaled()
+    y = system.respond(given, dt, count, None, kinds)
+    a, b, _, _, scale = system.scaled()
     n = scale.size
     states = np.zeros((n, t.size))
-    for late, seen in sys.alike():
-        own = sys.states_of(seen)
+    for late, seen in system.alike():
+        own = system.states_of(seen)
         if not own.size:  # a gain has none
             continue
         words = (a, b, np.eye(n)[own], np.zeros((own.size, len(given)))), np.zeros(n), given, dt, count, kinds
         states[own] = respond(*words, late) / scale[own, None]
     silence = np.zeros_like(u)
-    free = [sys.respond(list(silence), dt, count, unit, "zoh") for unit in np.eye(n)]
+    free = [system.respond(list(silence), dt, count, unit, "zoh") for unit in np.eye(n)]
     return Experiment(
-        system=sys,
+        system=system,
         dt=dt,
         u=u,
         y=y,
@@ -153,7 +153,7 @@ def experiment(
 
 @public
 def simulate(
-    sys: LTI | NonlinearModel | DelaySystem,
+    system: LTI | NonlinearModel | DelaySystem,
     *,
     input: Any = None,
     duration: float | None = None,
@@ -171,7 +171,7 @@ def simulate(
 
     Parameters
     ----------
-    sys : LTI, NonlinearModel or DelaySystem, or a system of python-control or SciPy
+    system : LTI, NonlinearModel or DelaySystem, or a system of python-control or SciPy
         The system.
     input : Signals, str, array_like, callable, or a list of these, optional
         Input: `mf.signals`, which bring their duration, sampling, form between samples and names; or, one
@@ -246,17 +246,17 @@ def simulate(
     for name, value in (("seed", seed), ("replicate", replicate)):
         whole("simulate", name, value, 0, 2**64 - 1)
     fixed = None if isinstance(initial_state, str) else initial_state
-    whole_sys = linear(sys, "simulate")
-    sys = measured(whole_sys, process_noise)
+    entire = linear(system, "simulate")
+    system = measured(entire, process_noise)
     found = experiment(
-        sys, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
+        system, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )
     state = _initial_state(initial_state, found, seed, replicate)
     random = isinstance(initial_state, str) and initial_state == "random"
-    still = not isinstance(sys, LTI) and not random
+    still = not isinstance(system, LTI) and not random
     y = found.y if still else found.response(state)
     if isinstance(process_noise, ProcessNoise) or np.any(np.asarray(process_noise) != 0):
-        y = y + driven(whole_sys, process_noise, found.dt, found.y.shape[1] - 1).response(seed, replicate)
+        y = y + driven(entire, process_noise, found.dt, found.y.shape[1] - 1).response(seed, replicate)
     if nsr > 0:
         if not np.all(found.rms > 0):
             raise DataError(
@@ -270,8 +270,8 @@ def simulate(
         y=y,
         u=found.u if len(found.u) else None,
         dt=found.dt,
-        outputs=getattr(sys, "outputs", None) if outputs is None else outputs,
-        inputs=(found.names or getattr(sys, "inputs", None)) if inputs is None else inputs,
+        outputs=getattr(system, "outputs", None) if outputs is None else outputs,
+        inputs=(found.names or getattr(system, "inputs", None)) if inputs is None else inputs,
         intersample=list(found.kinds),
     )
 
