@@ -76,6 +76,7 @@ def order(table: Table, criterion: str, chosen: int, sigma: float, ax: Any = Non
             upper.legend(frameon=False)
     words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[criterion]
     lower.set_yscale("symlog", linthresh=10.0)
+    lower.autoscale_view()  # margins are those of the scale, and hold the labels
     lower.set_ylim(bottom=-3.0)
     lower.set_ylabel(f"{words} over its lowest")
     lower.set_xlabel("poles (at each point: zeros)")

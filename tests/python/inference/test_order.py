@@ -294,6 +294,10 @@ def test_the_plot_shows_levels_and_criterion():
     plt = pytest.importorskip("matplotlib.pyplot")
     found = mf.select_order(record((2, 0), 2), poles=range(1, 4))
     upper, lower = found.plot()
+    upper.figure.draw_without_rendering()
+    for axes in (upper, lower):
+        highest = max(text.get_window_extent().y1 for text in axes.texts)
+        assert highest < axes.get_window_extent().y1 - 2  # pixels: labels are clear of the frame
     np.testing.assert_array_equal(upper.get_lines()[0].get_ydata(), found.table["residual"])
     score = found.table["calibrated_bic"]
     np.testing.assert_allclose(lower.get_lines()[0].get_ydata(), score - score.min())
