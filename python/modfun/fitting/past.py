@@ -88,6 +88,8 @@ class _Search:
         self.records, self.structure, self.fit_once = records, structure, fit_once
         self.rest = options.initial_state == "rest"
         self.free = _trend(structure, options) is not None or (self.rest and _moved(records, structure))
+        learnt = not isinstance(structure, TransferFunction) and options.noise == "output"
+        self.several = learnt and len(records) * len(records[0].outputs) > 1
         self.late = _longest_delay(structure, records[0], options)
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
         self.inner = options.replace(initial_state="unknown", **more)
@@ -108,8 +110,15 @@ class _Search:
         Residuals lack what the levels took from them, so covariances are means over fits with each level a
         standard error higher and lower (the mean square of such moves of several levels one by one is that of
         all at once if they are larger by the root of the number of levels). Status "maxiter" where the levels
-        do not settle.
+        do not settle. Noise of several outputs or records is held in the search, since the rule by which fits
+        of equations estimate its levels is not smooth.
         """
+        own = self.inner
+        if self.several:
+            self.inner = own.replace(noise=Noise(y=list(np.mean(fit.levels[:, : len(fit.outputs)], axis=0))))
+            fit = self.fit(self.levels)
+            if not fit.usable:
+                return fit, {}
         rows = fit.df_resid + fit.params.size
         steps = STEP * fit.noise_levels.ravel()
         for _ in range(ROUNDS):
@@ -121,8 +130,16 @@ class _Search:
             move, errors = -inverse @ gradient, np.sqrt(2 / rows * np.diag(inverse))
             if np.all(np.abs(move) < SETTLED * errors):
                 added = 2 / rows * slopes @ inverse @ slopes.T
-                means = {name: np.mean([getattr(one, name) for one in sides], axis=0) for name in COVARIANCES}
-                return fit, {name: mean + added for name, mean in means.items()}
+                self.inner, ended = own, fit
+                if self.several:
+                    ended = self.fit(self.levels)
+                    ended = ended if ended.success else fit
+                return ended, {
+                    name: np.mean([getattr(one, name) for one in sides], axis=0)
+                    + added
+                    + (getattr(ended, name) - getattr(fit, name))
+                    for name in COVARIANCES
+                }
             self.levels = self.levels + (steps * move).reshape(self.levels.shape)
             fit = self.fit(self.levels)
             if not fit.usable:
