@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 from .arrays import F64
 
-__all__ = ["AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "OPEN", "decided", "form_of", "liveliest"]
+__all__ = [
+    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "OPEN", "UNLIKE", "decided", "form_of",
+    "liveliest",
+]  # fmt: skip
 
 Mask = NDArray[np.bool_]
 
@@ -27,8 +30,9 @@ FORMS = {
 }
 DOUBTFUL = ("stairs", "rough")
 # What decided where samples leave it open: fits of both, whose difference may be short of
-# very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike.
-BY_FIT, CLOSE, LOOP, OPEN = "fit", "close", "loop", "open"
+# very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike, or where
+# records of one fit differ, and each of them is read as suits them best together.
+BY_FIT, CLOSE, LOOP, OPEN, UNLIKE = "fit", "close", "loop", "open", "unlike"
 
 SAME = 1e-9  # of the range: a change that is none
 LINE = 5e-6  # of the range: a bend that is none, since files keep six digits

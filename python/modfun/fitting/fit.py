@@ -48,7 +48,6 @@ __all__ = [
     "threads_of",
 ]
 
-
 FEW_LINES = "real equations for"  # what the core says of a band that is too narrow
 
 
@@ -300,10 +299,10 @@ def fit_many(
     Parameters
     ----------
     data : Batch or sequence of Record
-        Replicates sampled alike run in the compiled core; records that differ in length or rate are
-        fitted one after the other, with the band of the first. Where nobody declared how an input goes
-        between samples, fits of the first four (of equations the first) decide for all, as in `fit`;
-        `FitMany.notes` says so.
+        Replicates sampled alike run in the compiled core; records that differ in length, rate or
+        intersample are fitted one after the other, with the band of the first. Where nobody declared how an
+        input goes between samples, fits of the first four (of equations the first) that look alike decide
+        for these, as in `fit`; `FitMany.notes` says so.
     model : TransferFunction, Equation or StateSpace
     threads : int, optional
         Default: MODFUN_NUM_THREADS, else the cores this process may use. The numbers do not depend on it.
@@ -345,7 +344,7 @@ def fit_many(
         checked.refuse_alone("fit_many")
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
-    given = data if isinstance(data, Batch) else records_of(data, "fit_many")
+    given = data if isinstance(data, Batch) else records_of(data, "fit_many", together=False)
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
@@ -366,10 +365,9 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
 
 def _alike(records: tuple[Record, ...], options: Options) -> bool:
     """Whether records can go into the compiled core together."""
-    first = records[0]
-    uneven = any(rec.mask is not None or rec.sigma is not None for rec in records)
-    lengths = {(rec.y.shape[1], rec.dt) for rec in records}
-    return not options.reference and first.dt is not None and not uneven and len(lengths) == 1
+    uneven = any(rec.dt is None or rec.mask is not None or rec.sigma is not None for rec in records)
+    kinds = {(rec.y.shape[1], rec.dt, rec.intersample) for rec in records}
+    return not options.reference and not uneven and len(kinds) == 1
 
 
 # The way to the core -----------------------------------------------------------------------------
@@ -438,8 +436,8 @@ def structure_of(model: Any, what: str) -> Any:
     )
 
 
-def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
-    """One record or several of the same channels, as a user gave them."""
+def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[Record, ...]:
+    """One record or several of the same channels, as a user gave them; `together`: of one problem."""
     if isinstance(data, Record):
         if data.dt is None:
             refuse_gap(what, data.t)
@@ -457,12 +455,12 @@ def records_of(data: Any, what: str = "fit") -> tuple[Record, ...]:
     for k, rec in enumerate(records):
         if not isinstance(rec, Record):
             raise SpecError(f"{what}: item {k} of data is {type(rec).__name__!r}, not a Record")
-    if len({rec.inputs for rec in records}) == 1 < len({rec.intersample for rec in records}):
+    if together and len({rec.inputs for rec in records}) == 1 < len({rec.intersample for rec in records}):
         records = agreed(records)
     first = records[0]
     wanted = (first.outputs, first.inputs, first.intersample)
     for k, rec in enumerate(records):
-        if (rec.outputs, rec.inputs, rec.intersample) != wanted:
+        if (rec.outputs, rec.inputs, rec.intersample if together else wanted[2]) != wanted:
             _refuse_unlike(first, rec, k, what)
         agreeing(f"{what}: record {k}", rec, first.units, "record 0")
         if rec.dt is None:
@@ -474,9 +472,12 @@ def _refuse_unlike(first: Record, rec: Record, k: int, what: str) -> None:
     for name in ("outputs", "inputs", "intersample"):
         mine, theirs = getattr(first, name), getattr(rec, name)
         if mine != theirs:
+            cure = "need the same channels in the same order (rec.select(outputs=..., inputs=...))"
+            if name == "intersample":
+                cure = "share one form of each input: fit them by mf.fit_many(records, model), one by one"
             raise DataError(
                 f"{what}: record 0 has {name} {list(mine)}, record {k} has {list(theirs)}; records of one "
-                "problem need the same channels in the same order (rec.select(outputs=..., inputs=...))"
+                f"problem {cure}"
             )
 
 

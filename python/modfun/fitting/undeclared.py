@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
-from math import nan
+from math import isfinite, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.between import BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, UNLIKE
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
+from ..records.samples import agreed
 from ..results.cures import bic_beside, furthest, on_band
 from ..results.diagnosis import growth
 from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
+from ..results.undeclared import unlike_records
 
 __all__ = ["Word", "decided_by_fit", "fit_as_read", "in_sentences", "read_alike", "read_as"]
 
@@ -28,13 +31,13 @@ FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
 
 FEW = 4  # records that are asked where each of many is fitted by itself
 
-# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides where samples are doubtful. Very
-# strong evidence is needed in a loop, where the noise that comes back biases both fits and a computer holds
-# what it commands, and of inputs that look held or like a motion. Most of them were; steps and square waves
-# that passed through straight lines look held, and so do those that switch between two samples, and the
-# command of a computer that changes little a tick looks like a motion; positive evidence does where the noise
-# of an output is seen to come back. Strong evidence that an input was not
-# held is said, and so is that a motion may be held where that makes other estimates.
+# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides where samples are doubtful, and
+# where records of one problem look unlike. Very strong evidence is needed in a loop, where the noise that
+# comes back biases both fits and a computer holds what it commands, and of inputs that look held or like a
+# motion. Most of them were; steps and square waves that passed through straight lines look held, and so do
+# those that switch between two samples, and the command of a computer that changes little a tick looks like
+# a motion; positive evidence does where the noise of an output is seen to come back. Strong evidence that
+# an input was not held is said, and so is that a motion may be held where that makes other estimates.
 POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
 FAR = 3.0  # standard errors between estimates of both readings: these are others
 SAID = {
@@ -42,6 +45,7 @@ SAID = {
     CLOSE: "though straight lines between its samples fit better",
     LOOP: "as a computer that closes a loop holds it",
     OPEN: "though held it fits about as well, with other estimates",
+    UNLIKE: "though some records alone fit far better otherwise",
 }
 OTHER = {"zoh": "smooth", "smooth": "zoh", "foh": "zoh"}
 
@@ -98,18 +102,54 @@ def read_as(records: tuple[Record, ...], words: Mapping[str, Word]) -> tuple[Rec
 
 
 def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -> tuple[Any, tuple[str, ...]]:
-    """A batch or many records with inputs as fits of the first few prefer them, and what was decided."""
-    some: Iterable[Record]
+    """A batch or many records with inputs as fits of the first few prefer them, and what was decided.
+
+    Of records that look unlike, the first few of each kind.
+    """
+    count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
     if isinstance(data, Batch):
         some = (data[k] for k in range(len(data)) if np.isfinite(data.y[k]).all())
-    else:
-        some = sorted(data, key=lambda rec: len(rec._seen))  # what one record declares holds for all
-    count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
-    few = [(rec,) for rec in islice(some, count)]
-    words = decided_by_fit(few, structure, options, fit_once, many=True)
-    if isinstance(data, Batch):
+        words = decided_by_fit(
+            [(rec,) for rec in islice(some, count)], structure, options, fit_once, many=True
+        )
         return data._read_as({name: word for name, (word, _) in words.items()}), in_sentences(words)
-    return read_as(data, words), in_sentences(words)
+    read, notes = list(data), dict[str, None]()
+    for members in _kinds(data):
+        alike = agreed([data[k] for k in members])
+        few = sorted(alike, key=lambda rec: len(rec._seen))[:count]  # what one record declares holds for all
+        words = decided_by_fit([(rec,) for rec in few], structure, options, fit_once, many=True)
+        notes |= dict.fromkeys(in_sentences(words))
+        for k, rec in zip(members, read_as(alike, words), strict=True):
+            read[k] = rec
+    return tuple(read), (*notes, *_mixture(read))
+
+
+def _kinds(records: Sequence[Record]) -> list[list[int]]:
+    """Numbers of records whose inputs look alike between samples; one at rest looks like any."""
+    kinds: list[tuple[list[str], list[int]]] = []
+    for k, rec in enumerate(records):
+        forms = [rec._seen.get(name, "") for name in rec.inputs]
+        looks = [
+            "" if form == "rest" else form if form in DOUBTFUL else word
+            for form, word in zip(forms, rec.intersample, strict=True)
+        ]
+        for own, members in kinds:
+            if all(a == b or not (a and b) for a, b in zip(own, looks, strict=True)):
+                own[:] = [a or b for a, b in zip(own, looks, strict=True)]
+                members.append(k)
+                break
+        else:
+            kinds.append((looks, [k]))
+    return [members for _, members in kinds]
+
+
+def _mixture(records: Sequence[Record]) -> Iterator[str]:
+    """Inputs that are not read alike in all records."""
+    for channel, name in enumerate(records[0].inputs):
+        counts = Counter(rec.intersample[channel] for rec in records)
+        if len(counts) > 1:
+            told = ", ".join(f"{word} in {count}" for word, count in counts.items())
+            yield f"Input {name!r} is read as {told} of {len(records)} records, as each of them looks."
 
 
 def in_sentences(words: Mapping[str, Word]) -> tuple[str, ...]:
@@ -139,6 +179,11 @@ def _asked(
     each = [records for records, fit in asked if fit is not None]
     fits = [fit for _, fit in asked if fit is not None]
     for name, seen in forms.items():
+        if len({FORMS[form] for form in seen - {"rest"}}) > 1 and not loop:
+            late = fits and fits[0].layout.rational and fits[0].layout.free_delays  # tells of other errors
+            if fits and name in fits[0].inputs and not late:
+                found, fits = _best_for_all(name, seen, each, fits, found, structure, fit_once)
+            continue
         held, doubtful = "held" in seen, not seen.isdisjoint(DOUBTFUL)
         motion = not (held or doubtful or loop) and options.method == "ml"  # others have no likelihood
         if not (held or doubtful or loop or motion):
@@ -166,7 +211,39 @@ def _asked(
             found[name] = Word(word, CLOSE)
         elif gain > -STRONG and motion and _apart(fits, others):
             found[name] = Word(word, OPEN)
+    for name, seen in forms.items():
+        apart = len(seen - {"rest"}) > 1 and fits and name in fits[0].inputs
+        if apart and any(unlike_records(fit, name) for fit in fits):
+            found[name] = Word(fits[0].intersample[fits[0].inputs.index(name)], UNLIKE)
     return found, fits
+
+
+def _best_for_all(
+    name: str,
+    seen: set[str],
+    problems: Sequence[tuple[Record, ...]],
+    fits: list[Fit],
+    found: dict[str, Word],
+    structure: Any,
+    fit_once: FitOnce,
+) -> tuple[dict[str, Word], list[Fit]]:
+    """An input that looks unlike in the records of a problem, read as lowers BIC most, and fits so.
+
+    What looks held is no motion, while what looks like a motion may be held: this takes positive evidence.
+    """
+    own = fits[0].intersample[fits[0].inputs.index(name)]
+    words = {FORMS[form] for form in seen - {"rest"}} | ({"foh"} if "held" in seen else set())
+    words |= {"zoh"} if "rough" in seen else set()
+    base, made = _on_bands(problems, fits, found, structure, fit_once), {own: fits}
+    gains = {own: 0.0}
+    for word in sorted(words - {own}):
+        others = _on_bands(problems, fits, {**found, name: Word(word, BY_FIT)}, structure, fit_once)
+        if isfinite(gain := _gain(base, others)):
+            gains[word], made[word] = gain, [other for other in others if other is not None]
+    if "held" in seen and "zoh" in gains:
+        gains["zoh"] += POSITIVE
+    best = max(gains, key=gains.__getitem__)
+    return {**found, name: Word(best, BY_FIT)}, made[best]
 
 
 def _on_bands(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base import html
 from ..base.arrays import F64
-from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN, decided, liveliest
+from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN, UNLIKE, decided, liveliest
 from ..base.elsewhere import RECORD, Elsewhere
 from ..base.names import nearest
 from ..base.samples import (
@@ -371,6 +371,12 @@ class Samples(Elsewhere):
         kinds = tuple([word if name in self._seen else own for name, own, word in both])
         return self if kinds == self.intersample else self._like(intersample=kinds)
 
+    def _read_like(self, words: Sequence[str]) -> Self:
+        """Return the record read as those of a fit; of smooth inputs, one seen to be held stays so."""
+        both = zip(self.inputs, words, strict=True)
+        held = [word == "smooth" and self._seen.get(name) == "held" for name, word in both]
+        return self._read_as(["zoh" if own else word for own, word in zip(held, words, strict=True)])
+
     def _computed(self, name: str, given: ArrayLike | Callable[[Self], ArrayLike]) -> ArrayLike:
         if not callable(given):
             return given
@@ -415,7 +421,7 @@ class Samples(Elsewhere):
 
     def _between_words(self) -> list[str]:
         """How each input goes between samples, and whether its samples alone say so."""
-        told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, CLOSE, LOOP, OPEN), "doubtful")}
+        told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, CLOSE, LOOP, OPEN, UNLIKE), "doubtful")}
         origin = {name: told.get(form, "seen") for name, form in self._seen.items()}
         return [
             f"{word} ({origin[name]})" if name in origin else word

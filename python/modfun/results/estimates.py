@@ -474,7 +474,7 @@ class Estimates(Elsewhere):
                 )
             if (rec.outputs, rec.inputs) != (self.outputs, self.inputs):
                 rec = rec.select(outputs=self.outputs, inputs=self.inputs)
-            return rec._read_as(self.intersample) if self.intersample else rec  # gains tell of none
+            return rec._read_like(self.intersample) if self.intersample else rec  # gains tell of none
         if rec is not None and (isinstance(rec, bool) or not isinstance(rec, int | np.integer)):
             raise SpecError(f"{what}: expected a Record or the index of one, got {type(rec).__name__}")
         if own is None:

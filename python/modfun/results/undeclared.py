@@ -1,13 +1,60 @@
-"""The doubt that an input which nobody declared was held, where a record does not tell."""
+"""Doubts about inputs that nobody declared: whether one was held, and whether records differ in that."""
 
 from __future__ import annotations
 
-from ..base.between import OPEN
+from ..base.between import FORMS, OPEN, UNLIKE, form_of
 from .cures import again, bic_beside, furthest, on_band
 from .doubts import Doubt
 from .estimates import Estimates
+from .misfit import refuted
 
-__all__ = ["undeclared"]
+__all__ = ["undeclared", "unlike", "unlike_records"]
+
+POSITIVE = 2.0  # evidence by a difference of BIC (Kass and Raftery, 1995)
+
+
+def unlike_records(fit: Estimates, name: str) -> tuple[int, str, float] | None:
+    """That records of one fit, each alone, fit better with an input read as it looks.
+
+    The record that says most and its word, and by how much BIC falls over all.
+    """
+    records = fit.records or ()
+    if fit.again is None or len(records) < 2:
+        return None
+    channel, options = records[0].inputs.index(name), on_band(fit, fit.band)
+    falls: dict[tuple[int, str], float] = {}
+    for k, rec in enumerate(records):
+        form, word = form_of(rec[name], None if rec.dt else rec.t), rec.intersample[channel]
+        looks = {"rest": set(), "rough": {"smooth", "zoh"}}.get(form, {FORMS[form]}) - {word}
+        for look in looks:
+            kinds = (*rec.intersample[:channel], look, *rec.intersample[channel + 1 :])
+            alone = again(fit, (rec,), fit.structure, options)
+            other = again(fit, (rec._like(intersample=kinds),), fit.structure, options)
+            if alone is None or other is None or not other.success or refuted(other):
+                continue  # of two wrong models: half a sample of delay makes up for many a lag
+            falls[k, look] = bic_beside(alone, alone) - bic_beside(other, alone)
+            if form == "rough":
+                falls[k, look] = max(falls[k, look], 0.0)
+    if sum(falls.values()) <= POSITIVE:
+        return None
+    return (*max(falls, key=falls.__getitem__), sum(falls.values()))
+
+
+def unlike(fit: Estimates) -> Doubt | None:
+    """That records of one fit differ in how an input goes between samples."""
+    for name in fit.inputs:
+        if all(rec._seen.get(name) != UNLIKE for rec in fit.records or ()):
+            continue
+        if found := unlike_records(fit, name):
+            k, word, fallen = found
+            own = fit.intersample[fit.inputs.index(name)]
+            return Doubt(
+                f"Input {name!r} goes between samples in unlike ways: it is read as {own} in all records, "
+                f"and record {k} looks {word} (each alone, read as they look, BIC falls by {fallen:.3g}). "
+                "One fit takes one form of an input, which biases the estimates. First fit the records one "
+                "by one, mf.fit_many(records, model), or leave out those that differ."
+            )
+    return None
 
 
 def undeclared(fit: Estimates) -> Doubt | None:
