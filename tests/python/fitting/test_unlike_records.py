@@ -49,7 +49,7 @@ def test_one_form_in_truth_is_found_where_records_look_unlike(kinds):
 
 
 def test_records_that_differ_are_said_with_the_cure():
-    """All of 40 such fits were warned of, and 1 of 750 whose records are of one form; here one of ten may be."""
+    """All of 40 such fits were warned of, and 1 of 750 of one form; here one of ten may be."""
     mixed = (("binary", "chirp"), ("white", "chirp"))
     warned = [fitted(*kinds, seed=seed, nsr=0.02) for kinds in mixed for seed in range(5)]
     for fit, said in warned:
