@@ -113,7 +113,9 @@ def two_modes(seeds: int = 20) -> Any:
         rng = np.random.default_rng(seed)
         u = rng.standard_normal((1, count))
         y = run(system, u, rng.standard_normal(4) * np.array([1, w[0], 1, w[1]]))
-        return mf.Record(y=y + 0.01 * y.std() * rng.standard_normal(y.shape), u=u, dt=dt)
+        return mf.Record(
+            y=y + 0.01 * y.std() * rng.standard_normal(y.shape), u=u, dt=dt, intersample="smooth"
+        )
 
     methods = {
         "Y/U": etfe,
@@ -141,7 +143,12 @@ def simulated(folder: Path, count: int, noise: float, seeds: int = 10) -> Any:
         rng = np.random.default_rng(seed)
         u = rng.standard_normal((count, 2)).T
         y = run(system, u, np.zeros(6))
-        return mf.Record(y=y + noise * y.std(axis=1)[:, None] * rng.standard_normal((count, 2)).T, u=u, dt=dt)
+        return mf.Record(
+            y=y + noise * y.std(axis=1)[:, None] * rng.standard_normal((count, 2)).T,
+            u=u,
+            dt=dt,
+            intersample="smooth",
+        )
 
     omega = 2 * np.pi * np.arange(1, count // 2) / (count * dt)
     omega = omega[omega <= np.pi / dt * (count - 2) / (count - 1)]
@@ -160,7 +167,7 @@ def speed() -> Any:
     rng = np.random.default_rng(0)
     u = rng.standard_normal((2, 65536))
     y = np.array([np.convolve(row, np.exp(-np.arange(200) / 40), "same") for row in u])
-    rec = mf.Record(y=y + 0.01 * rng.standard_normal(y.shape), u=u, dt=0.01)
+    rec = mf.Record(y=y + 0.01 * rng.standard_normal(y.shape), u=u, dt=0.01, intersample="smooth")
     rows = []
     for name, options in (
         ("lpm, h = 7", {"method": "lpm", "halfwidth": 7}),
@@ -181,7 +188,7 @@ def speed() -> Any:
 def structure(folder: Path) -> mf.Record:
     """The steel structure of DaISy: two shakers, two accelerometers, 1024 Hz."""
     path = folder / "daisy_flexible_structure_2x2" / "flex_0_4096.csv"
-    return mf.read(path, time="t_s", outputs=["y1", "y2"], inputs=["u1", "u2"])
+    return mf.read(path, time="t_s", outputs=["y1", "y2"], inputs=["u1", "u2"], intersample="smooth")
 
 
 def measured(folder: Path) -> Any:

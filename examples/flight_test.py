@@ -86,6 +86,7 @@ def read_flight(path: str | Path) -> list[mf.Record]:
         inputs=COLUMNS[1],
         keep={"event": "EVENT"},
         missing="mask",
+        intersample="smooth",  # measured motions of surface and stick
     )
     flight = flight.assign(
         alpha=np.deg2rad(flight["alpha"]),

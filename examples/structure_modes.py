@@ -18,7 +18,7 @@ import numpy as np
 
 def record(folder: Path) -> mf.Record:
     path = folder / "daisy_flexible_structure_2x2" / "flex_0_4096.csv"
-    return mf.read(path, time="t_s", outputs=["y1", "y2"], inputs=["u1", "u2"])
+    return mf.read(path, time="t_s", outputs=["y1", "y2"], inputs=["u1", "u2"], intersample="smooth")
 
 
 def peaks(frf: mf.FrequencyResponse, count: int) -> list[float]:

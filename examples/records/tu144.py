@@ -18,7 +18,9 @@ TERMS = {"omega": "sqrt(a2)", "zeta": "a1/(2*sqrt(a2))", "1/T": "b1/b0", "K": "b
 def read(folder: common.Place = None) -> mf.Record:
     """Stick (inches) and pitch rate (deg/s), 32 Hz, 20 s."""
     path = common.data("tu144_lon_4d/tu144_f20_4d.csv", folder)
-    return mf.read(path, time="t_s", outputs={"q": "q_dps"}, inputs={"stick": "lonstk_in"})
+    return mf.read(
+        path, time="t_s", outputs={"q": "q_dps"}, inputs={"stick": "lonstk_in"}, intersample="smooth"
+    )
 
 
 def row(fit: mf.Fit, rec: mf.Record) -> dict[str, Any]:

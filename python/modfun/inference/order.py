@@ -17,6 +17,7 @@ from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.tables import Table
 from ..errors import FitError, SpecError
+from ..fitting.candidates import best_of
 from ..fitting.fit import fit_quietly, records_of
 from ..fitting.prepared import plain_words
 from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
@@ -25,7 +26,6 @@ from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
-from ..results.cures import bic_beside, on_band
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.doubts import FINEST
@@ -201,7 +201,7 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.plain_layout(records[0].inputs, "select_order")
-    words = decided_by_fit([records], structures, checked, _best_of)
+    words = decided_by_fit([records], structures, checked, best_of)
     records = read_as(records, words)
     fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
     race = _Race(records, checked, structures, fits)
@@ -213,20 +213,6 @@ def select_order(
     else:
         band = fits[-1].band
     return race.run(band).selection(in_sentences(words))
-
-
-def _best_of(records: tuple[Record, ...], structures: Sequence[TransferFunction], options: Options) -> Fit:
-    """Of fits over the band of the largest candidate the one of the lowest BIC.
-
-    A superfluous zero does what reading the input otherwise would: the largest candidate alone tells little.
-    """
-    last = fit_quietly(records, structures[-1], options)
-    best = last
-    for structure in structures[:-1]:
-        fit = fit_quietly(records, structure, on_band(last, last.band))
-        if fit.usable and bic_beside(fit, last) < bic_beside(best, last):
-            best = fit
-    return best
 
 
 def candidates(

@@ -20,6 +20,7 @@ from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
 from .periodic import from_periods
+from .undeclared import as_fits_prefer, doubts_of
 
 __all__ = ["frf"]
 
@@ -58,6 +59,9 @@ def frf(
     coefficients, are smooth. On the lines m within `halfwidth` of it, at the distance r,
     A(r) Y(m) = Σ_j B_j(r) U_j(m) + T(r) with polynomials of low degree; the response is B(0) (report,
     section 4.9; THEORY, section 6). Neither periods nor windows that taper are needed.
+
+    Half a sample of delay is as smooth as any response. Whether inputs that nobody declared were held is
+    therefore decided by fits of transfer functions of one to four poles (`FrequencyResponse.between`).
 
     Parameters
     ----------
@@ -114,6 +118,12 @@ def frf(
     SpecError
         An unknown word, or more unknowns than lines.
 
+    Warns
+    -----
+    ModfunWarning
+        Where an input has no power of its own; where nothing tells whether an input was held, and the gains
+        would be others by more than their circles.
+
     See Also
     --------
     modfun.FrequencyResponse : What it returns.
@@ -153,14 +163,17 @@ def frf(
         whole("frf", "threads", threads, 1, MOST_THREADS)
     if method != "lrm" and weighting == "ml":
         raise SpecError(f'frf: weighting="ml" is for method="lrm", not {method!r}; leave it out')
-    records = _records(data)
+    given = _records(data)
     if method == "periodic":
         if omega is not None or windows is not None or varying:
             raise SpecError(
                 'frf: method="periodic" has lines of its own; leave omega, windows and varying out'
             )
         low, high = (0.0, np.inf) if band is None else band_edges("frf", band)
-        return from_periods(records, low, high)
+        records, left = as_fits_prefer(given, band)
+        return _said(from_periods(records, low, high), records, left)
+    _windows(given, windows)  # refuses what does not fit
+    records, left = as_fits_prefer(given, band)
     parts = _windows(records, windows)
     parts.sort(key=lambda rec: -rec.duration)
     pieces = [_piece(rec, rule, varying, trend) for rec in parts]
@@ -179,7 +192,7 @@ def frf(
         if len(widths) > 1:
             chosen = shape.choose(widths, where, threads, shown)
         found = shape.estimates(chosen, where, threads, shown)
-    return _response(records[0], where, found, chosen, shape, varying, units)
+    return _said(_response(records[0], where, found, chosen, shape, varying, units), records, left)
 
 
 class _Neighbourhood:
@@ -331,6 +344,16 @@ def _response(
         source=words,
         **change,
     )
+
+
+def _said(found: FrequencyResponse, records: list[Record], left: dict[str, float]) -> FrequencyResponse:
+    """The gains with how inputs go between samples, and a warning where that is open and matters."""
+    words = zip(*(rec._between_words() for rec in records), strict=True)
+    found = found._told(between=tuple(" or ".join(dict.fromkeys(own)) for own in words))
+    notes = doubts_of(left, float(records[0].dt or 0), found)
+    for text in notes:
+        warnings.warn(f"frf: {text}", ModfunWarning, stacklevel=4)
+    return found._told(notes=notes)
 
 
 def _units(pieces: list[Piece]) -> tuple[F64, F64]:

@@ -143,7 +143,7 @@ class ResponseFit(Fit):
                 "model misses something, or gains are biased, as those of wide neighbourhoods are at "
                 "resonances."
             )
-        return Findings(f"Check of {one_line(self)}", found)
+        return Findings(f"Check of {one_line(self)}", [*found, *self.data.notes])
 
     def content(self) -> Content:
         """What its page says of the gains, and what is told and found."""

@@ -59,6 +59,11 @@ class FrequencyResponse:
         Names of the channels; by default y, y1, … and u, u1, ….
     source : str, optional
         How the gains were had, in a few words.
+    between : sequence of str, optional
+        How each input went between the samples that the gains were made of, and what told it: "zoh",
+        "smooth (seen)", "zoh (by the fit)".
+    notes : sequence of str, optional
+        What is doubtful about the gains, in sentences.
 
     Raises
     ------
@@ -103,6 +108,8 @@ class FrequencyResponse:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     source: str
+    between: tuple[str, ...]
+    notes: tuple[str, ...]
 
     def __init__(
         self,
@@ -124,6 +131,8 @@ class FrequencyResponse:
         outputs: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
         source: str = "",
+        between: Sequence[str] = (),
+        notes: Sequence[str] = (),
     ) -> None:
         where = frequencies(omega, "FrequencyResponse").copy()
         gains = _gains(response, magnitude_db, phase_deg)
@@ -164,6 +173,8 @@ class FrequencyResponse:
         object.__setattr__(self, "outputs", _names("outputs", outputs, gains.shape[0], "y"))
         object.__setattr__(self, "inputs", _names("inputs", inputs, gains.shape[1], "u"))
         object.__setattr__(self, "source", source)
+        object.__setattr__(self, "between", tuple(between))
+        object.__setattr__(self, "notes", tuple(notes))
 
     @property
     def magnitude_db(self) -> F64:
@@ -273,7 +284,13 @@ class FrequencyResponse:
             outputs=self.outputs,
             inputs=self.inputs,
             source=self.source,
+            between=self.between,
+            notes=self.notes,
         )
+
+    def _told(self, **changes: tuple[str, ...]) -> FrequencyResponse:
+        """The same with other words."""
+        return FrequencyResponse(**{**{f.name: getattr(self, f.name) for f in fields(self)}, **changes})
 
     def table(self) -> Table:
         """One row a path and frequency: input, output, omega, magnitude_db, phase_deg, bse, coherence."""
@@ -315,8 +332,9 @@ class FrequencyResponse:
     def facts(self) -> list[tuple[str, str]]:
         """What is said of it in a few lines: names and texts."""
         low, high = (np.min(self.omega), np.max(self.omega)) if self.omega.size else (0.0, 0.0)
+        words = [f" {word}" for word in self.between] or [""] * len(self.inputs)
         facts = [
-            ("inputs", ", ".join(self.inputs)),
+            ("inputs", ", ".join(name + word for name, word in zip(self.inputs, words, strict=True))),
             ("outputs", ", ".join(self.outputs)),
             ("frequencies", f"{self.omega.size} from {low:.4g} to {high:.4g} rad/s"),
         ]
@@ -336,6 +354,7 @@ class FrequencyResponse:
                 facts.append(("without answer", f"{relative.size - known.size} of {relative.size} gains"))
         if self.coherence is not None and self.coherence.size:
             facts.append(("median coherence", f"{np.median(self.coherence):.4f}"))
+        facts += [("note", text) for text in self.notes]
         return facts
 
     def __repr__(self) -> str:

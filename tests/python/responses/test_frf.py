@@ -42,7 +42,7 @@ def two_by_two(seed, samples=600, noise=0.05):
         x = ad @ x + bd @ u[:, k]
     mix = np.array([[1.0, 0.0], [0.6, 0.8]])
     y += noise * y.std() * (mix @ rng.standard_normal(y.shape))
-    rec = mf.Record(y=y, u=u, dt=0.05, outputs=["ya", "yb"], inputs=["ua", "ub"])
+    rec = mf.Record(y=y, u=u, dt=0.05, intersample="smooth", outputs=["ya", "yb"], inputs=["ua", "ub"])
 
     def true(omega):
         z = np.exp(0.05j * np.atleast_1d(omega))
@@ -124,7 +124,7 @@ def test_differences_know_their_noise():
     for _ in range(60):
         u = rng.standard_normal(1001)
         y = np.convolve(u, [0.5, 0.3, 0.1])[:1001] + 0.1 * rng.standard_normal(1001)
-        rec = mf.Record(y=y, u=u, dt=1.0)
+        rec = mf.Record(y=y, u=u, dt=1.0, intersample="smooth")
         omega = np.arange(0.1, 3.0, 0.1)
         got = mf.frf(rec, omega, method="modulating", halfwidth=20, degree=1)
         z = np.exp(-1j * omega)
@@ -165,7 +165,7 @@ def test_two_light_modes_at_40_db():
     for k in range(2049):
         y[:, k] = cd @ x
         x = ad @ x + bd @ u[:, k]
-    rec = mf.Record(y=y + 0.01 * y.std() * rng.standard_normal(y.shape), u=u, dt=1 / 64)
+    rec = mf.Record(y=y + 0.01 * y.std() * rng.standard_normal(y.shape), u=u, dt=1 / 64, intersample="smooth")
     got = mf.frf(rec)
     z = np.exp(1j * got.omega / 64)
     true = np.array([(cd @ np.linalg.solve(s * np.eye(4) - ad, bd))[0, 0] for s in z])
@@ -284,7 +284,7 @@ def test_a_response_that_changes_slowly():
     u = rng.standard_normal(4001)
     slow = np.convolve(u, 0.5 ** np.arange(12))[:4001]
     grow = 1 + 0.6 * np.linspace(-0.5, 0.5, 4001)
-    rec = mf.Record(y=grow * slow + 0.02 * rng.standard_normal(4001), u=u, dt=1.0)
+    rec = mf.Record(y=grow * slow + 0.02 * rng.standard_normal(4001), u=u, dt=1.0, intersample="smooth")
     omega = np.arange(0.1, 3.0, 0.1)
     got = mf.frf(rec, omega, method="lpm", halfwidth=30, varying=True)
     true = 1 / (1 - 0.5 * np.exp(-1j * omega))
@@ -338,7 +338,7 @@ def test_every_instruction_set_gives_the_same_bits():
 
 def test_inputs_that_move_alike_tell_nothing():
     rec = noisy(5)
-    twice = mf.Record(y=rec.y, u=np.vstack([rec.u, 2 * rec.u]), dt=rec.dt)
+    twice = mf.Record(y=rec.y, u=np.vstack([rec.u, 2 * rec.u]), dt=rec.dt, intersample="zoh")
     with pytest.warns(mf.ModfunWarning, match="at 32 of 32 frequencies an input has no power of its own"):
         got = mf.frf(twice, band=(1.0, 3.0), halfwidth=10)
     assert np.all(np.isnan(got.response))
