@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..base.arguments import real
 from ..base.arrays import F64
 from ..base.between import AUTO
 from ..base.samples import Names, names_of
 from ..errors import DataError, SpecError
-from ..fitting.fit import Estimator, fit_quietly
-from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 
-__all__ = ["block_of", "channels_of", "refuse_record", "words_of"]
+__all__ = ["FEWEST", "LONGEST", "block_of", "channels_of", "intervals_of", "refuse_record", "seconds"]
+
+FEWEST = 8  # intervals of a window
+LONGEST = 1 << 20  # samples remembered
 
 
 def channels_of(model: Any, which: str, given: Names, letter: str) -> tuple[str, ...]:
@@ -30,19 +32,6 @@ def channels_of(model: Any, which: str, given: Names, letter: str) -> tuple[str,
     if count is None:
         count = 1 if given is None or isinstance(given, str) else len(given)
     return names_of(given, count, letter, which)
-
-
-def words_of(
-    rec: Record, told: tuple[str, ...], estimator: Estimator
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """How the inputs of a first window go between samples where that was not told, and what decided it."""
-    both = list(zip(rec.inputs, told, rec.intersample, strict=True))
-    rec = rec._like(
-        intersample=tuple(theirs if own == AUTO else own for _, own, theirs in both),
-        _seen={name: rec._seen[name] for name, own, _ in both if own == AUTO and name in rec._seen},
-    )
-    found = decided_by_fit([(rec,)], estimator.model, estimator.options, fit_quietly)
-    return read_as((rec,), found)[0].intersample, in_sentences(found)
 
 
 def block_of(
@@ -105,6 +94,40 @@ def refuse_record(
         )
     if rec.mask is not None or rec.sigma is not None:
         raise DataError("Stream.follow: masked samples and sigma are for records; fill them first")
+
+
+def intervals_of(length: float, dt: float) -> int:
+    """Intervals of a window of so many seconds.
+
+    Raises
+    ------
+    SpecError
+    """
+    if length / dt > LONGEST:
+        raise SpecError(
+            f"Stream: a window of {length:g} s holds {length / dt:.3g} intervals of {dt:g} s, at most "
+            f"{LONGEST}; take a shorter window or longer steps"
+        )
+    intervals = round(length / dt)
+    if intervals < FEWEST:
+        raise SpecError(
+            f"Stream: a window of {length:g} s holds {intervals} intervals of {dt:g} s; at least {FEWEST} "
+            "are needed"
+        )
+    return intervals
+
+
+def seconds(name: str, given: Any) -> float:
+    """A positive time, as a user gave it.
+
+    Raises
+    ------
+    SpecError
+    """
+    found = real("Stream", name, given, finite=False)
+    if not (isfinite(found) and found > 0):
+        raise SpecError(f"Stream: {name}={given!r} must be a positive number of seconds")
+    return found
 
 
 def _rows(name: str, given: ArrayLike, channels: int) -> F64:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import ceil, isfinite
+from math import ceil, gcd
 from threading import RLock
 from typing import Any, Never
 
@@ -27,14 +27,14 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from .forgetting import loss, unweighted, weights_of
-from .samples import block_of, channels_of, refuse_record, words_of
+from .forms import Forms
+from .samples import FEWEST, LONGEST, block_of, channels_of, intervals_of, refuse_record, seconds
 from .track import Track, joined
 
 __all__ = ["Stream"]
 
 _WORDS = np.array(STATUS)
-FEWEST = 8  # intervals of a window
-LONGEST = 1 << 20  # samples remembered
+LOOKS = 8  # a window at its samples, whether they show another form
 AT_ONCE = 4096  # samples of a record between two looks at Ctrl-C
 
 
@@ -66,9 +66,9 @@ class Stream:
         Names of the channels. Default: those of an equation or state space; else ``y`` and ``u``, numbered
         if the structure has several.
     intersample : {"auto", "smooth", "zoh", "foh"}, or a sequence or mapping of them, default "auto"
-        How the inputs go between samples, as in `Record`. "auto" decides when the first window is full, by
-        its samples and, where these leave it open, by a fit of it as in `fit`; or takes what the record
-        that is followed declares.
+        How the inputs go between samples, as in `Record`. "auto" decides by the samples of the first full
+        window in which the input moves and, where these leave it open, by a fit of it as in `fit`; and anew
+        when later samples look otherwise. Or it takes what the record that is followed declares.
     units : mapping of str to str, optional
         Units by channel name, for labels.
     t0 : float, default 0.0
@@ -143,20 +143,18 @@ class Stream:
         if window is None and forgetting is None:
             raise SpecError("Stream: say how much of the past counts, window= or forgetting= in seconds")
         self.estimator = estimator
-        self.dt = _seconds("dt", dt)
+        self.dt = seconds("dt", dt)
         self._begin = self._t0 = real("Stream", "t0", t0)
-        length = _seconds("window", window if window is not None else forgetting)
-        self._intervals = _intervals(length, self.dt)
+        length = seconds("window", window if window is not None else forgetting)
+        self._intervals = intervals_of(length, self.dt)
         self.window = self._intervals * self.dt
         self.weights = weights_of(
-            self.window, None if forgetting is None else _seconds("forgetting", forgetting)
+            self.window, None if forgetting is None else seconds("forgetting", forgetting)
         )
         self.outputs = channels_of(model, "outputs", outputs, "y")
         self.inputs = channels_of(model, "inputs", inputs, "u")
-        self._said = intersample_of(intersample, self.inputs)
-        self._words = tuple("smooth" if word == AUTO else word for word in self._said)
-        self._open = AUTO in self._said
-        self._notes: tuple[str, ...] = ()
+        self._forms = Forms(intersample_of(intersample, self.inputs), estimator)
+        self._looked = self._gone = 0  # samples when the forms were looked at, and left out of the core
         self._units = dict(units or {})
         channels = len(self.outputs) + len(self.inputs)
         self._record(np.zeros((channels, FEWEST)), 0.0)  # checks names and units
@@ -230,7 +228,8 @@ class Stream:
         DataError
             A record with other channels, another step or masked samples.
         """
-        refuse_record(rec, self.outputs, self.inputs, self.dt, self._said if self._open else self._words)
+        words = self._forms.said if self._forms.undecided else self._forms.words
+        refuse_record(rec, self.outputs, self.inputs, self.dt, words)
         whole = isinstance(every, int | np.integer) and not isinstance(every, bool)
         if not (whole and 1 <= every <= LONGEST):
             raise SpecError(
@@ -241,8 +240,8 @@ class Stream:
         with self._lock, Progress(progress, "following", "samples") as report:
             if not self.count:
                 self._begin = float(rec.t[0])
-            if self._open:
-                self._decide(rec._slice(0, min(total, self._samples)))
+            if self._forms.undecided and self._forms.told_by(rec._slice(0, min(total, self._samples))):
+                self._renew()
             for at in range(0, total, AT_ONCE):
                 found.append(self._followed(block[:, at : at + AT_ONCE], int(every)))
                 report(min(at + AT_ONCE, total), total)
@@ -253,25 +252,27 @@ class Stream:
         with self._lock:
             self._latest = None
             self._core.clear()
-            self._open, self._notes = AUTO in self._said, ()
+            self._forms.clear()
+            self._looked = self._gone = 0
             self._begin = self._t0
 
     # What comes out ------------------------------------------------------------------------------
 
     @property
     def intersample(self) -> tuple[str, ...]:
-        """One word an input; where "auto" was given, "smooth" until the first window is full."""
-        return self._words
+        """One word an input; where "auto" was given, "smooth" until it moves in a full window."""
+        self._look(now=True)
+        return self._forms.words
 
     @property
     def count(self) -> int:
         """Samples taken."""
-        return int(self._core.count)
+        return self._gone + int(self._core.count)
 
     @property
     def t(self) -> float:
         """Time of the last sample, s."""
-        return self._begin + max(self.count - 1, 0) * self.dt
+        return self._begin + max(int(self._core.count) - 1, 0) * self.dt
 
     @property
     def ready(self) -> bool:
@@ -303,7 +304,9 @@ class Stream:
         DataError
             Before the first window is full.
         """
-        return self._windows()[0]
+        with self._lock:
+            self._look(now=True)
+            return self._windows()[0]
 
     def fit(self) -> Fit:
         """The estimate of this moment with all that a Fit can do; its data is the windows it saw.
@@ -314,6 +317,7 @@ class Stream:
             Before the first window is full, or where a channel does not move.
         """
         with self._lock:
+            self._look(now=True)
             records = self._windows()
             if self._made is None:
                 return fit_quietly(records, self.estimator.model, self.estimator.options)
@@ -335,48 +339,56 @@ class Stream:
         )
 
     def __repr__(self) -> str:
+        self._look(now=True)
         past = f"window {self.window:g} s"
         if len(self.weights) > 1:
             past += f", {len(self.weights)} of them, each weighted {self.weights[1]:.2g} of the next"
         filled = "ready" if self.ready else f"{self.count} of {self._samples} samples"
         line = f"Stream({self.estimator!r}, {past}, step {self.dt:g} s): {filled}"
-        return "\n".join((line, *self._notes))
+        return "\n".join((line, *self._forms.notes))
 
     # Inside --------------------------------------------------------------------------------------
 
     def _take(self, block: F64) -> None:
         with self._lock:
             self._latest = None
-            first = self._samples - self.count if self._open else 0
-            if 0 < first <= block.shape[1]:
-                self._core.push(np.ascontiguousarray(block[:, :first]))
-                block = np.ascontiguousarray(block[:, first:])
-                self._decide(self._record(self._core.past(), self._begin))
-            if block.size:
-                self._core.push(block)
+            self._core.push(block)
 
     def _prepare(self) -> None:
         """Make the core of fits that coefficients are carried on for."""
-        names = (self.outputs, self.inputs, self._words)
+        names = (self.outputs, self.inputs, self._forms.words)
         model, options = self.estimator.model, self.estimator.options
         self._made = prepare_stream(model, options, names, self._intervals, self.dt, self.weights)
         self._core = self._made.core
 
-    def _decide(self, rec: Record) -> None:
-        """Take the words of a first window; samples that came already go into a new core."""
-        words, self._notes = words_of(rec, self._said, self.estimator)
-        self._open = False
-        changed, self._words = words != self._words, words
-        if changed and self._made is not None:
-            past = self._core.past()
+    def _look(self, *, now: bool = False) -> None:
+        """Read the inputs anew where their samples look otherwise; if not now, then a few times a window."""
+        with self._lock:
+            since = self.count - self._looked
+            if not self.ready or not since:
+                return
+            if now or self._forms.waiting or since >= self._intervals // LOOKS:
+                self._looked, samples = self.count, self._core.past()
+                if self._forms.differ(samples[len(self.outputs) :]) and self._forms.taken(
+                    self._record(samples, self._begin, read=False)
+                ):
+                    self._renew()
+
+    def _renew(self) -> None:
+        """Samples that are remembered go into a new core, which reads the inputs by their words of now."""
+        self._latest = None
+        if self._made is not None:
+            past, before = self._core.past(), int(self._core.count)
             self._prepare()
             if past.size:
                 self._core.push(past)
+            left = before - past.shape[1]
+            self._gone, self._begin = self._gone + left, self._begin + left * self.dt
 
     def _followed(self, block: F64, every: int) -> Track:
         if self._made is not None:
             self._latest = None
-            return self._noted(self._core.follow(np.ascontiguousarray(block), every))
+            return self._noted(self._core.follow(np.ascontiguousarray(block), gcd(every, self._gone)), every)
         parts = [self._nothing()]
         for k in range(block.shape[1]):
             self._take(block[:, k : k + 1].copy())
@@ -387,6 +399,7 @@ class Stream:
     def _estimate(self) -> Track:
         """The estimate of this moment as a track of one."""
         with self._lock:
+            self._look()
             if self._latest is None:
                 self._latest = self._of_now()
             return self._latest
@@ -405,8 +418,8 @@ class Stream:
             return self._track(t, nothing, nothing, np.array(["rank"]), np.zeros(1, int))
         return self._track(t, fit.params[None], fit.bse[None], np.array([fit.status]), np.array([fit.nit]))
 
-    def _noted(self, found: dict[str, Any]) -> Track:
-        """What the core noted."""
+    def _noted(self, found: dict[str, Any], every: int = 1) -> Track:
+        """What the core noted, of every so many samples of the stream."""
         kind = self.estimator.options.cov_type
         errors = found[f"bse_{kind.lower()}"]
         t = self._begin + (found["count"] - 1) * self.dt
@@ -417,7 +430,9 @@ class Stream:
             errors = errors * each[:, None]
         shape = (t.size, len(self.param_names))  # of no moment, too
         params, errors = found["theta"].reshape(shape), errors.reshape(shape)
-        return self._track(t, params, errors, _WORDS[found["status"]], found["nit"])
+        own = (found["count"] + self._gone) % every == 0
+        words = _WORDS[found["status"]]
+        return self._track(t[own], params[own], errors[own], words[own], found["nit"][own])
 
     def _nothing(self) -> Track:
         none = np.empty((0, len(self.param_names)))
@@ -436,11 +451,11 @@ class Stream:
         samples = self._core.past()
         have, made = samples.shape[1], []
         for end in range(have, self._samples - 1, -self._intervals):
-            begin = self._begin + (self.count - have + end - self._samples) * self.dt
+            begin = self._begin + (int(self._core.count) - have + end - self._samples) * self.dt
             made.append(self._record(samples[:, end - self._samples : end], begin))
         return tuple(made)
 
-    def _record(self, samples: F64, begin: float) -> Record:
+    def _record(self, samples: F64, begin: float, *, read: bool = True) -> Record:
         q = len(self.outputs)
         rec = Record(
             y=samples[:q],
@@ -449,10 +464,10 @@ class Stream:
             t0=begin,
             outputs=self.outputs,
             inputs=self.inputs,
-            intersample=self._said,
+            intersample=self._forms.said,
             units=self._units,
         )
-        return rec if self._open else rec._read_as(self._words)
+        return self._forms.read(rec) if read else rec
 
 
 def _slides(layout: Layout, options: Options) -> bool:
@@ -470,25 +485,3 @@ def _refuse_options(options: Options, windows: int) -> None:
         )
     if windows > 1 and options.method == "ls":
         raise SpecError('Stream: forgetting= goes with method="wls", "awls" and "ml", not with "ls"')
-
-
-def _intervals(length: float, dt: float) -> int:
-    if length / dt > LONGEST:
-        raise SpecError(
-            f"Stream: a window of {length:g} s holds {length / dt:.3g} intervals of {dt:g} s, at most "
-            f"{LONGEST}; take a shorter window or longer steps"
-        )
-    intervals = round(length / dt)
-    if intervals < FEWEST:
-        raise SpecError(
-            f"Stream: a window of {length:g} s holds {intervals} intervals of {dt:g} s; at least {FEWEST} "
-            "are needed"
-        )
-    return intervals
-
-
-def _seconds(name: str, given: Any) -> float:
-    seconds = real("Stream", name, given, finite=False)
-    if not (isfinite(seconds) and seconds > 0):
-        raise SpecError(f"Stream: {name}={given!r} must be a positive number of seconds")
-    return seconds
