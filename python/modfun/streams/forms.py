@@ -18,10 +18,8 @@ class Forms:
     ----------
     said, words : tuple of str
         What the user said, and how inputs are read; "smooth" before they move.
-    seen : dict of str to str
-        What decided, by input, where fits did.
     notes : tuple of str
-        The same in sentences.
+        What fits decided.
     """
 
     def __init__(self, said: tuple[str, ...], estimator: Estimator) -> None:
@@ -33,7 +31,6 @@ class Forms:
         """Begin as a stream that has seen no input move."""
         self._forms = tuple("rest" if word == AUTO else "" for word in self.said)
         self._told = "rest" not in self._forms
-        self.seen: dict[str, str] = {}
         self.notes: tuple[str, ...] = ()
 
     @property
@@ -71,10 +68,9 @@ class Forms:
         )
         found = decided_by_fit([(rec,)], self._estimator.model, self._estimator.options, fit_quietly)
         before, self.words = self.words, read_as((rec,), found)[0].intersample
-        self.seen = {name: why for name, (_, why) in found.items()}
         self.notes = in_sentences(found)
         return self.words != before
 
     def read(self, rec: Record) -> Record:
         """A record of the stream's samples, with its inputs as they are read."""
-        return rec if self.undecided else rec._like(intersample=self.words, _seen={**rec._seen, **self.seen})
+        return rec if self.undecided else rec._read_as(self.words)
