@@ -20,7 +20,7 @@ from ..errors import DataError, ModfunWarning, SpecError
 from ..models.process import ProcessNoise
 from ..records.record import Record
 from ..signals import Signals
-from ..signals.sources import evaluate, sources
+from ..signals.sources import Source, evaluate, is_samples, jump_of, sources
 from ..systems.lti import LTI
 from ..systems.making import linear
 from ..systems.propagate import intersample_kinds, respond
@@ -60,6 +60,8 @@ class Experiment:
         State of equations at t = 0 of `y`.
     names : tuple of str, or None
         Of the inputs, where `Signals` name them.
+    read, jumps : tuple of str
+        Sentences about texts and functions that are not taken as smooth, and that jump and are.
     """
 
     system: LTI | NonlinearModel | DelaySystem
@@ -73,6 +75,8 @@ class Experiment:
     kinds: tuple[str, ...] = ()
     start: F64 | None = None
     names: tuple[str, ...] | None = None
+    read: tuple[str, ...] = ()
+    jumps: tuple[str, ...] = ()
 
     def response(self, state: F64) -> F64:
         """Noise-free outputs from another state at t = 0."""
@@ -115,16 +119,30 @@ def experiment(
     count = whole("simulate", "intervals", intervals, 1, MOST_SAMPLES)
     dt = float(duration) / count
     given = sources(input, system.shape[1])
-    kinds = intersample_kinds(AUTO if intersample is None else intersample, given)
     t: F64 = np.arange(count + 1.0) * dt
     u = np.reshape([evaluate(source, t) for source in given], (len(given), t.size))
+    kinds = intersample_kinds(AUTO if intersample is None else intersample, list(u))
+    told = intersample not in (None, AUTO) or names is not None
+    read, jumps = ((), ()) if told else _as_seen(given, u, t, kinds)
     if not isinstance(system, LTI):
         state = np.zeros(len(system.states)) if start is None else reals("simulate", "start", start)
         y, x = system.trajectory(given, t, state, kinds)
         size = np.sqrt(np.mean(x**2, axis=1))
         none = np.zeros((0, *y.shape))
         return Experiment(
-            system, dt, u, y, np.sqrt(np.mean(y**2, axis=1)), size, none, tuple(given), kinds, state, names
+            system,
+            dt,
+            u,
+            y,
+            np.sqrt(np.mean(y**2, axis=1)),
+            size,
+            none,
+            tuple(given),
+            kinds,
+            state,
+            names,
+            read,
+            jumps,
         )
     y = system.respond(given, dt, count, None, kinds)
     a, b, _, _, scale = system.scaled()
@@ -148,7 +166,31 @@ def experiment(
         free=np.array(free).reshape(n, *y.shape),
         kinds=kinds,
         names=names,
+        read=read,
+        jumps=jumps,
     )
+
+
+def _as_seen(
+    given: Sequence[Source], u: F64, t: F64, kinds: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What to say of texts and functions that are not taken as smooth, and of those that jump and are."""
+    read, jumps = [], []
+    for source, values, kind in zip(given, u, kinds, strict=True):
+        if is_samples(source):
+            continue
+        name = (
+            repr(source) if isinstance(source, str) else "from " + getattr(source, "__name__", "a function")
+        )
+        if kind != "smooth":
+            how = "held from sample to sample" if kind == "zoh" else "straight between samples"
+            read.append(f"The input {name} is {how} ({kind}), as its samples look.")
+        elif (at := jump_of(source, values, t)) is not None:
+            jumps.append(
+                f"The input {name} jumps at about t = {at:.4g} s and is smooth elsewhere, which samples do "
+                "not show: fits of its records are biased. With intersample='zoh' its samples are held."
+            )
+    return tuple(read), tuple(jumps)
 
 
 @public
@@ -199,7 +241,7 @@ def simulate(
         the free response, of equations in the order of `NonlinearModel.states`.
     intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, optional
         What the input does between its samples; text and functions taken as smooth are exact. Default: what
-        `mf.signals` do, "smooth" for text and functions, and "auto" for samples, as in `Record`.
+        `mf.signals` do, else "auto": as the samples look, as in `Record`.
     seed, replicate : int
         Address of the noise and of the random initial state: the same numbers for the same address,
         whatever the level of the noise.
@@ -218,7 +260,8 @@ def simulate(
     Warns
     -----
     ModfunWarning
-        Where nsr is above 2, as numbers in per cent or decibel are.
+        Where nsr is above 2, as numbers in per cent or decibel are; where text or a function jumps and is
+        taken as smooth.
 
     See Also
     --------
@@ -251,6 +294,8 @@ def simulate(
     found = experiment(
         system, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )
+    for text in found.jumps:
+        warnings.warn(f"simulate: {text}", ModfunWarning, stacklevel=3)
     state = _initial_state(initial_state, found, seed, replicate)
     random = isinstance(initial_state, str) and initial_state == "random"
     still = not isinstance(system, LTI) and not random

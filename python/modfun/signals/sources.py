@@ -13,7 +13,10 @@ from ..errors import DataError, SpecError
 from ..language.evaluate import function_of
 from .signals import Signals
 
-__all__ = ["Source", "evaluate", "function", "is_samples", "sources"]
+__all__ = ["Source", "evaluate", "function", "is_samples", "jump_of", "sources"]
+
+STEEPEST = 4  # steps of samples in which jumps are looked for
+HALVED = 20
 
 Source = str | Callable[[F64], ArrayLike] | ArrayLike
 
@@ -119,6 +122,27 @@ def sources(given: Any, inputs: int) -> list[Source]:
 
 def is_samples(source: Source) -> bool:
     return not isinstance(source, str) and not callable(source)
+
+
+def jump_of(source: Source, values: F64, t: F64) -> float | None:
+    """Where text or a function of the given values at times t jumps, None where it does not.
+
+    The steepest steps are halved until a continuous function would change no more.
+    """
+    size = np.abs(np.diff(values))
+    at = np.argsort(size)[-STEEPEST:]
+    at = at[size[at] > 0]
+    low, high = t[at], t[at + 1]
+    for _ in range(HALVED if at.size else 0):
+        middle = 0.5 * (low + high)
+        left, centre, right = np.reshape(evaluate(source, np.r_[low, middle, high]), (3, at.size))
+        first = np.abs(centre - left) >= np.abs(right - centre)
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+    if not at.size:
+        return None
+    left, right = np.reshape(evaluate(source, np.r_[low, high]), (2, at.size))
+    jumps = np.abs(right - left) > 0.5 * size[at]
+    return float(high[jumps].min()) if jumps.any() else None
 
 
 def _call(function: Callable[[F64], ArrayLike], times: F64, what: str) -> Any:

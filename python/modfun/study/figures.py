@@ -234,6 +234,8 @@ class Figures(Elsewhere):
                     f"The noise that noise= returns has the standard deviation {g.noise_sd:.3g} where nsr "
                     f"counts on 1, so that each nsr is {g.noise_sd:.3g} times as large as its label."
                 ] = None
+            if isinstance(g, Group):
+                found |= dict.fromkeys((*g.rest.read, *g.rest.jumps))
             for c in self._plan.contenders:
                 if c.name not in self.estimators:
                     continue
