@@ -198,6 +198,7 @@ def flown(lag: float = 0.0, lever: float = 0.0, force: bool = False, **words: An
     return lambda seed: noisy(seen, seed, **words)
 
 
+FIRST = mf.Equation("y' + a1*y = b0*u + c")
 LINEAR = mf.Equation("y'' + a1*y' + a2*y = b0*u + c")
 DUFFING = mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c")
 RIGHT2 = by(TF(poles=2, zeros=0))
@@ -332,6 +333,15 @@ WRONG = [
         None,
         "delay|lag|term in u'",
     ),
+    Setup("one pole for two, an equation", of(PLANT), by(FIRST), by(LINEAR), "terms? in y''"),
+    Setup("two poles for three, an equation", of(THIRD), by(LINEAR), None, "terms in y''' and u'"),
+    Setup(
+        "a hard spring in a linear equation",
+        nonlinear(lambda s, x, u: [x[1], 5 * u - 3 * x[1] - 8 * x[0] - 20 * x[0] ** 3], 2.0),
+        by(LINEAR),
+        by(DUFFING),
+        r"y\*\*[23]",
+    ),
     Setup(
         "an equation without the constant",
         lambda s: of(PLANT)(s).assign(y=lambda r: r["y"] + 2.0),
@@ -370,6 +380,12 @@ RIGHT = [
     Setup("two outputs, own denominators", of(TWO), by(TF(poles=2, zeros=1, denominator="separate"))),
     Setup("three records", lambda s: [of(PLANT)(3 * s + k) for k in range(3)], RIGHT2),
     Setup("an equation", of(PLANT), by(LINEAR)),
+    Setup("an equation in coloured noise, AR(0.9)", of(PLANT, pole=0.9), by(LINEAR)),
+    Setup(
+        "an equation with feed-through, a staircase",
+        staircase(mf.tf([1, 3, 13], [1, 3, 8])),
+        by(mf.Equation("y'' + a1*y' + a2*y = b0*u'' + b1*u' + b2*u + c")),
+    ),
     Setup("a state space, both states", flown(), by(STATES)),
     Setup("a state space, rate and accelerometer", flown(force=True, nsr=0.02), by(FORCES)),
     Setup("a state space in coloured noise, AR(0.9)", flown(pole=0.9), by(STATES)),

@@ -1,4 +1,4 @@
-"""Equations with held inputs: what kinks between samples do to estimates, found by simulation, taken out."""
+"""Equations with held inputs: what sampling makes of kinks and jumps, taken out of the outputs."""
 
 from __future__ import annotations
 
@@ -6,30 +6,37 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi
+from typing import Any
 
 import numpy as np
 
-from ..base.named import Named
+from .._core import coefficients, noise_level
+from ..base.arrays import C128, F64
 from ..errors import ModfunError
-from ..models.noise import Noise
+from ..records.record import Record
 from ..results.cures import on_band
 from ..results.of_equations import EquationFit
+from ..results.prediction import unexplained
 
 __all__ = ["bent", "without_kinks"]
 
 FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
-ROUNDS = 4
-SETTLED = 0.25  # of a standard error: the last step, which is taken
+ROUNDS = 6
+SETTLED = 0.5  # of a standard error: the last step, which is taken; the next one is some twenty times smaller
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
+PARTS = 4  # of a sampling interval, in which the response is looked at
+SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12
+BEFORE = np.array([-1.0, 4.0, -6.0, 4.0])  # what a cubic through the last four says of the next
 
 
 def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> EquationFit:
-    """The fit with parameters whose simulated samples, fitted in the same way, give those estimated.
+    """The fit of outputs without what sampling folds into their harmonics under held inputs.
 
-    A held input puts a kink into the output at every sample, and an equation takes outputs as smooth. Below
-    `FINE` samples per period of the highest line, that biases estimates by several standard errors. It is
-    seen by fitting samples simulated without noise: indirect inference (C. Gouriéroux, A. Monfort and
-    E. Renault, J. Appl. Econometrics 8, S85, 1993). Errors and residuals stay those of the fit.
+    A held input puts a kink into the output at every sample, or a jump where it acts at once, and an equation
+    takes outputs as smooth. Below `FINE` samples per period of the highest line that biases estimates by
+    several standard errors, with jumps by tens. The estimate's own response, simulated between the samples,
+    tells what its samples' sums have too much; that is taken out of the outputs, and the fit follows anew.
+    Where jumps have put the first estimate far off, the search begins from inputs as the samples see them.
 
     Parameters
     ----------
@@ -37,27 +44,52 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     refit : callable
         Takes records, structure and options.
     """
-    records = fit.records
-    if records is None or not bent(fit):
+    if fit.records is None or not bent(fit):
         return fit
-    options = on_band(fit, fit.band)
-    if len(fit.outputs) > 1:  # without noise, samples do not tell how much each of them counts
-        options = options.replace(noise=Noise(y=list(np.mean(fit.levels[:, : len(fit.outputs)], axis=0))))
-    low, high = np.transpose(fit.layout.formulas.words["bounds"])
-    theta, sizes = np.asarray(fit.params), list[float]()
+    found = _settled(fit, fit.records, refit) if fit.success else None
+    if found is None:
+        seen = tuple([rec._like(intersample=("smooth",) * len(rec.inputs)) for rec in fit.records])
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            start = refit(seen, fit.structure, fit.options)
+        start = replace(start, layout=fit.layout, intersample=fit.intersample, records=fit.records)
+        found = _settled(start, fit.records, refit) if start.success else None
+    return fit if found is None else replace(found, options=fit.options, again=fit.again)
+
+
+def _settled(
+    start: EquationFit, records: tuple[Record, ...], refit: Callable[..., EquationFit]
+) -> EquationFit | None:
+    """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
+    options, now, sizes = on_band(start, start.band), start, list[float]()
     while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
         try:
-            moved = replace(fit, params=Named(theta, fit.param_names))
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
-                simulated = tuple([rec._like(y=moved.simulate(rec)[0]) for rec in records])
-                step = np.asarray(fit.params - refit(simulated, fit.structure, options).params)
+                smooth = tuple([_unfolded(now, k, rec) for k, rec in enumerate(records)])
+                known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
+                after = refit(smooth, now.structure, options, **known)
         except ModfunError:
-            return fit
-        sizes.append(float(np.max(np.abs(step) / np.asarray(fit.bse), initial=0.0)))
-        theta = np.clip(theta + step, low, high)
+            return None
+        if not after.success:
+            return None
+        step = np.abs(np.asarray(after.params - now.params)) / np.sqrt(np.diag(after.cov_nonrobust))
+        sizes.append(float(np.max(step, initial=0.0)))
+        if not sizes[-1] <= sizes[max(len(sizes) - 2, 0)]:  # nor is nan
+            return None
+        now = replace(after, records=records)
     closer = sizes[-1] < max(SETTLED, LESS * sizes[0])  # nan is not
-    return replace(fit, params=Named(theta, fit.param_names)) if closer else fit
+    return replace(now, band_rule=start.band_rule) if closer else None
+
+
+def _levels(fit: EquationFit, records: tuple[Record, ...]) -> list[float] | None:
+    """Noise of the outputs beside the response, whose kinks reach all frequencies; None where none shows."""
+    rec, order = records[0], max(fit.layout.orders)
+    plain = rec.mask is None and rec.sigma is None and rec.intervals >= 8 * (order + 4)
+    if len(records) > 1 or not plain:
+        return None
+    left = unexplained(fit, rec)
+    return [float(level) for level in noise_level(np.ascontiguousarray(left), order)]
 
 
 def bent(fit: EquationFit) -> bool:
@@ -68,4 +100,77 @@ def bent(fit: EquationFit) -> bool:
     held = "zoh" in fit.intersample
     steps = [step for step in fit.steps if step is not None]
     fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
-    return plain and held and fast and fit.success and not fit.at_bound and len(steps) == len(fit.steps)
+    return plain and held and fast and not fit.at_bound and len(steps) == len(fit.steps)
+
+
+def _unfolded(fit: EquationFit, k: int, rec: Record) -> Record:
+    """A record less what sampling folds of the fit's response: exactly on the lines that are fitted.
+
+    On those beyond, which products of signals bring back, without the jump from the end to the beginning.
+    """
+    intervals, last = fit.intervals[k], fit.lines[k][1]
+    first = rec.intervals - intervals
+    between = fit.simulate(_between(rec), fit.simulate(rec)[1])[0][:, first * PARTS :]
+    response = between[:, ::PARTS]
+    closed = between - _open(between)
+    high = np.fft.rfft(closed[:, :-1:PARTS]) / intervals - _integrals(closed)
+    high[:, : last + 1] = 0
+    left = response - _signal(high, intervals)
+    low = _sums(left, last, fit.options.rule) - _integrals(between)[:, : last + 1]
+    y = rec.y.copy()
+    y[:, first:] -= response - left + _signal(low, intervals)
+    return rec._like(y=y)
+
+
+def _open(y: F64) -> F64:
+    """The parabola from zero that ends apart by as much as a signal's ends, in value and slope."""
+    part = np.arange(y.shape[1]) / (y.shape[1] - 1)
+    slope = (
+        (y.shape[1] - 1)
+        / 2
+        * np.array([y[:, -2:-5:-1] @ [-4.0, 1, 0] + 3 * y[:, -1], y[:, 1:4] @ [4.0, -1, 0] - 3 * y[:, 0]])
+    )
+    bend = (slope[0] - slope[1]) / 2
+    return np.asarray(np.outer(bend, part**2) + np.outer(y[:, -1] - y[:, 0] - bend, part))
+
+
+def _signal(lines: C128, intervals: int) -> F64:
+    """What has these coefficients, from line 0 on, at the samples of a window."""
+    period = np.fft.irfft(lines * intervals, intervals)
+    return np.concatenate([period, period[:, :1]], axis=1)
+
+
+def _between(rec: Record) -> Record:
+    """Inputs in parts of the sampling interval, as each runs between its samples."""
+    from scipy.interpolate import CubicSpline
+
+    assert rec.dt is not None
+    places = np.arange(rec.intervals * PARTS + 1) / PARTS
+    own = np.arange(rec.intervals + 1)
+    run: dict[str, Callable[[F64], Any]] = {
+        "zoh": lambda u: u[places.astype(int)],
+        "foh": lambda u: np.interp(places, own, u),
+        "smooth": lambda u: CubicSpline(own, u)(places),
+    }
+    return Record(
+        y=np.zeros((len(rec.outputs), places.size)),
+        u=np.array([run[kind](u) for kind, u in zip(rec.intersample, rec.u, strict=True)]),
+        dt=rec.dt / PARTS, t0=float(rec.t[0]), outputs=rec.outputs, inputs=rec.inputs,
+        intersample=rec.intersample,
+    )  # fmt: skip
+
+
+def _sums(y: F64, last: int, rule: str) -> C128:
+    """Coefficients up to a line, of samples as the fit takes them."""
+    rows = np.ascontiguousarray(y)
+    return np.asarray(coefficients(rows, last, [rule] * len(rows), [0.0] * len(rows), 0, None))
+
+
+def _integrals(between: F64) -> C128:
+    """The same up to half the sampling rate, of what runs between samples: a jump may end each interval."""
+    intervals = (between.shape[1] - 1) // PARTS
+    cells = between[:, :-1].reshape(len(between), intervals, PARTS)
+    cells = np.concatenate([cells, (cells @ BEFORE)[..., None]], axis=2)
+    parts = np.fft.rfft(cells, axis=1)
+    turns = np.outer(np.arange(parts.shape[1]), np.arange(PARTS + 1) / PARTS) / intervals
+    return np.asarray(np.sum(parts * np.exp(-2j * pi * turns) * SIMPSON, axis=2) / intervals)

@@ -63,8 +63,11 @@ def prepare_equation(
     uneven: Sequence[F64 | None] = (None,),
     levels: list[float] | None = None,
     learn: bool = True,
+    starts: Sequence[float] | None = None,
 ) -> PreparedEquation:
-    """What fits of equations share whatever the samples; `learn`: levels of noise with the parameters.
+    """What fits of equations share whatever the samples.
+
+    `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins.
 
     Raises
     ------
@@ -91,7 +94,7 @@ def prepare_equation(
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))
-    return _kept(*given) if even and short else _made(*given, uneven)
+    return _kept(*given) if even and short and starts is None else _made(*given, uneven, starts)
 
 
 def _made(
@@ -100,13 +103,15 @@ def _made(
     sampling: tuple[tuple[int, Any], ...],
     levels: tuple[float, ...] | None,
     uneven: Sequence[F64 | None] = (),
+    starts: Sequence[float] | None = None,
 ) -> PreparedEquation:
     """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
+    formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts)})
     core = TermsFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
         list(uneven) or [None] * len(sampling),
-        **layout.formulas.words,
+        **formulas,
         levels=levels,
         **dict(words),
     )
@@ -119,9 +124,18 @@ _kept = lru_cache(KEPT)(_made)
 
 
 def fit_equation(
-    records: tuple[Record, ...], structure: Any, options: Options, again: Callable[..., Any] | None = None
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    again: Callable[..., Any] | None = None,
+    levels: Sequence[float] | None = None,
+    starts: Sequence[float] | None = None,
 ) -> EquationFit:
-    """One fit of equations, without its warnings; `again` makes others like it."""
+    """One fit of equations, without its warnings.
+
+    `again` makes others like it; `levels`: noise of the outputs where more is known than the high band shows;
+    `starts`: values of the parameters from which the search begins.
+    """
     records = tuple([with_inputs(structure.own_channels(rec), options.noise) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
@@ -134,7 +148,8 @@ def fit_equation(
     spread = [_all_noisy(layout, v) for v in capped]
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
-        made = prepare_equation(structure, options, records, spread, seen, learn)
+        shown = seen if levels is None else list(levels)
+        made = prepare_equation(structure, options, records, spread, shown, learn, starts)
         rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y in zip(records, ys, strict=True)]
         _refuse_not_finite(layout, rows)
         return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
@@ -177,6 +192,9 @@ def _of_found(
     levels = found["levels"]
     own = levels[:, : len(layout.outputs)]
     known = geometric_mean(own, [2 * (hi - lo + 1) - (lo == 0) for lo, hi in found["lines"]])
+    # Where levels do not matter the core makes do with ones.
+    even = all([rec.dt is not None and rec.sigma is None for rec in records])
+    told = even or layout.formulas.needs_levels or isinstance(options.noise, Noise)
     driven = "process_levels" in found  # one level of each kind for all records, some of which may be 0
     cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
     over = np.ones_like(own) if driven else own / known
@@ -191,7 +209,7 @@ def _of_found(
         # Levels read between gaps are too rough to judge residuals by.
         noise_scale=nan if seen else found["scale"],
         levels=levels,
-        seen=found["seen"],
+        seen=found["seen"] if told else np.full_like(levels, nan),
         df_hc3=found["df_hc3"],
         again=again,
     )
@@ -207,7 +225,7 @@ def _correlations(found: dict[str, Any], outputs: int) -> F64:
 
 def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:
     """Noise levels of masked records, which only their good samples show; None where none is masked."""
-    if all(rec.mask is None for rec in records) or not layout.formulas.needs_levels:
+    if all(rec.mask is None for rec in records):
         return None
     order = max(layout.orders)
     tables = [

@@ -45,12 +45,19 @@ def misfit(fit: Estimates) -> Doubt | None:
 
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
-    level, least = level_p(fit), LOOK if fit.layout.rational else PLAUSIBLE
-    if level < least or level > 1 - LOOK:  # or the high band holds signal, such as steps, and tells no level
+    level = level_p(fit)
+    if (
+        level < (LOOK if fit.layout.rational else _plausible(fit)) or level > 1 - LOOK
+    ):  # or the high band holds signal, such as steps, and tells no level
         return True
     if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
         return True
     return _uneven(fit, LOOK)
+
+
+def _plausible(fit: Estimates) -> float:
+    """The p-value of the level below which equations next to the fitted ones are tried."""
+    return LOOK if "zoh" in fit.intersample else PLAUSIBLE  # kinks of their own make such fits slow
 
 
 def refuted(fit: Estimates) -> bool:
@@ -88,7 +95,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     if high and not fit.inputs:
         said += _of_free_motion(fit)
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
-    if d.chi2_p < PLAUSIBLE or (isnan(d.chi2_p) and seen):
+    if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
         said += [(products, 0.0)] if products else _of_written(fit, sure_only)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
@@ -241,7 +248,9 @@ def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
 
 def _of_written(fit: Estimates, sure_only: bool) -> list[tuple[Doubt, float]]:
     """What equations and a state space lack, of what sensors, actuators and a term more explain."""
-    cure = of_written(fit, first_only=sure_only)  # terms are for `check`: a fit would take seconds
+    # Terms, of which there are many, are for `check`, unless one equation is refuted.
+    few = sure_only and (len(fit.row_names) > 1 or not level_p(fit) < SURE)
+    cure = of_written(fit, first_only=few)
     if cure is None:
         return []
     ratio = level_ratio(fit)

@@ -17,6 +17,7 @@ from .estimates import Estimates
 __all__ = ["EXTRA", "neighbours", "with_offset"]
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
+ZERO = "extra_zero"  # and of another beside it
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
@@ -26,14 +27,14 @@ Changed = Iterator[tuple[str, Any]]
 def neighbours(fit: Estimates) -> tuple[Changed, ...]:
     """Changes in words, `{}` for the value of the parameter that they add, with the structure.
 
-    The more likely ones first: sensors and actuators, then terms.
+    The more likely ones first: sensors and actuators, then terms, then two of them.
     """
     model = fit.structure
     if not isinstance(model, StateSpace | Equation) or EXTRA in (*model.all_parameters, *model.outputs):
         return ()
     if isinstance(model, StateSpace):
         return _instruments(fit, model), _entries(model)
-    return _shifts(fit, model), _terms(model)
+    return _shifts(fit, model), _terms(model), _pairs(model)
 
 
 def _late(fit: Estimates) -> Free:
@@ -135,9 +136,27 @@ def _terms(model: Equation) -> Changed:
     terms += [f"{x}**{power}" for power in (2, 3) for x in (*model.outputs, *model.inputs)]
     for k in range(len(model.texts)):
         where = f" in equation {k + 1}" if len(model.texts) > 1 else ""
-        for term in terms:
+        higher = [_next_derivative(y, model.texts[k]) for y in model.outputs]
+        for term in dict.fromkeys([*terms, *higher]):
             texts = [f"{own} + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
             yield from _tried(f"a term in {term}{where} (coefficient {{}})", model, texts, Free())
+
+
+def _pairs(model: Equation) -> Changed:
+    """A pole and a zero more."""
+    if len(model.texts) == 1:
+        text = model.texts[0]
+        for u in model.inputs:
+            pole, zero = _next_derivative(model.outputs[0], text), _next_derivative(u, text)
+            words = f"terms in {pole} and {zero} (coefficient of {pole} {{}})"
+            texts = [f"{text} + {EXTRA}*{pole} + {ZERO}*{zero}"]
+            yield from _tried(words, model, texts, Free(), {ZERO: Free()})
+
+
+def _next_derivative(y: str, text: str) -> str:
+    """The derivative after the highest in a text: with it the equation has a pole or a zero more."""
+    primes = re.findall(rf"(?<![\w.]){re.escape(y)}(?!\w)('*)", text)
+    return y + "'" * (1 + max(map(len, primes), default=0))
 
 
 def with_offset(model: Any) -> Changed:
@@ -147,12 +166,14 @@ def with_offset(model: Any) -> Changed:
             yield from _tried(x, model, _replaced(model, x, f"({x} - {EXTRA})"), Free())
 
 
-def _tried(words: str, model: Equation, texts: list[str], extra: Free) -> Changed:
+def _tried(
+    words: str, model: Equation, texts: list[str], extra: Free, more: dict[str, Free] | None = None
+) -> Changed:
     """The equation with these texts; nothing where they make none."""
     try:
         made = Equation(
             texts, outputs=model.outputs, inputs=model.inputs, hidden=model.hidden,
-            varying=dict(model.varying), params=_more(model, extra),
+            varying=dict(model.varying), params=_more(model, extra) | (more or {}),
         )  # fmt: skip
     except ModfunError:
         return

@@ -134,8 +134,8 @@ class EquationFit(Fit):
     @property
     def high_band_levels(self) -> F64:
         """Noise level of each output as seen in the unused high band; nan where it was given."""
-        given = isinstance(self.options.noise, Noise) or not self.layout.formulas.needs_levels
         outputs = len(self.outputs)
+        given = isinstance(self.options.noise, Noise)
         return np.full(outputs, np.nan) if given else geometric_mean(self.seen[:, :outputs], self.rows)
 
     @property
@@ -144,9 +144,8 @@ class EquationFit(Fit):
         if self.process_levels is not None:
             return float("nan")  # its levels are estimated from the same residuals
         weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
-        known = isinstance(self.options.noise, Noise) or self.layout.formulas.needs_levels
         over = self.noise_scale * np.mean((self.levels / self.seen) ** 2)  # nothing but 1 where they agree
-        return self.df_resid * float(over) if weighted and known else float("nan")
+        return self.df_resid * float(over) if weighted else float("nan")
 
     def _gradient(self, of: Any) -> Any:
         """Values of a function of the linear model, and its derivatives to the parameters."""

@@ -123,3 +123,41 @@ def test_products_that_amplify_noise_are_warned_of():
     said = str(fit.check())
     assert "First measure h1." in said
     assert "a term in" not in said
+
+
+def test_linear_equations_of_one_output_are_refuted_and_right_ones_are_not():
+    """Their noise level did not count: of wrong ones `check()` found nothing wrong.
+
+    Of 20 right fits none is warned of; by the level alone 1 in 10,000 is.
+    """
+    first = mf.Equation("y' = -a*y + b*u + c")
+    second = mf.Equation("y'' + d*y' + a*y = b*u + c")
+    duffing = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u").model({})
+    tones = "2*sin(1.1*t) + 1.5*sin(2.3*t + 1) + sin(0.45*t)"
+    for seed in range(3):
+        made = {"nsr": 0.05, "seed": seed}
+        rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10, intervals=500, **made)
+        fit, text = warned(rec, first)
+        assert fit.chi2 > 1000 * fit.df_resid
+        assert "times the noise level" in text
+        assert "First try a term in y'' (" in text
+        hard = mf.simulate(duffing, input=tones, duration=20, intervals=1024, **made)
+        assert "First try a term in y**3 (" in warned(hard, second)[1]
+    for seed in range(20):
+        rec = mf.simulate(
+            mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10, intervals=500, nsr=0.05, seed=seed
+        )
+        assert warned(rec, second)[1] == ""
+
+
+def test_levels_that_a_record_does_not_show_are_none():
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10, intervals=500, nsr=0.05, seed=1
+    )
+    model = mf.Equation("y'' + d*y' + a*y = b*u + c")
+    uneven = np.sort(np.random.default_rng(0).choice(501, 350, replace=False))
+    thinned = mf.Record(y=rec["y"][uneven], u=rec["u"][uneven], t=rec.t[uneven])
+    for other in (thinned, rec.weigh(sigma=np.where(rec.t > 5, 2.0, 1.0))):
+        fit = mf.fit(other, model)
+        assert np.isnan([fit.chi2, *fit.high_band_levels]).all()
+    assert 0.3 < mf.fit(rec, model).chi2 / mf.fit(rec, model).df_resid < 2.5

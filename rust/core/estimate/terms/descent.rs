@@ -5,7 +5,8 @@ use crate::error::Status;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::threads::stopped;
 
-/// Steps before the cost must fall: the first ones may raise it on their way to the right answer.
+/// Steps before the cost must fall: the first ones may raise it on their way to the right answer, but not where
+/// coefficients or signals bend with θ, which then runs away.
 const FREE_STEPS: u32 = 2;
 /// Halvings of a step that does not lower the cost.
 const HALVINGS: usize = 10;
@@ -140,7 +141,7 @@ impl<'a> Descent<'a> {
             }
             Stage::Trial => {
                 let fell = cost <= self.cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
-                let must_fall = self.guarded && self.nit > FREE_STEPS;
+                let must_fall = self.guarded && (self.nit > FREE_STEPS || !self.equations.linear);
                 if !cost.is_finite() || (must_fall && !fell) {
                     self.size *= 0.5;
                     if self.tried < HALVINGS {

@@ -247,6 +247,8 @@ impl Spot {
     fn fill_columns(&mut self, at: usize) {
         let nt = self.transients;
         for (i, (row, to)) in self.rows.iter().zip(self.panel.rows_mut()).enumerate() {
+            // Behind the columns zeros: a NaN that stood there would stay, and reach rows that are solved for.
+            to[at + nt + 1..].fill(0.0);
             let (to, error) = to[at..=at + nt].split_at_mut(nt);
             for (to, t) in to.iter_mut().zip(&self.transient[i * nt..]) {
                 *to = *t;

@@ -1,4 +1,4 @@
-//! Where to begin: one linear step where that is exact, else the best of many starts under flat weights.
+//! Where to begin: one linear step where that is exact, else the best of many starts, by the weights that will count.
 
 use super::equations::Equations;
 use super::iterate::TermsProblem;
@@ -15,7 +15,7 @@ const STEPS: usize = 20;
 const DECADES: f64 = 2.0;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
-/// Where lags are free, so many ends are followed under the weights that will count, so many steps far.
+/// So many ends are followed under the weights that will count, so many steps far.
 const LOWEST: usize = 3;
 const LOOKED: usize = 8;
 
@@ -41,20 +41,20 @@ impl TermsProblem<'_> {
             }
         }
         ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if e.free_lags().next().is_some() {
-            return self.judged(ends);
-        }
-        Ok(ends.into_iter().next().map_or_else(|| start(e, 0), |(_, theta)| theta))
+        self.judged(ends)
     }
 
-    /// Of the ends of unweighted starts the one that leads lowest under the weights that will count.
+    /// Of the start that was given and the ends of unweighted ones, that which leads lowest under the weights
+    /// that will count.
     ///
-    /// Unweighted rows under noise like a lag next to nothing, at which x(t) and x(t − h) are one signal.
+    /// Unweighted rows under noise like a lag next to nothing, at which x(t) and x(t − h) are one signal, and
+    /// parameters without bounds that run away.
     fn judged(&mut self, ends: Vec<(f64, Vec<f64>)>) -> Result<Vec<f64>, Error> {
         let first = ends.first().map(|(_, theta)| theta.clone());
         let (weights, factors) = self.fitter.weights();
-        let mut found = Vec::with_capacity(ends.len());
-        for (_, theta) in ends {
+        let given = start(&self.fitter.o.equations, 0);
+        let mut found = Vec::with_capacity(ends.len() + 1);
+        for theta in ends.into_iter().map(|(_, theta)| theta).chain([given]) {
             found.push((self.cost(&theta, weights)?, theta));
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
