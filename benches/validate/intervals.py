@@ -171,7 +171,7 @@ def fitted(
     ]
 
 
-CLEAN = mf.simulate(**{"sys" if k == "system" else k: v for k, v in EQ24.items()})
+CLEAN = mf.simulate(**EQ24)
 RMS = float(np.sqrt(np.mean(CLEAN.y**2)))
 TRUE24 = {"a1": 3.0, "a2": 8.0, "b0": 5.0}
 
