@@ -224,15 +224,16 @@ def fit(
         reference=reference,
     )
     usable = result.status in ("ok", "maxiter")
-    if json_to != "-":
-        print(result.summary())
-        if usable:
-            print(f"\nSimulated against measured\n{result.score()}")
-    write_json(json_to, result.to_dict())
+    # Files first: whoever reads what is printed, as head does, may close before the end.
     if plot is not None and usable:
         _save(plot, lambda pyplot: result.plot(0))
     if report is not None:
         say(f"wrote {result.report(report, command=command_line(context))}")
+    write_json(json_to, result.to_dict())
+    if json_to != "-":
+        print(result.summary())
+        if usable:
+            print(f"\nSimulated against measured\n{result.score()}")
     if not result.success:
         raise typer.Exit(1)
 

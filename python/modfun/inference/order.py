@@ -16,9 +16,9 @@ from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.tables import Table
-from ..errors import FitError, SpecError
+from ..errors import DataError, FitError, SpecError
 from ..fitting.candidates import best_of
-from ..fitting.fit import fit_quietly, records_of
+from ..fitting.fit import FEW_LINES, fit_quietly, records_of
 from ..fitting.prepared import plain_words
 from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
@@ -131,6 +131,7 @@ def select_order(
     data : Record or sequence of Record
         One output.
     poles : int or iterable of int, default 1 to 5
+        Orders that the record cannot determine are left out, with a note.
     zeros : "any", int or iterable of (int or tuple), default "any"
         "any": every number below that of the poles, the same for all inputs. Else those to try, where the
         poles allow them; a tuple gives one number an input (None: no path).
@@ -150,7 +151,7 @@ def select_order(
     SpecError
         No candidate, or an option that does not serve; several outputs, delays to be estimated.
     DataError
-        Records with masked samples or a sigma.
+        Records with masked samples or a sigma, or too short for the smallest candidate.
     FitError
         No candidate could be fitted.
 
@@ -201,6 +202,7 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.plain_layout(records[0].inputs, "select_order")
+    structures, too_large = _determined(records, structures, checked)
     words = decided_by_fit([records], structures, checked, best_of)
     records = read_as(records, words)
     fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
@@ -212,7 +214,35 @@ def select_order(
             band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
     else:
         band = fits[-1].band
-    return race.run(band).selection(in_sentences(words))
+    return race.run(band).selection((*in_sentences(words), *too_large))
+
+
+def _determined(
+    records: tuple[Record, ...], structures: list[TransferFunction], options: Options
+) -> tuple[list[TransferFunction], tuple[str, ...]]:
+    """Candidates of orders of which the record determines the largest, and a sentence about the others.
+
+    Raises
+    ------
+    DataError
+        Of no order.
+    """
+    said = ""
+    largest = list({structure.poles: structure for structure in structures}.values())
+    for structure in reversed(largest):
+        try:
+            fit_quietly(records, structure, options)
+        except DataError as error:
+            if FEW_LINES not in str(error) or structure is largest[0]:
+                raise
+            said = str(error)
+            continue
+        if not said:
+            return structures, ()
+        kept = structures[: structures.index(structure) + 1]
+        what = said.removeprefix("fitting: ").split(";")[0]
+        return kept, (f"Candidates of more than {structure.poles} poles are left out: {what}.",)
+    return structures, ()
 
 
 def candidates(

@@ -8,6 +8,7 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._core import noise_level
 from ..base.arguments import reals
 from ..base.arrays import F64, geometric_mean
 from ..base.student import root
@@ -23,6 +24,9 @@ from .initial_state import simulate_equations
 from .prediction import InitialState
 
 __all__ = ["EquationFit"]
+
+
+CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,14 +114,20 @@ class EquationFit(Fit):
 
             whole, inner, values = found
             bad = np.flatnonzero(~(values > 0))
-            edges = np.concatenate([[-1], bad, [values.size]])
+            # Next to 0 the noise makes anything of it, though it has a value.
+            noise = float(noise_level(np.atleast_2d(values), 2)[0])
+            least, clear = CLEAR * noise, f", {CLEAR:g} times its noise"
+            if not np.any(values > least):
+                least, clear = 0.0, ""
+            edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
             longest = int(np.argmax(np.diff(edges)))
             start, stop = rec.t[edges[longest] + 1], rec.t[edges[longest + 1] - 1]
             first = int(bad[0])
             return (
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
                 f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
-                f"where {said(inner)} stays above 0, such as rec.window({start:.4g}, {stop:.4g})."
+                f"where {said(inner)} stays above {least:.3g}{clear}, such as "
+                f"rec.window({start:.4g}, {stop:.4g})."
             )
         return ""
 

@@ -25,7 +25,7 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
 
     Parameters
     ----------
-    system : LTI, or a system of python-control or SciPy
+    system : LTI, Fit of one, or a system of python-control or SciPy
     dt : float
         Sampling interval in seconds.
     method : {"zoh", "foh", "tustin", "impulse"}
@@ -60,7 +60,8 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
     """
     from scipy.signal import BadCoefficients
 
-    system = linear(system, "c2d")
+    model = getattr(system, "model", None)  # of a fit
+    system = model if isinstance(model, LTI) else linear(system, "c2d")
     if not isinstance(system, LTI):
         raise SpecError(f"c2d: give a linear system (mf.tf, mf.ss, fit.model), not {type(system).__name__!r}")
     if method not in METHODS:

@@ -385,6 +385,16 @@ def test_as_a_module(table):
     assert bad.stderr.startswith("modfun: ")
 
 
+@pytest.mark.process
+def test_a_closed_pipe_loses_no_report(table, tmp_path):
+    page = tmp_path / "fit.html"
+    words = [sys.executable, "-m", "modfun", "fit", str(table), *FIT, "--report", str(page)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as run:
+        assert run.stdout is not None
+        run.stdout.close()
+    assert "<html" in page.read_text(encoding="utf-8")
+
+
 def test_without_typer_one_sentence_names_the_extra(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "typer", None)
     assert main(["--version"]) == 2

@@ -318,3 +318,17 @@ def test_the_table_says_which_candidates_are_stable(pole, stable):
     assert found.best.order == 1
     assert found.table["stable"][0] == stable
     assert any("unstable: a pole has real part" in note for note in found.notes) != stable
+
+
+def test_orders_beyond_the_record_are_left_out():
+    """They raised an error after all other candidates had been fitted, and the table was lost."""
+    system = mf.tf([5], [1, 3, 8])
+    rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=1)
+    found = mf.select_order(rec, poles=[1, 2, 22, 29], zeros=[0, 28])
+    assert found.best.model.order == 2
+    assert max(found.table["poles"]) == 22
+    assert (
+        "more than 22 poles are left out: 32 lines give 64 real equations for 87 unknowns" in found.notes[-1]
+    )
+    with pytest.raises(mf.DataError, match="64 real equations"):
+        mf.select_order(rec, poles=40)

@@ -384,3 +384,9 @@ def test_call_is_the_transfer_function_at_complex_s():
     assert two(s).shape == (2, 1, 2, 2)
     np.testing.assert_allclose(two(s)[1, 0], (s + 2) / 5 * expected, rtol=1e-13)
     assert np.isinf(abs(mf.tf([1], [1, 1])(-1)))
+
+
+def test_c2d_takes_a_fit():
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    np.testing.assert_array_equal(mf.c2d(fit, 0.1).den, mf.c2d(fit.model, 0.1).den)

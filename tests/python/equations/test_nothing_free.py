@@ -1,0 +1,55 @@
+"""Fits of equations that leave nothing to fit, and of logarithms of what the noise makes negative."""
+
+import re
+import warnings
+
+import modfun as mf
+import numpy as np
+import pytest
+
+REC = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.05)
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda: mf.Equation("y'' + 3*y' + 8*y = 5*u"), "no parameter is in the equations"),
+        (
+            lambda: mf.Equation("y'' + a*y' + b*y = c*u", params={"a": 3, "b": 8, "c": 5}),
+            "params holds every parameter",
+        ),
+        (
+            lambda: mf.StateSpace([[0, 1], [-8, -3]], [0, 5], [1, 0], outputs=["y"]),
+            "no parameter is in the equations",
+        ),
+    ],
+)
+def test_nothing_free_is_said(make, why):
+    with pytest.raises(mf.SpecError, match=f"{why}; there is nothing to fit"):
+        mf.fit(REC, make())
+
+
+def test_a_logarithm_is_cut_where_noise_begins():
+    """An epidemic of which I alone is measured: cut where I stayed above 0, 9 of 40 fits ran away."""
+    from scipy.integrate import solve_ivp
+
+    t, b, g = np.linspace(0, 100, 201), 0.6, 0.15
+
+    def grow(_, x):
+        return [-b * x[0] * x[1], b * x[0] * x[1] - g * x[1]]
+
+    truth = solve_ivp(grow, (0, 100), [0.95, 0.05], t_eval=t, rtol=1e-9, atol=1e-12).y[1]
+    model = mf.Equation(["S' = -b*S*I", "I' = b*S*I - g*I"], outputs=["I"], hidden=["S"])
+    for seed in range(4):
+        noise = 0.02 * truth.std() * np.random.default_rng(seed).standard_normal(t.size)
+        rec = mf.Record(y=truth + noise, dt=0.5, outputs="I")
+        with pytest.warns(mf.ModfunWarning, match="5 times its noise") as said:
+            mf.fit(rec, model)
+        start, stop = re.findall(r"window\(([\d.]+), ([\d.]+)\)", str(said[0].message))[0]
+        cut = rec.window(float(start), float(stop))
+        assert truth[round(float(stop) / 0.5)] > 3 * 0.02 * truth.std()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = mf.fit(cut, model)
+        assert fit.status == "ok"
+        assert abs(fit["g"] - g) < 4 * fit.bse[fit.param_names.index("g")]
