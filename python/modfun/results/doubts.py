@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..base.names import listed
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
-from .cures import again, bic_beside, furthest, offset_of, on_band
+from .cures import WORTH, again, bic_beside, furthest, offset_of, on_band
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
@@ -106,7 +106,7 @@ def mean(fit: Estimates) -> Doubt | None:
         return None
     beside = cache(partial(_with_constant, fit))  # made where it is first wanted
     if fit.layout.rational:
-        told = _bent(fit, beside)
+        told = _bent(fit, beside) or _better(fit, beside)
         return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
     from scipy.special import stdtr
 
@@ -153,6 +153,19 @@ def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     return (
         f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
         f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset."
+    )
+
+
+def _better(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+    """That a constant explains residuals which are far above the noise, whatever the size of the offset."""
+    if not level_p(fit) < SURE or (other := beside()) is None:
+        return ""
+    before, after = bic_beside(fit, fit), bic_beside(other, fit)
+    if not after < before - WORTH:
+        return ""
+    return (
+        f"The model has no constant, and with one BIC falls from {before:.4g} to {after:.4g}: channels have "
+        "an offset."
     )
 
 

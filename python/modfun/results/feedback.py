@@ -10,7 +10,7 @@ import numpy as np
 
 from .._core import unforeseen
 from ..base.arrays import F64
-from .derived import stable
+from .derived import cancelling, stable
 from .diagnosis import level_p
 from .doubts import noise_free
 from .estimates import Estimates
@@ -27,6 +27,7 @@ SHORTEST = 5 * (LAGS + PAST)  # samples
 LONGEST = 1 << 12  # samples of a record that are looked at
 ASKED = 0.01  # p-value from which on residuals are looked at more closely
 MOST = 1 << 16  # samples of a record whose residuals are laid out in time
+CANCELS = 2.0  # standard errors between a pole and a zero, at most
 NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
 
 
@@ -65,10 +66,18 @@ def feedback(fit: Estimates) -> Feedback | None:
     if not led or too_large(level_p(fit)) or noise_free(fit) is not None:
         return None
     found = _found(fit, led, _residuals)
+    if found is not None and not stable(fit) and _superfluous(fit):
+        return None  # a pole beyond the axis that a zero cancels colours residuals by the input itself
     if found is not None and stable(fit):
         # Between the samples of a held input lines fold into others: a simulation has them all.
         found = _found(fit, led, _in_time)
     return found
+
+
+def _superfluous(fit: Estimates) -> bool:
+    """Whether a pole and a zero cancel, as far as anybody can tell."""
+    one = fit.layout.rational and len(fit.outputs) == 1
+    return one and cancelling(fit, fit.params, fit.cov_nonrobust) < CANCELS
 
 
 def _led(fit: Estimates) -> dict[tuple[int, int], F64]:

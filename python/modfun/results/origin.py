@@ -29,9 +29,9 @@ def hum(fit: Estimates) -> tuple[int, float, float] | None:
             pairs = power[1:] + power[:-1]
             at = int(np.argmax(pairs))
             part = float(pairs[at] / power.sum())
-            if part > HUM:
-                centre = at + float(power[at + 1] / pairs[at])
-                return i, (low + centre) * omega0, part
+            centre = low + at + float(power[at + 1] / pairs[at])
+            if part > HUM and centre > 0.5:  # below that it is an offset
+                return i, centre * omega0, part
     return None
 
 
