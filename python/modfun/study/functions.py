@@ -1,13 +1,14 @@
 """Functions of the user in a study: the random numbers they get, and what becomes of what they return.
 
 What a function raises, and numbers that are not finite, may befall one replicate: they are counted, with a
-text. What is wrong in kind (no Record, another shape, a name that is missing) would befall every replicate
-and ends the run with a SpecError.
+text. What is wrong in kind (no Record, another shape, a name or an argument that is missing) would befall
+every replicate and ends the run with a SpecError.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,31 @@ def attempt(what: str, call: Callable[..., Any], *given: Any) -> Any:
     ------
     Failed
         It raised an exception; "<what>: " stands before its text, nothing for an empty `what`.
+    SpecError
+        It does not take so many arguments.
     """
     try:
         return call(*given)
     except Exception as error:
+        if isinstance(error, TypeError) and not _takes(call, given):
+            whose = what or getattr(call, "__name__", "a function")
+            raise SpecError(
+                f"MonteCarlo: {whose} is called with {len(given)} arguments and does not take them "
+                f"({error}); the documentation of MonteCarlo says which they are"
+            ) from error
         text = f"{type(error).__name__}: {error}"
         raise Failed((f"{what}: {text}" if what else text)[:LONGEST]) from error
+
+
+def _takes(call: Callable[..., Any], given: tuple[Any, ...]) -> bool:
+    """Whether a function takes these arguments, as far as Python knows its signature."""
+    try:
+        signature(call).bind(*given)
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
 
 
 def series(value: Any, what: str, shape: tuple[int, ...], meaning: str) -> F64:

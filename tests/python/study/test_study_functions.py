@@ -518,3 +518,13 @@ def test_a_structure_that_does_not_hold_the_system_says_why_figures_are_nan() ->
     assert said in found.table().title
     assert said in repr(found)
     assert found.sel(estimator="two").notes == ()
+
+
+def test_a_function_of_other_arguments_ends_the_run():
+    """Each replicate would fail alike: there were as many messages as replicates."""
+    study = mf.MonteCarlo(
+        system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.05,
+        estimators={"mine": lambda rec: {"a1": 3.0, "a2": 8.0, "b0": 5.0}}, replicates=3,
+    )  # fmt: skip
+    with pytest.raises(mf.SpecError, match="called with 2 arguments and does not take them"):
+        study.run()
