@@ -26,9 +26,10 @@ FORMS = {
     "straight": "foh",
     "rounded": "smooth",  # flat, and then one unit of the last digit up or down
     "rough": "smooth",  # some power at the highest frequencies: held for one sample each, or noisy
+    "walk": "smooth",  # changes are random: held for one sample each, or like few motions that are measured
     "smooth": "smooth",
 }
-DOUBTFUL = ("stairs", "rough")
+DOUBTFUL = ("stairs", "rough", "walk")
 # What decided where samples leave it open: fits of both, whose difference may be short of
 # very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike, or where
 # records of one fit differ, and each of them is read as suits them best together.
@@ -43,6 +44,11 @@ UNITS = 1.5  # smallest changes in a mean change of rounded values, at most
 LEVELS = 6  # of rounded values, at least, and two less where it is doubtful
 OUTLYING = 6  # median deviations
 ROUGH = 0.05  # of the mean power density: that of the upper quarter of all frequencies
+LAGS, RANDOM = (
+    10,
+    25.2,
+)  # correlations of changes, and the sum of their squares: one random walk in 200 is above
+CHANGES = 128  # at least, to tell these from a motion's
 
 
 def form_of(values: F64, t: F64 | None = None) -> str:
@@ -77,7 +83,19 @@ def form_of(values: F64, t: F64 | None = None) -> str:
         reach = OUTLYING * float(np.median(np.abs(values - middle)))
         if span > 2 * reach > 0:
             top = min(top, _top(values.clip(middle - reach, middle + reach)))
-    return "rough" if top >= ROUGH else "smooth"
+    if top >= ROUGH:
+        return "rough"
+    return "walk" if _random(change) else "smooth"
+
+
+def _random(change: F64) -> bool:
+    """Tell whether changes do not follow each other (Box and Pierce, 1970), as those of a motion do."""
+    if change.size < CHANGES:
+        return False
+    unit = change / np.max(np.abs(change))
+    unit = unit - unit.mean()
+    lags = [float(unit[k:] @ unit[:-k]) for k in range(1, LAGS + 1)]
+    return change.size * float(np.sum(np.square(lags))) < RANDOM * float(unit @ unit) ** 2
 
 
 def _top(values: F64) -> float:

@@ -44,7 +44,7 @@ SAID = {
     BY_FIT: "which the fit prefers",
     CLOSE: "though straight lines between its samples fit better",
     LOOP: "as a computer that closes a loop holds it",
-    OPEN: "though held it fits about as well, with other estimates",
+    OPEN: "though read otherwise it fits about as well, with other estimates",
     UNLIKE: "though some records alone fit far better otherwise",
 }
 OTHER = {"zoh": "smooth", "smooth": "zoh", "foh": "zoh"}
@@ -193,7 +193,8 @@ def _asked(
         if not doubtful and fits[0].layout.rational and fits[0].layout.free_delays:
             continue  # a free delay makes up for half a sample, and what is left tells of other errors
         word = fits[0].intersample[fits[0].inputs.index(name)]
-        bar = POSITIVE if doubtful and not (loop or many) else VERY_STRONG
+        walk = "walk" in seen and not loop
+        bar = 0.0 if walk else POSITIVE if doubtful and not (loop or many) else VERY_STRONG
         changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}
         others = _on_bands(each, fits, changed, structure, fit_once)
         if motion and not all(other is not None and other.success and not refuted(other) for other in others):
@@ -203,10 +204,12 @@ def _asked(
             bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
+        why = OPEN if walk and abs(gain) < STRONG and _apart(fits, others) else BY_FIT
         if gain > bar:
-            found, fits = changed, [other for other in others if other is not None]
+            found = {**changed, name: Word(changed[name].word, why)}
+            fits = [other for other in others if other is not None]
         elif gain < -bar and (doubtful or loop):
-            found[name] = Word(word, BY_FIT)
+            found[name] = Word(word, why)
         elif gain > STRONG and held:
             found[name] = Word(word, CLOSE)
         elif gain > -STRONG and motion and _apart(fits, others):
@@ -233,7 +236,7 @@ def _best_for_all(
     """
     own = fits[0].intersample[fits[0].inputs.index(name)]
     words = {FORMS[form] for form in seen - {"rest"}} | ({"foh"} if "held" in seen else set())
-    words |= {"zoh"} if "rough" in seen else set()
+    words |= {"zoh"} if seen & {"rough", "walk"} else set()
     base, made = _on_bands(problems, fits, found, structure, fit_once), {own: fits}
     gains = {own: 0.0}
     for word in sorted(words - {own}):

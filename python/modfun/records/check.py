@@ -64,7 +64,7 @@ def _measured(record: Samples, name: str, form: str) -> bool:
     """Whether a channel may be measured; others jump, repeat themselves or sit at extremes by design."""
     if name in record.outputs:
         return True
-    return form in ("smooth", "rough") and record.intersample[record.inputs.index(name)] == "smooth"
+    return form in ("smooth", "rough", "walk") and record.intersample[record.inputs.index(name)] == "smooth"
 
 
 def _missing(record: Samples) -> Iterator[str]:
@@ -209,6 +209,12 @@ def _doubtful(record: Samples, name: str, form: str) -> Iterator[str]:
             f"Input {name!r} is assumed smooth, but has power up to the highest frequencies. If each value "
             "was held for one sample, give intersample='zoh'; if that is noise, declare "
             "intersample='smooth'."
+        )
+    if form == "walk":
+        yield (
+            f"Input {name!r} is assumed smooth, but its changes are random from sample to sample, as those "
+            "of a command. If each value was held for one sample, give intersample='zoh'; if it was "
+            "measured, declare intersample='smooth'."
         )
     if form == "smooth" and (part := _half_a_sample(record, name)):
         yield (

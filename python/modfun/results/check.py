@@ -81,7 +81,7 @@ def unexplained(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, on_bound, contradicted, unlike, unexpected, in_two_units, unexplained, fed_back,
-    unsettled, unstable, condition,
+    unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -108,7 +108,6 @@ def check(fit: Estimates, line: str) -> Findings:
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
             found += [of_tone(fit), *residual, of_colour(fit, d), of_time(fit)]
         found += [
-            undeclared(fit),
             biased(fit),
             minima(fit),
             twin(fit),

@@ -25,7 +25,10 @@ def unlike_records(fit: Estimates, name: str) -> tuple[int, str, float] | None:
     falls: dict[tuple[int, str], float] = {}
     for k, rec in enumerate(records):
         form, word = form_of(rec[name], None if rec.dt else rec.t), rec.intersample[channel]
-        looks = {"rest": set(), "rough": {"smooth", "zoh"}}.get(form, {FORMS[form]}) - {word}
+        either = form in ("rough", "walk")
+        looks = (
+            set() if form == "rest" else {FORMS[form], "zoh"} - {word} if either else {FORMS[form]} - {word}
+        )
         for look in looks:
             kinds = (*rec.intersample[:channel], look, *rec.intersample[channel + 1 :])
             alone = again(fit, (rec,), fit.structure, options)
@@ -33,7 +36,7 @@ def unlike_records(fit: Estimates, name: str) -> tuple[int, str, float] | None:
             if alone is None or other is None or not other.success or refuted(other):
                 continue  # of two wrong models: half a sample of delay makes up for many a lag
             falls[k, look] = bic_beside(alone, alone) - bic_beside(other, alone)
-            if form == "rough":
+            if either:
                 falls[k, look] = max(falls[k, look], 0.0)
     if sum(falls.values()) <= POSITIVE:
         return None
@@ -58,24 +61,33 @@ def unlike(fit: Estimates) -> Doubt | None:
 
 
 def undeclared(fit: Estimates) -> Doubt | None:
-    """That an input which nobody declared fits as well held, with other estimates."""
+    """That an input which nobody declared fits as well held, or smooth, with other estimates.
+
+    Beyond doubt where the other reading fits as well, or the samples are a random walk, which say neither.
+    """
     records = fit.records or ()
     name = next((name for rec in records[:1] for name in rec.inputs if rec._seen.get(name) == OPEN), None)
     if fit.again is None or name is None:
         return None
-    read = records[0].intersample
-    held = tuple("zoh" if own == name else word for own, word in zip(records[0].inputs, read, strict=True))
-    changed = tuple(rec._like(intersample=held) for rec in records)
+    first, channel = records[0], records[0].inputs.index(name)
+    read = first.intersample
+    word, how = (
+        ("smooth", "Smooth, as a motion") if read[channel] == "zoh" else ("zoh", "Held, as by a computer")
+    )
+    kinds = (*read[:channel], word, *read[channel + 1 :])
+    changed = tuple(rec._like(intersample=kinds) for rec in records)
     other = again(fit, changed, fit.structure, on_band(fit, fit.band))
     if other is None:
         return None
     fallen = bic_beside(fit, fit) - bic_beside(other, fit)
     parameter, was, now, _ = furthest(fit, other)
-    both = (held, read) if len(held) > 1 else (held[0], read[0])
+    held, moved = (kinds, read) if word == "zoh" else (read, kinds)
+    given, else_given = (held, moved) if len(read) > 1 else (held[0], moved[0])
+    walk = form_of(first[name], None if first.dt else first.t) == "walk"
     return Doubt(
-        f"Nobody declared how input {name!r} goes between samples. Held, as by a computer, it fits about as "
+        f"Nobody declared how input {name!r} goes between samples. {how}, it fits about as "
         f"well (BIC {'falls' if fallen > 0 else 'rises'} by {abs(fallen):.2g}), and {parameter} is {now} "
-        f"instead of {was}. If it was held, give intersample={both[0]!r}; else declare "
-        f"intersample={both[1]!r}.",
-        sure=False,
+        f"instead of {was}. If it was held, give intersample={given!r}; else declare "
+        f"intersample={else_given!r}.",
+        sure=walk or fallen > -POSITIVE,
     )
