@@ -284,9 +284,9 @@ def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
 
 
 def _forms(problems: Sequence[Sequence[Record]], name: str) -> set[str]:
-    """What the samples of an input look like; nothing where a record declares it."""
+    """What the samples of an input look like; nothing where a record declares it, or a fit has decided."""
     forms = {rec._seen.get(name, "") for records in problems for rec in records}
-    return set() if "" in forms else forms
+    return forms if forms <= FORMS.keys() else set()
 
 
 def _contradicted(fit: Fit) -> bool:

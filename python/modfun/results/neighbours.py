@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 from ..equations.equation import Equation
@@ -34,7 +35,7 @@ def neighbours(fit: Estimates) -> tuple[Changed, ...]:
         return ()
     if isinstance(model, StateSpace):
         return _instruments(fit, model), _entries(model)
-    return _shifts(fit, model), _terms(model), _pairs(model)
+    return chain(_shifts(fit, model), _offsets(model)), _terms(model), _pairs(model)
 
 
 def _late(fit: Estimates) -> Free:
@@ -129,6 +130,13 @@ def _shifts(fit: Estimates, model: Equation) -> Changed:
         top = Free(EARLY / fit.band[1], min=0.0, max=math.pi / 4 / max(fit.omega0))
         words = f"a delay of {u}, {u}(t - h) with h = mf.Free(min=0, max=...) (h = {{}} s)"
         yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), top)
+
+
+def _offsets(model: Equation) -> Changed:
+    """Where equations are linear, a constant says the same."""
+    if not model.linear:
+        for x, structure in with_offset(model):
+            yield f"an offset of {x}, ({x} - c) in its place (c = {{}})", structure
 
 
 def _terms(model: Equation) -> Changed:

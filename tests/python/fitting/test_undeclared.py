@@ -383,3 +383,16 @@ def test_an_input_with_noise_was_measured():
         fit = quiet(rec, TWO, noise="errors-in-variables")
         assert fit.intersample == ("smooth",)
         assert fit.records[0] is rec
+
+
+def test_what_a_fit_has_decided_stands():
+    """A fit of its own record raised KeyError."""
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(401)
+    y = PLANT.simulate(u=u, dt=0.025, intersample="zoh").ravel()
+    fit = quiet(mf.Record(y=y + 0.05 * y.std() * rng.standard_normal(401), u=u, dt=0.025), TWO)
+    rec = fit.records[0]
+    assert rec._seen == {"u": "fit"}
+    again = quiet(rec, TWO)
+    assert again.records[0] is rec
+    np.testing.assert_array_equal(again.params, fit.params)

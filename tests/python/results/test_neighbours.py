@@ -5,6 +5,7 @@ import warnings
 import modfun as mf
 import numpy as np
 from modfun.results.diagnosis import growth
+from modfun.results.neighbours import EXTRA, neighbours
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter, lsim
 
@@ -161,3 +162,29 @@ def test_levels_that_a_record_does_not_show_are_none():
         fit = mf.fit(other, model)
         assert np.isnan([fit.chi2, *fit.high_band_levels]).all()
     assert 0.3 < mf.fit(rec, model).chi2 / mf.fit(rec, model).df_resid < 2.5
+
+
+def test_a_biased_gyro_inside_products_is_named():
+    """Angular rates of a rotor craft: with a bias of p, b1 is 10 standard errors off."""
+    texts = ["p' = a1*q*r + b1*L", "q' = a2*p*r + b2*M", "r' = a3*p*q + b3*N"]
+    model = mf.Equation(texts, outputs=["p", "q", "r"], inputs=["L", "M", "N"])
+    dt, t = 0.02, 0.02 * np.arange(501)
+
+    def moments(t):
+        return np.array([0.2 * np.sin(2.1 * t), 0.2 * np.sin(1.3 * t + 1), 0.1 * np.sin(0.9 * t + 2)])
+
+    def rates(t, x):
+        a, b = [-0.8, 0.9, 0.05], [12.0, 11.0, 6.0]
+        products = np.array([x[1] * x[2], x[0] * x[2], x[0] * x[1]])
+        return a * products + b * moments(t)
+
+    y = solve_ivp(rates, (0, t[-1]), [0.2, -0.1, 0.3], t_eval=t, rtol=1e-9, atol=1e-10).y
+    noise = 0.02 * y.std(axis=1, keepdims=True) * np.random.default_rng(0).normal(size=y.shape)
+    y = y + noise + np.array([[0.2], [0], [0]])
+    rec = mf.Record(y=y, u=moments(t), dt=dt, outputs=["p", "q", "r"], inputs=["L", "M", "N"])
+    fit, text = warned(rec, model)
+    assert "(p - c)" in text
+    changes = {words: made for group in neighbours(fit) for words, made in group}
+    biased = changes["an offset of p, (p - c) in its place (c = {})"]
+    assert abs(mf.fit(rec, biased)[EXTRA] - 0.2) < 0.03
+    assert warned(rec.assign(p=rec["p"] - 0.2), model)[1] == ""
