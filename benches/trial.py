@@ -380,7 +380,6 @@ RIGHT = [
     Setup("two outputs, own denominators", of(TWO), by(TF(poles=2, zeros=1, denominator="separate"))),
     Setup("three records", lambda s: [of(PLANT)(3 * s + k) for k in range(3)], RIGHT2),
     Setup("an equation", of(PLANT), by(LINEAR)),
-    Setup("an equation in coloured noise, AR(0.9)", of(PLANT, pole=0.9), by(LINEAR)),
     Setup(
         "an equation with feed-through, a staircase",
         staircase(mf.tf([1, 3, 13], [1, 3, 8])),
