@@ -44,10 +44,8 @@ UNITS = 1.5  # smallest changes in a mean change of rounded values, at most
 LEVELS = 6  # of rounded values, at least, and two less where it is doubtful
 OUTLYING = 6  # median deviations
 ROUGH = 0.05  # of the mean power density: that of the upper quarter of all frequencies
-LAGS, RANDOM = (
-    10,
-    25.2,
-)  # correlations of changes, and the sum of their squares: one random walk in 200 is above
+LAGS = 10  # correlations of changes that are looked at
+RANDOM = 25.2  # their sum of squares times the changes: one random walk in 200 is above
 CHANGES = 128  # at least, to tell these from a motion's
 
 

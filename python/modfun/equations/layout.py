@@ -80,9 +80,6 @@ class EquationLayout:
 @lru_cache(KEPT)
 def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
     compiled = structure.compiled(outputs, inputs)
-    if not compiled.parameters:
-        why = "params holds every parameter" if compiled.fixed else "no parameter is in the equations"
-        raise SpecError(f"fit: {why}; there is nothing to fit")
     from .symbolic.formulas import formulas
 
     noisy = list(outputs)

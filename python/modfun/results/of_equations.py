@@ -176,7 +176,7 @@ class EquationFit(Fit):
             return np.array([left.pop(int(np.argmin(np.abs(np.array(left) - pole)))) for pole in found])
 
         value, slopes = self._gradient(near)
-        return value, slopes.T
+        return value, np.reshape(slopes, (self.params.size, len(value))).T
 
     def _need_linear(self, what: str) -> None:
         if not self.has_poles:

@@ -63,7 +63,7 @@ def unlike(fit: Estimates) -> Doubt | None:
 def undeclared(fit: Estimates) -> Doubt | None:
     """That an input which nobody declared fits as well held, or smooth, with other estimates.
 
-    Beyond doubt where the other reading fits as well, or the samples are a random walk, which say neither.
+    A warning where the samples are a random walk, which say neither; most motions are what they look like.
     """
     records = fit.records or ()
     name = next((name for rec in records[:1] for name in rec.inputs if rec._seen.get(name) == OPEN), None)
@@ -89,5 +89,5 @@ def undeclared(fit: Estimates) -> Doubt | None:
         f"well (BIC {'falls' if fallen > 0 else 'rises'} by {abs(fallen):.2g}), and {parameter} is {now} "
         f"instead of {was}. If it was held, give intersample={given!r}; else declare "
         f"intersample={else_given!r}.",
-        sure=walk or fallen > -POSITIVE,
+        sure=walk,
     )

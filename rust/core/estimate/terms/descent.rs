@@ -6,7 +6,7 @@ use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::threads::stopped;
 
 /// Steps before the cost must fall: the first ones may raise it on their way to the right answer, but not where
-/// coefficients or signals bend with θ, which then runs away.
+/// coefficients bend with θ under the weights that count, as θ then runs away; lags that are sought do not.
 const FREE_STEPS: u32 = 2;
 /// Halvings of a step that does not lower the cost.
 const HALVINGS: usize = 10;
@@ -68,6 +68,8 @@ pub(super) struct Descent<'a> {
     equations: &'a Equations,
     /// Whether the cost must fall: that of reweighted data need not.
     guarded: bool,
+    /// Steps that may raise it.
+    free_steps: u32,
     tol: f64,
     maxiter: usize,
     theta: Vec<f64>,
@@ -103,8 +105,12 @@ impl<'a> Descent<'a> {
         maxiter: usize,
     ) -> Descent<'a> {
         equations.clip(&mut theta);
+        let bends = !equations.linear
+            && equations.free_lags().next().is_none()
+            && weights == RowWeights::Adapted;
         Descent {
             equations,
+            free_steps: if bends { 0 } else { FREE_STEPS },
             guarded: weights == RowWeights::Flat || factors == LeftColumns::Denoised,
             tol,
             maxiter,
@@ -141,7 +147,7 @@ impl<'a> Descent<'a> {
             }
             Stage::Trial => {
                 let fell = cost <= self.cost * (1.0 + LEVEL) + f64::MIN_POSITIVE;
-                let must_fall = self.guarded && (self.nit > FREE_STEPS || !self.equations.linear);
+                let must_fall = self.guarded && self.nit > self.free_steps;
                 if !cost.is_finite() || (must_fall && !fell) {
                     self.size *= 0.5;
                     if self.tried < HALVINGS {

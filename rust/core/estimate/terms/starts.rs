@@ -52,9 +52,10 @@ impl TermsProblem<'_> {
     fn judged(&mut self, ends: Vec<(f64, Vec<f64>)>) -> Result<Vec<f64>, Error> {
         let first = ends.first().map(|(_, theta)| theta.clone());
         let (weights, factors) = self.fitter.weights();
-        let given = start(&self.fitter.o.equations, 0);
+        let e = &self.fitter.o.equations;
+        let given = e.starts.iter().any(Option::is_some).then(|| start(e, 0));
         let mut found = Vec::with_capacity(ends.len() + 1);
-        for theta in ends.into_iter().map(|(_, theta)| theta).chain([given]) {
+        for theta in ends.into_iter().map(|(_, theta)| theta).chain(given) {
             found.push((self.cost(&theta, weights)?, theta));
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
