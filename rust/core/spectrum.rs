@@ -62,6 +62,8 @@ pub struct CoefficientPlan {
     lead: usize,
     /// Sample that stands at the start of the window (the delay's whole part taken off).
     first: usize,
+    /// Part of a sample by which the signal comes ahead of that sample's grid.
+    ahead: f64,
     taps: Option<Taps>,
     unit_variance: f64,
     sums: Sums,
@@ -131,6 +133,7 @@ impl CoefficientPlan {
             kind,
             lead,
             first,
+            ahead,
             taps: None,
             unit_variance: weights.sum_of_squares() / (intervals as f64 * intervals as f64),
             sums: Sums::Uneven { t: Vec::new(), weights: Vec::new() },
@@ -173,6 +176,7 @@ impl CoefficientPlan {
             kind,
             lead: 0,
             first: 0,
+            ahead: 0.0,
             taps: None,
             unit_variance: weights.iter().map(|w| w * w).sum::<f64>() / (span * span),
             sums: Sums::Uneven { t: t.to_vec(), weights },

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .arrays import F64
 
 __all__ = [
-    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "OPEN", "UNLIKE", "decided", "form_of",
+    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "EITHER", "FORMS", "LOOP", "OPEN", "UNLIKE", "decided", "form_of",
     "liveliest",
 ]  # fmt: skip
 
@@ -29,7 +29,8 @@ FORMS = {
     "walk": "smooth",  # changes are random: held for one sample each, or like few motions that are measured
     "smooth": "smooth",
 }
-DOUBTFUL = ("stairs", "rough", "walk")
+EITHER = ("rough", "walk")  # smooth, or held for one sample each
+DOUBTFUL = ("stairs", *EITHER)
 # What decided where samples leave it open: fits of both, whose difference may be short of
 # very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike, or where
 # records of one fit differ, and each of them is read as suits them best together.

@@ -62,11 +62,13 @@ def _settled(
 ) -> EquationFit | None:
     """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
     options, now, sizes = on_band(start, start.band), start, list[float]()
+    fine = [_between(rec) for rec in records]
     while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
-                smooth = tuple([_unfolded(now, k, rec) for k, rec in enumerate(records)])
+                both = zip(records, fine, strict=True)
+                smooth = tuple([_unfolded(now, k, rec, more) for k, (rec, more) in enumerate(both)])
                 known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
                 after = refit(smooth, now.structure, options, **known)
         except ModfunError:
@@ -103,14 +105,15 @@ def bent(fit: EquationFit) -> bool:
     return plain and held and fast and not fit.at_bound and len(steps) == len(fit.steps)
 
 
-def _unfolded(fit: EquationFit, k: int, rec: Record) -> Record:
+def _unfolded(fit: EquationFit, k: int, rec: Record, fine: Record) -> Record:
     """A record less what sampling folds of the fit's response: exactly on the lines that are fitted.
 
     On those beyond, which products of signals bring back, without the jump from the end to the beginning.
+    `fine` has the inputs between the samples.
     """
     intervals, last = fit.intervals[k], fit.lines[k][1]
     first = rec.intervals - intervals
-    between = fit.simulate(_between(rec), fit.simulate(rec)[1])[0][:, first * PARTS :]
+    between = fit.simulate(fine, fit.simulate(rec)[1])[0][:, first * PARTS :]
     response = between[:, ::PARTS]
     closed = between - _open(between)
     high = np.fft.rfft(closed[:, :-1:PARTS]) / intervals - _integrals(closed)
@@ -124,13 +127,9 @@ def _unfolded(fit: EquationFit, k: int, rec: Record) -> Record:
 
 def _open(y: F64) -> F64:
     """The parabola from zero that ends apart by as much as a signal's ends, in value and slope."""
-    part = np.arange(y.shape[1]) / (y.shape[1] - 1)
-    slope = (
-        (y.shape[1] - 1)
-        / 2
-        * np.array([y[:, -2:-5:-1] @ [-4.0, 1, 0] + 3 * y[:, -1], y[:, 1:4] @ [4.0, -1, 0] - 3 * y[:, 0]])
-    )
-    bend = (slope[0] - slope[1]) / 2
+    part = np.linspace(0, 1, y.shape[1])
+    begin, end = np.gradient(y, part[1], axis=1, edge_order=2)[:, [0, -1]].T
+    bend = (end - begin) / 2
     return np.asarray(np.outer(bend, part**2) + np.outer(y[:, -1] - y[:, 0] - bend, part))
 
 

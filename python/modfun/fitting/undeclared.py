@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, UNLIKE
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, EITHER, FORMS, LOOP, OPEN, UNLIKE
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -23,9 +23,18 @@ from ..results.diagnosis import growth
 from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
-from ..results.undeclared import unlike_records
+from ..results.undeclared import POSITIVE, unlike_records
 
-__all__ = ["Word", "decided_by_fit", "fit_as_read", "in_sentences", "read_alike", "read_as"]
+__all__ = [
+    "OTHER",
+    "STRONG",
+    "Word",
+    "decided_by_fit",
+    "fit_as_read",
+    "in_sentences",
+    "read_alike",
+    "read_as",
+]
 
 FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
 
@@ -38,7 +47,7 @@ FEW = 4  # records that are asked where each of many is fitted by itself
 # those that switch between two samples, and the command of a computer that changes little a tick looks like
 # a motion; positive evidence does where the noise of an output is seen to come back. Strong evidence that
 # an input was not held is said, and so is that a motion may be held where that makes other estimates.
-POSITIVE, STRONG, VERY_STRONG = 2.0, 6.0, 10.0
+STRONG, VERY_STRONG = 6.0, 10.0
 FAR = 3.0  # standard errors between estimates of both readings: these are others
 SAID = {
     BY_FIT: "which the fit prefers",
@@ -236,7 +245,7 @@ def _best_for_all(
     """
     own = fits[0].intersample[fits[0].inputs.index(name)]
     words = {FORMS[form] for form in seen - {"rest"}} | ({"foh"} if "held" in seen else set())
-    words |= {"zoh"} if seen & {"rough", "walk"} else set()
+    words |= {"zoh"} if not seen.isdisjoint(EITHER) else set()
     base, made = _on_bands(problems, fits, found, structure, fit_once), {own: fits}
     gains = {own: 0.0}
     for word in sorted(words - {own}):

@@ -10,12 +10,14 @@ from ..base.arrays import F64
 from ..base.between import BY_FIT, DOUBTFUL, OPEN
 from ..errors import ModfunError
 from ..fitting.candidates import best_of, score
+from ..fitting.undeclared import OTHER, STRONG, Word, read_as
 from ..models.free import Free
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import on_band
 from ..results.misfit import refuted
+from ..results.undeclared import POSITIVE
 from ..systems.frequency_response import FrequencyResponse
 
 __all__ = ["as_fits_prefer", "doubts_of"]
@@ -24,11 +26,7 @@ __all__ = ["as_fits_prefer", "doubts_of"]
 # zero to spare, they do what half a sample of delay does.
 ORDERS = tuple(TransferFunction(poles=n, zeros=m) for n in range(1, 5) for m in range(n))
 FEW = 4  # records of one kind that are asked
-# Differences of BIC (Kass and Raftery, 1995): positive evidence decides where samples are doubtful, strong
-# evidence is needed against what they look like.
-POSITIVE, STRONG = 2.0, 6.0
 LATE = 20  # samples, the longest delay that is looked for
-OTHER = {"zoh": "smooth", "smooth": "zoh"}
 NEGLIGIBLE = 0.05  # of the gains: that so many circles miss their gains, they allow themselves
 
 
@@ -48,6 +46,7 @@ def as_fits_prefer(
                 continue
             word = records[own[0]].intersample[records[0].inputs.index(name)]
             gain = sum(_gain(read[k], name, word, band) for k in own[:FEW])
+            # Positive evidence decides where samples are doubtful, strong evidence against their looks.
             bar = POSITIVE if form in DOUBTFUL else STRONG
             if gain > bar:
                 word, why = OTHER[word], BY_FIT
@@ -56,7 +55,7 @@ def as_fits_prefer(
             if why == OPEN:
                 left[name] = gain
             for k in own:
-                read[k] = _read(read[k], name, word, why)
+                (read[k],) = read_as((read[k],), {name: Word(word, why)})
     return read, left
 
 
@@ -82,11 +81,6 @@ def doubts_of(left: dict[str, float], dt: float, found: FrequencyResponse) -> tu
     return tuple(said)
 
 
-def _read(rec: Record, name: str, word: str, why: str) -> Record:
-    kinds = [word if n == name else own for n, own in zip(rec.inputs, rec.intersample, strict=True)]
-    return rec._like(intersample=tuple(kinds), _seen={**rec._seen, name: why})
-
-
 def _gain(rec: Record, name: str, word: str, band: float | tuple[float, float] | None) -> float:
     """By how much BIC falls with an input read otherwise, over all outputs; nan where fits cannot tell.
 
@@ -101,8 +95,8 @@ def _gain(rec: Record, name: str, word: str, band: float | tuple[float, float] |
         try:
             fit = best_of((own,), ORDERS, Options.checked("frf", band=band))
             options = on_band(fit, fit.band)
-            other = best_of((_read(own, name, OTHER[word], BY_FIT),), ORDERS, options)
-            slower = best_of((_read(own, name, "smooth", BY_FIT),), delayed, options)
+            other = best_of(read_as((own,), {name: Word(OTHER[word], BY_FIT)}), ORDERS, options)
+            slower = best_of(read_as((own,), {name: Word("smooth", BY_FIT)}), delayed, options)
         except ModfunError:
             return nan
         gain = score(fit, fit) - score(other, fit)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ..base.between import FORMS, OPEN, UNLIKE, form_of
+from ..base.between import EITHER, FORMS, OPEN, UNLIKE, form_of
 from .cures import again, bic_beside, furthest, on_band
 from .doubts import Doubt
 from .estimates import Estimates
 from .misfit import refuted
 
-__all__ = ["undeclared", "unlike", "unlike_records"]
+__all__ = ["POSITIVE", "undeclared", "unlike", "unlike_records"]
 
 POSITIVE = 2.0  # evidence by a difference of BIC (Kass and Raftery, 1995)
 
@@ -25,7 +25,7 @@ def unlike_records(fit: Estimates, name: str) -> tuple[int, str, float] | None:
     falls: dict[tuple[int, str], float] = {}
     for k, rec in enumerate(records):
         form, word = form_of(rec[name], None if rec.dt else rec.t), rec.intersample[channel]
-        either = form in ("rough", "walk")
+        either = form in EITHER
         looks = (
             set() if form == "rest" else {FORMS[form], "zoh"} - {word} if either else {FORMS[form]} - {word}
         )

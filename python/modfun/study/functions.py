@@ -63,8 +63,8 @@ def _takes(call: Callable[..., Any], given: tuple[Any, ...]) -> bool:
         signature(call).bind(*given)
     except TypeError:
         return False
-    except ValueError:
-        return True
+    except ValueError:  # a signature that Python does not know
+        pass
     return True
 
 

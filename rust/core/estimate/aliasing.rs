@@ -14,7 +14,8 @@
 //! G in so small a term is next to nothing after two rounds. What the folding adds is no small matter: for one pole
 //! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Where all inputs are
 //! held, what the ends of the record fold is known from the transient, and the output's sums are plain ones; else the
-//! ends, J among them, are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their weights, too.
+//! ends, J among them, are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their
+//! weights, too.
 
 use std::f64::consts::{PI, TAU};
 

@@ -10,8 +10,6 @@ use crate::quadrature::{Hold, times};
 pub(super) struct HoldFactor {
     pub(super) sum: (f64, f64),
     pub(super) ends: [(f64, f64); 2],
-    /// Part of a cell by which the signal comes ahead of its grid.
-    pub(super) ahead: f64,
 }
 
 impl HoldFactor {
@@ -27,20 +25,17 @@ impl HoldFactor {
         HoldFactor {
             sum: (c0.0 + both.0, c0.1 + both.1),
             ends: [(by * both.0, by * both.1), (by * second.0, by * second.1)],
-            ahead,
         }
     }
 }
 
 impl CoefficientPlan {
-    /// The same plan, which writes into `im[0]`, nothing else, what a held signal jumps by from the window's end to its
-    /// beginning, v(0) − v(T): what sampling folds depends on it.
+    /// The same plan, which writes into `im[0]`, where a coefficient has nothing, what a held signal jumps by from the
+    /// window's end to its beginning, v(0) − v(T): what sampling folds depends on it.
     #[must_use]
     pub(crate) fn with_jump(mut self) -> CoefficientPlan {
-        if let Kind::Hold(hold) = self.kind
-            && let Some(factor) = self.holds.first()
-        {
-            self.jump = Some(hold.start(factor.ahead));
+        if let Kind::Hold(hold) = self.kind {
+            self.jump = Some(hold.start(self.ahead));
         }
         self
     }
