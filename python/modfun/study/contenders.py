@@ -14,7 +14,7 @@ from ..base.callables import source
 from ..base.names import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator, fit_quietly
-from ..fitting.prepared import joint_words, plain_words, prepare, spans
+from ..fitting.prepared import counts_start, joint_words, plain_words, prepare, spans
 from ..fitting.undeclared import Word, decided_by_fit, read_as
 from ..fitting.weights import weighting
 from ..models.layout import Layout
@@ -50,6 +50,8 @@ class Contender:
         True parameters, one per group; nan where unknown.
     words : tuple of dict
         How open inputs of undeclared records are read, decided once by the first record of each group.
+    with_past : bool
+        Whether what it knows of the start stands before records as their past, which no batch can do.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Contender:
     params: tuple[tuple[str, ...], ...]
     truth: tuple[F64, ...]
     words: tuple[dict[str, Word], ...] = ()
+    with_past: bool = False
 
     def read(self, group: Group | Generated, rec: Record) -> Record:
         """The record as the estimator reads it: no record of a study decides by itself."""
@@ -186,9 +189,9 @@ def contenders(
             _settled(e, g, read_as((rec,), one)[0])
             for e, g, rec, one in zip(own, found, firsts, read, strict=True)
         )
-        made.append(
-            replace(_contender(str(name), None, settled, tuple(e.model for e in own), found), words=read)
-        )
+        past = any(_has_past(e, rec) for e, rec in zip(own, firsts, strict=True))
+        one = _contender(str(name), None, settled, tuple(e.model for e in own), found)
+        made.append(replace(one, words=read, with_past=past))
     return tuple(made)
 
 
@@ -222,10 +225,14 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
     """The estimator with its band chosen on a record of the group, if none was given."""
     options = own.options
     if not isinstance(own.model, TransferFunction):
-        return _settled_equation(own, group, rec)
+        rec = with_inputs(rec, options.noise)
+        own.model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
+        return _settled_by_fit(own, group, rec)
     layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
     if isinstance(group, Group):
         _refuse_standing(layout, rec)
+    if _has_past(own, rec):
+        return _settled_by_fit(own, group, rec)
     if options.band is not None or options.harmonics is not None:
         return own
     with np.errstate(all="ignore"):
@@ -248,15 +255,18 @@ def _refuse_standing(layout: Layout, rec: Record) -> None:
             )
 
 
-def _settled_equation(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
-    """As `_settled`, for equations: by a fit of the record."""
-    model: Any = own.model
-    rec = with_inputs(rec, own.options.noise)
-    model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
+def _settled_by_fit(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
+    """As `_settled`, for equations and records with a past: by a fit of the record."""
     if own.options.band is not None or own.options.harmonics is not None:
         return own
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", ModfunWarning)
         fit = own(rec)
-    chosen = {"harmonics": fit.harmonics} if isinstance(group, Group) else {"band": fit.band}
+    by_lines = isinstance(group, Group) and not _has_past(own, rec)
+    chosen = {"harmonics": fit.harmonics} if by_lines else {"band": fit.band}
     return Estimator(own.model, **own.options.replace(**chosen).given())
+
+
+def _has_past(own: Estimator, rec: Record) -> bool:
+    """Whether what the estimator knows of the start of a record stands before it as its past."""
+    return own.options.initial_state != "unknown" and not counts_start(own.model, own.options, [rec])

@@ -117,10 +117,11 @@ class Figures(Elsewhere):
     def crlb(self) -> F64:
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
-        With the initial state (and the estimator's trend) unknown, from all samples; with process noise its
-        levels are unknown, too. It is nan where the noise or the records are the user's, the structure does
-        not hold the system, process noise enters through inputs of its own, or the initial state of equations
-        is drawn. No estimator need reach it in a narrow band, and a biased one may pass it.
+        From all samples, with the estimator's trend unknown, and the initial state unless the estimator knows
+        it; with process noise its levels are unknown, too. It is nan where the noise or the records are the
+        user's, the structure does not hold the system, process noise enters through inputs of its own, or the
+        initial state of equations is drawn. No estimator need reach it in a narrow band, and a biased one may
+        pass it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
@@ -289,7 +290,7 @@ def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
     elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
     else:
-        given |= {"start": group.rest.start, "initial_state": "unknown"}
+        given["start"] = group.rest.start
 
     def bound(sigma: F64) -> list[float]:
         found = crlb(system, rec, sigma=sigma, **given)

@@ -282,7 +282,8 @@ def _state(given: Any, rest: Experiment) -> tuple[F64, F64]:
             return np.zeros(n), free
         raise SpecError(
             f"MonteCarlo: initial_state={given!r} is unknown; give 'zero', 'random', {n} numbers or a "
-            "function of rng"
+            "function of rng: where the records begin. What an estimator knows of that is its own option, "
+            "mf.Estimator(structure, initial_state='rest')"
         )
     try:
         state = np.asarray(given, dtype=np.float64)

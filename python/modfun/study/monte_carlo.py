@@ -82,7 +82,8 @@ class MonteCarlo:
         "random": normal in each replicate, each state with the root mean square it has in the response
         from rest. An array: the states, of a transfer function y, y', … of the free response, of equations
         in the order of `NonlinearModel.states`. A function:
-        ``initial_state(rng)`` returns such an array.
+        ``initial_state(rng)`` returns such an array. What estimators know of it is an option of theirs,
+        ``mf.Estimator(structure, initial_state="rest")``.
     generate : callable
         Instead of all the above: ``generate(cell, rng)`` returns the Record of a replicate in a cell of
         `grid`, a dict of its labels. One output for methods and Estimators; sampling, length and inputs may
