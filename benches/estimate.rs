@@ -110,7 +110,7 @@ fn single(c: &mut Criterion) {
         let options = FitOptions {
             structure: Structure::new(2, vec![Some(0)]).unwrap(),
             delays: vec![0.0],
-            intersample: vec![None],
+            intersample: vec![None].into(),
             rule: Rule::Gregory,
             method,
             noise: Noise::Output,

@@ -102,7 +102,7 @@ fn plain(method: Method, rule: Rule, band: Band, options: Options) -> FitOptions
     FitOptions {
         structure: Structure::new(2, vec![Some(0)]).unwrap(),
         delays: vec![0.0],
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule,
         method,
         noise: Noise::Output,
@@ -219,7 +219,7 @@ fn stream(isa: Isa) -> Work {
 
 fn joint_options(structure: JointStructure, band: Band) -> JointOptions {
     JointOptions {
-        intersample: vec![None; structure.paths.len()],
+        intersample: vec![None; structure.paths.len()].into(),
         structure: structure.checked().unwrap(),
         rule: Rule::Gregory,
         method: Method::Ml,
@@ -281,7 +281,7 @@ fn square_options(outputs: usize) -> JointOptions {
         bounds: vec![],
     };
     let options = joint_options(structure, Band::Harmonics(20));
-    JointOptions { intersample: vec![Some(Hold::Zoh); outputs], ..options }
+    JointOptions { intersample: vec![Some(Hold::Zoh); outputs].into(), ..options }
 }
 
 fn joint(isa: Isa, outputs: usize) -> Work {
@@ -339,7 +339,7 @@ fn delays(isa: Isa) -> Work {
         bounds: vec![],
     };
     let options = joint_options(structure, Band::Harmonics(10));
-    let intersample = vec![Some(Hold::Zoh); 2];
+    let intersample = vec![Some(Hold::Zoh); 2].into();
     joint_fits(JointOptions { intersample, ..options }, &[], (vec![y], u), isa)
 }
 

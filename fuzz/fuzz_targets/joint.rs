@@ -16,7 +16,7 @@ fuzz_target!(|bytes: &[u8]| {
     let announced = if b.rarely() { b.count(64) } else { n };
     let (isa, records) = (b.isa(), 1 + usize::from(b.rarely()));
     let kinds = vec![(announced, sampling.time()); records];
-    let (outputs, inputs) = (options.structure.orders.len(), options.intersample.len());
+    let (outputs, inputs) = (options.structure.orders.len(), options.inputs());
     let variances = match b.rarely() {
         true => b.many(records, |b| b.channels(outputs, n)),
         false => Vec::new(),

@@ -21,7 +21,7 @@ fuzz_target!(|bytes: &[u8]| {
         }
         false => {
             let s = &joint.structure;
-            let sizes = (s.orders.len(), joint.intersample.len(), s.parameters());
+            let sizes = (s.orders.len(), joint.inputs(), s.parameters());
             (Told::Joint(Box::new(joint)), sizes.0, sizes.1, sizes.2)
         }
     };

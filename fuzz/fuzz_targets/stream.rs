@@ -20,7 +20,7 @@ fuzz_target!(|bytes: &[u8]| {
         run::<Fitter>(b, options, channels, n, dt);
     } else {
         let Some(options) = b.joint_options(n, dt) else { return };
-        let channels = options.structure.orders.len() + options.intersample.len();
+        let channels = options.structure.orders.len() + options.inputs();
         run::<JointFitter>(b, options, channels, n, dt);
     }
 });

@@ -87,7 +87,7 @@ fn duffing(b: &mut Bytes<'_>) -> Option<Equations> {
         op("input", 0.0, 2, 0),
         op("constant", -1.0, 0, 0),
     ];
-    let signal = Signal { kind: Kind::Rule(b.rule()), lag: Lag::Known(0.0) };
+    let signal = Signal { kind: Kind::Rule(b.rule()).into(), lag: Lag::Known(0.0) };
     let term = |signal, order| Term { equation: 0, signal, order };
     Some(Equations {
         orders: vec![2],
@@ -115,7 +115,7 @@ fn any(b: &mut Bytes<'_>, dt: f64) -> Option<Equations> {
     let orders = b.many(equations, |b| if b.rarely() { b.count(5) } else { b.below(3) });
     let count = 1 + b.below(3);
     let signals = b.many(count, |b| Signal {
-        kind: if b.flag() { Kind::Rule(b.rule()) } else { b.of(&Kind::ALL) },
+        kind: if b.flag() { Kind::Rule(b.rule()) } else { b.of(&Kind::ALL) }.into(),
         lag: match b.below(8) {
             7 => Lag::Parameter(b.below(parameters + 1)),
             6 => Lag::Known(b.near(2.0 * dt)),

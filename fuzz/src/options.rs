@@ -82,7 +82,7 @@ impl Bytes<'_> {
         Some(FitOptions {
             structure,
             delays: self.many(given, |b| b.delay(dt)),
-            intersample: self.many(inputs, Self::hold),
+            intersample: self.many(inputs, Self::hold).into(),
             rule: self.rule(),
             method: self.method(),
             noise: self.of(&[Noise::Output, Noise::Output, Noise::Equation]),
@@ -164,7 +164,7 @@ impl Bytes<'_> {
         }
         Some(JointOptions {
             structure: told(structure.checked())?,
-            intersample: self.many(inputs, Self::hold),
+            intersample: self.many(inputs, Self::hold).into(),
             rule: self.rule(),
             method: self.of(&[Method::Ml, Method::Awls, Method::Wls]),
             noise: self.noise_model(outputs, paths),

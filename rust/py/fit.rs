@@ -2,8 +2,8 @@
 
 use modfun::Error;
 use modfun::estimate::{
-    Answer, Band, BandRule, Batch, Fit, FitOptions, Fitter as Core, Initial, Levels, Many,
-    NoiseSpectrum, Options, Prior, RecordView, Time, Wanted,
+    Answer, Band, BandRule, Batch, EachRecord, Fit, FitOptions, Fitter as Core, Initial, Levels,
+    Many, NoiseSpectrum, Options, Prior, RecordView, Time, Wanted,
 };
 use modfun::modulation::Lines;
 use modfun::quadrature::{Hold, Rule};
@@ -30,7 +30,7 @@ pub fn word<T: Copy>(what: &str, given: &str, all: &[(&str, T)]) -> Result<T, Er
 #[derive(FromPyObject)]
 pub struct Words {
     #[pyo3(item)]
-    intersample: Vec<String>,
+    intersample: Vec<Vec<String>>,
     #[pyo3(item)]
     method: String,
     #[pyo3(item)]
@@ -50,8 +50,8 @@ pub struct Words {
 }
 
 impl Words {
-    /// How each input behaves between samples.
-    pub fn intersample(&self) -> Result<Vec<Option<Hold>>, Error> {
+    /// How each input behaves between samples: in all records, or in each.
+    pub fn intersample(&self) -> Result<EachRecord<Vec<Option<Hold>>>, Error> {
         let hold = |name: &String| match (name.as_str(), Kind::from_name(name)) {
             ("smooth", _) => Ok(None),
             (_, Ok(Kind::Hold(hold))) => Ok(Some(hold)),
@@ -59,7 +59,9 @@ impl Words {
                 "fitting: intersample \"{name}\" is not one of \"smooth\", \"zoh\", \"foh\""
             ))),
         };
-        self.intersample.iter().map(hold).collect()
+        let record = |names: &Vec<String>| names.iter().map(hold).collect();
+        let each = self.intersample.iter().map(record).collect::<Result<_, Error>>()?;
+        EachRecord::new("intersample", each)
     }
 
     /// Quadrature of smooth signals.

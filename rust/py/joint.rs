@@ -108,7 +108,7 @@ impl JointFitter {
         let o = given.options(Wanted::Covariance).map_err(to_python)?;
         let sampling = sampling(&samples, &time)?;
         let uneven = listed(&variances, "variances")?;
-        let (outputs, inputs) = (o.structure.orders.len(), o.intersample.len());
+        let (outputs, inputs) = (o.structure.orders.len(), o.inputs());
         let isa = Isa::detect().map_err(to_python)?;
         let core = Core::new(o, &sampling, &uneven, isa).map_err(to_python)?;
         Ok(JointFitter { core, outputs, inputs })

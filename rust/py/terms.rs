@@ -1,11 +1,11 @@
 //! `TermsFitter`: fits of equations whose terms are formulas.
 
 use modfun::Error;
-use modfun::estimate::Wanted;
 use modfun::estimate::terms::{
     Equations, Lag, Signal, Term, TermsBatch, TermsFit, TermsFitter as Core, TermsOptions,
     TermsRecord,
 };
+use modfun::estimate::{EachRecord, Wanted};
 use modfun::simd::Isa;
 use modfun::spectrum::Kind;
 use modfun::tape::{Tape, Written};
@@ -22,8 +22,8 @@ use crate::fit::{
 
 /// Operations and positions of results.
 type GivenTape = (Vec<Written>, Vec<usize>);
-/// Kind, delay, and the parameter that the delay is.
-type GivenSignal = (String, f64, Option<usize>);
+/// Kinds in all records or in each, delay, and the parameter that the delay is.
+type GivenSignal = (Vec<String>, f64, Option<usize>);
 
 /// Options as Python gives them.
 #[derive(FromPyObject)]
@@ -71,9 +71,11 @@ struct GivenTerms {
 impl GivenTerms {
     fn options(self, words: &Words) -> Result<TermsOptions, Error> {
         let parameters = self.starts.len();
-        let signal = |(kind, delay, parameter): GivenSignal| -> Result<Signal, Error> {
+        let signal = |(kinds, delay, parameter): GivenSignal| -> Result<Signal, Error> {
             let lag = parameter.map_or(Lag::Known(delay), Lag::Parameter);
-            Ok(Signal { kind: Kind::from_name(&kind)?, lag })
+            let each = kinds.iter().map(|kind| Kind::from_name(kind));
+            let each = each.collect::<Result<_, Error>>()?;
+            Ok(Signal { kind: EachRecord::new("kind of a signal", each)?, lag })
         };
         let term = |(equation, signal, order)| Term { equation, signal, order };
         let noisy = self.noisy.len();

@@ -101,7 +101,7 @@ fn plan(draw: Draw) -> Plan {
         let options = FitOptions {
             structure: Structure::new(2, vec![Some(0)]).unwrap(),
             delays: vec![0.0],
-            intersample: vec![None],
+            intersample: vec![None].into(),
             rule: Rule::Trapezoid,
             method,
             noise: Noise::Output,

@@ -9,8 +9,8 @@ use modfun::estimate::joint::{
     Delay, JointBatch, JointFit, JointFitter, JointOptions, JointRecord, JointStructure,
     NoiseModel, Path,
 };
-use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Time};
-use modfun::quadrature::Rule;
+use modfun::estimate::{Band, EachRecord, FitOptions, Fitter, Initial, RecordView, Time};
+use modfun::quadrature::{Hold, Rule};
 use modfun::rng::{Address, Purpose, normals};
 use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -45,7 +45,7 @@ fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
         }
         .checked()
         .unwrap(),
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule: Rule::Gregory,
         method: Method::Ml,
         noise: NoiseModel::output(),
@@ -54,6 +54,24 @@ fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
         band,
         own_levels: true,
         priors: vec![],
+        options: OPTIONS,
+    }
+}
+
+fn plain(order: usize, intersample: EachRecord<Vec<Option<Hold>>>, band: Band) -> FitOptions {
+    FitOptions {
+        structure: Structure::new(order, vec![Some(0)]).unwrap(),
+        delays: vec![0.0],
+        intersample,
+        rule: Rule::Gregory,
+        method: Method::Ml,
+        noise: Noise::Output,
+        trend: Trend::Constant,
+        extended: true,
+        band,
+        own_levels: true,
+        initial: Initial::Unknown,
+        states: vec![],
         options: OPTIONS,
     }
 }
@@ -76,21 +94,7 @@ fn one_output_is_what_the_fast_estimator_says() {
     for seed in 0..4 {
         let (y, u) = (&outputs(seed)[0], input());
         let joint = fit(options(1, KNOWN, Band::Default), Isa::Plain, std::slice::from_ref(y));
-        let fast = FitOptions {
-            structure: Structure::new(2, vec![Some(0)]).unwrap(),
-            delays: vec![0.0],
-            intersample: vec![None],
-            rule: Rule::Gregory,
-            method: Method::Ml,
-            noise: Noise::Output,
-            trend: Trend::Constant,
-            extended: true,
-            band: Band::Default,
-            own_levels: true,
-            initial: Initial::Unknown,
-            states: vec![],
-            options: OPTIONS,
-        };
+        let fast = plain(2, vec![None].into(), Band::Default);
         let sampling = [(INTERVALS + 1, Time::Even(DURATION / INTERVALS as f64))];
         let record = RecordView { y, u: vec![&u] };
         let fast = Fitter::new(fast, &sampling, Isa::Plain).unwrap().fit(&[record]).unwrap();
@@ -104,6 +108,59 @@ fn one_output_is_what_the_fast_estimator_says() {
         }
         assert!((joint.cost / fast.cost - 1.0).abs() < 1e-9);
     }
+}
+
+/// The answer `b`/(s + `a`) gives to sines, exactly, and to their samples held, exactly.
+fn sines(a: f64, b: f64, held: bool, step: f64) -> (Vec<f64>, Vec<f64>) {
+    let (mut u, mut y) = (Vec::new(), Vec::new());
+    let decay = (-a * step).exp();
+    let mut state = 0.3;
+    for k in 0..=INTERVALS {
+        let t = k as f64 * step;
+        let (mut input, mut output) = (0.0, 0.0);
+        for w in [0.7, 1.9, 4.3] {
+            let (sin, cos) = (w * t).sin_cos();
+            input += sin;
+            output += b * (a * sin - w * cos) / (a * a + w * w);
+        }
+        y.push(if held { state } else { output });
+        state = decay * state + (1.0 - decay) / a * b * input;
+        u.push(input);
+    }
+    (u, y)
+}
+
+#[test]
+fn each_record_is_integrated_in_its_own_form() {
+    let (a, b, step) = (0.8, 0.5, DURATION / INTERVALS as f64);
+    let (isa, band) = (Isa::Plain, Band::Edges(0.0, 8.0));
+    let sampling = [(INTERVALS + 1, Time::Even(step)); 2];
+    for order in [[true, false], [false, true]] {
+        let data = order.map(|held| sines(a, b, held, step));
+        let hold = |held: bool| vec![held.then_some(Hold::Zoh)];
+        let forms = EachRecord::new("forms", order.map(hold).to_vec()).unwrap();
+        let records: Vec<_> =
+            data.iter().map(|(u, y)| RecordView { y, u: vec![u.as_slice()] }).collect();
+        let fast = Fitter::new(plain(1, forms.clone(), band), &sampling, isa).unwrap();
+        let mut o = options(1, KNOWN, band);
+        o.structure.orders = vec![1];
+        o.structure = JointStructure { fixed: vec![], bounds: vec![], ..o.structure };
+        o.structure = o.structure.checked().unwrap();
+        o.intersample = forms;
+        let joint = JointFitter::new(o, &sampling, &[], isa).unwrap();
+        let both: Vec<_> =
+            data.iter().map(|(u, y)| JointRecord { y: vec![y.as_slice()], u: vec![u] }).collect();
+        let found = [fast.fit(&records).unwrap().answer, joint.fit(&both).unwrap().answer];
+        for answer in found {
+            for (found, true_) in answer.theta.iter().zip([a, b]) {
+                assert!((found / true_ - 1.0).abs() < 1e-6, "{order:?}: {:?}", answer.theta);
+            }
+        }
+    }
+    let three = [(INTERVALS + 1, Time::Even(step)); 3];
+    let forms = EachRecord::new("forms", vec![vec![None]; 2]).unwrap();
+    let refused = Fitter::new(plain(1, forms, band), &three, isa).err().unwrap().to_string();
+    assert!(refused.contains("2 sets of intersample kinds for 3 records"), "{refused}");
 }
 
 #[test]

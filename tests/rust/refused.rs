@@ -33,7 +33,7 @@ fn options(delay: f64, band: Band) -> FitOptions {
     FitOptions {
         structure: Structure::new(2, vec![Some(0)]).unwrap(),
         delays: vec![delay],
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule: Rule::Gregory,
         method: Method::Ml,
         noise: Noise::Output,
@@ -81,7 +81,7 @@ fn degrees_whose_sum_is_no_number() {
     let o = FitOptions {
         structure: most,
         delays: vec![0.0; 2],
-        intersample: vec![None; 2],
+        intersample: vec![None; 2].into(),
         ..options(0.0, Band::Default)
     };
     let text = said(Fitter::new(o, &[(N, Time::Even(0.1))], Isa::Plain));
@@ -101,7 +101,7 @@ fn joint(order: usize, input: usize) -> JointOptions {
     };
     JointOptions {
         structure: if order < N { structure.checked().unwrap() } else { structure },
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule: Rule::Gregory,
         method: Method::Ml,
         noise: NoiseModel::output(),

@@ -175,7 +175,7 @@ fn pair(h: f64) -> Equations {
         op("input", 0.0, 3, 0),
         op("multiply", 0.0, 5, 3),
     ];
-    let signal = |lag| Signal { kind: Kind::Rule(Rule::Gregory), lag: Lag::Known(lag) };
+    let signal = |lag| Signal { kind: Kind::Rule(Rule::Gregory).into(), lag: Lag::Known(lag) };
     let term = |equation, signal, order| Term { equation, signal, order };
     Equations {
         orders: vec![1, 1],

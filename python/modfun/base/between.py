@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from .arrays import F64
 
 __all__ = [
-    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "EITHER", "FORMS", "LOOP", "OPEN", "UNLIKE", "decided", "form_of",
-    "liveliest",
+    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "EITHER", "FORMS", "LOOP", "MIXED", "OPEN", "UNLIKE", "decided",
+    "form_of", "liveliest",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
 
+MIXED = "mixed"  # in place of a word of several records that differ in it
 AUTO = "auto"  # what users say, or leave unsaid, to have the word taken from the samples
 
 # What samples look like, and the word for it. An input at rest says nothing: every word is right.

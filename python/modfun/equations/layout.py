@@ -10,6 +10,7 @@ from ..errors import SpecError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.process import ProcessNoise
+from ..records.forms import Forms
 
 if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
@@ -78,7 +79,7 @@ class EquationLayout:
 
 
 @lru_cache(KEPT)
-def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersample: Any) -> EquationLayout:
+def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, forms: Any) -> EquationLayout:
     compiled = structure.compiled(outputs, inputs)
     from .symbolic.formulas import formulas
 
@@ -95,9 +96,7 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, intersa
                 f"fit: noise=ProcessNoise: a numerator of degree {steep} asks for equations of that order, "
                 f"and one is of order {min(compiled.orders)}; give mf.Numerator({min(compiled.orders)})"
             )
-    found = formulas(
-        compiled, options.rule, intersample, noisy, options.noise == "log-normal", options.correct
-    )
+    found = formulas(compiled, options.rule, forms, noisy, options.noise == "log-normal", options.correct)
     return EquationLayout(
         tuple(outputs), tuple(inputs), tuple(compiled.parameters), tuple(compiled.orders), compiled, found
     )
@@ -108,9 +107,9 @@ def layout_of(
     options: Options,
     outputs: tuple[str, ...],
     inputs: tuple[str, ...],
-    intersample: tuple[str, ...],
+    forms: Forms,
 ) -> EquationLayout:
-    """The equations for the channels of a record or batch."""
+    """The equations for the channels of records or of a batch; `forms`: of all records, or of each."""
     for name, plain, why in (
         (
             "noise",
@@ -131,4 +130,4 @@ def layout_of(
     )
     if isinstance(own.noise, Noise):
         own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
-    return _layout(structure, own, outputs, inputs, intersample)
+    return _layout(structure, own, outputs, inputs, forms)

@@ -20,9 +20,9 @@ from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
+from ..records.forms import agreed
 from ..records.lost_rows import refuse_gap
 from ..records.record import Record
-from ..records.samples import agreed
 from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
@@ -458,10 +458,8 @@ def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[
     if together and len({rec.inputs for rec in records}) == 1 < len({rec.intersample for rec in records}):
         records = agreed(records)
     first = records[0]
-    wanted = (first.outputs, first.inputs, first.intersample)
     for k, rec in enumerate(records):
-        if (rec.outputs, rec.inputs, rec.intersample if together else wanted[2]) != wanted:
-            _refuse_unlike(first, rec, k, what)
+        _refuse_unlike(first, rec, k, what)
         agreeing(f"{what}: record {k}", rec, first.units, "record 0")
         if rec.dt is None:
             refuse_gap(f"{what}: record {k}", rec.t)
@@ -469,15 +467,12 @@ def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[
 
 
 def _refuse_unlike(first: Record, rec: Record, k: int, what: str) -> None:
-    for name in ("outputs", "inputs", "intersample"):
+    for name in ("outputs", "inputs"):
         mine, theirs = getattr(first, name), getattr(rec, name)
         if mine != theirs:
-            cure = "need the same channels in the same order (rec.select(outputs=..., inputs=...))"
-            if name == "intersample":
-                cure = "share one form of each input: fit them by mf.fit_many(records, model), one by one"
             raise DataError(
                 f"{what}: record 0 has {name} {list(mine)}, record {k} has {list(theirs)}; records of one "
-                f"problem {cure}"
+                "problem need the same channels in the same order (rec.select(outputs=..., inputs=...))"
             )
 
 

@@ -14,6 +14,7 @@ from ..equations.matrices import Entry
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
 from ..models.options import Options
+from ..records.forms import forms_of, in_common
 from ..records.record import Record
 from ..results.estimates import COVARIANCES
 
@@ -69,14 +70,14 @@ def fit_from_states(
         ]
     )
     fit = fit_from_zero(beside, model, options.replace(initial_state="zero"))
-    layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
+    layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
     place = [list(fit.param_names).index(name) for name in layout.param_names]
     both = np.ix_(place, place)
     moved = {name: getattr(fit, name)[both] for name in (*COVARIANCES, "gram")}
     moved |= {name: getattr(fit, name)[place] for name in ("df_spectral", "df_hc3")}
     return replace(
         fit, params=fit.params[place], **moved, structure=structure, layout=layout, options=options,
-        records=records, units=first.units, intersample=first.intersample,
+        records=records, units=first.units, intersample=in_common(forms_of(records)),
     )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def bent(fit: EquationFit) -> bool:
     options = fit.options
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
     plain = plain and options.noise == "output" and not fit.layout.formulas.words["priors"]
-    held = "zoh" in fit.intersample
+    held = any("zoh" in rec.intersample for rec in fit.records or ())
     steps = [step for step in fit.steps if step is not None]
     fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
     return plain and held and fast and not fit.at_bound and len(steps) == len(fit.steps)

@@ -18,6 +18,7 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.process import with_inputs
 from ..records.batches import Batch
+from ..records.forms import forms_of
 from ..records.record import Record
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
@@ -83,7 +84,7 @@ def prepare_equation(
     else:
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
-    layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
+    layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(data))
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
     words = options.core() | {"trend": trend, "intersample": ()}
@@ -138,7 +139,7 @@ def fit_equation(
     """
     records = tuple([with_inputs(structure.own_channels(rec), options.noise) for rec in records])
     first = records[0]
-    layout = layout_of(structure, options, first.outputs, first.inputs, first.intersample)
+    layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
@@ -150,7 +151,10 @@ def fit_equation(
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
         made = prepare_equation(structure, options, records, spread, shown, learn, starts)
-        rows = [layout.formulas.rows(y, rec.u, rec.t) for rec, y in zip(records, ys, strict=True)]
+        rows = [
+            layout.formulas.rows(y, rec.u, rec.t, record=k)
+            for k, (rec, y) in enumerate(zip(records, ys, strict=True))
+        ]
         _refuse_not_finite(layout, rows)
         return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
 

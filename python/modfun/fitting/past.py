@@ -235,7 +235,7 @@ def _longest_delay(structure: Any, rec: Record, options: Options) -> float:
     if isinstance(structure, TransferFunction):
         return structure.layout(rec.outputs, rec.inputs).longest_delay
     own = structure.own_channels(rec)
-    return layout_of(structure, options, own.outputs, own.inputs, own.intersample).longest_delay
+    return layout_of(structure, options, own.outputs, own.inputs, (own.intersample,)).longest_delay
 
 
 def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None:

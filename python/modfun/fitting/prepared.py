@@ -18,6 +18,7 @@ from ..models.layout import Layout
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
+from ..records.forms import Forms, forms_of
 from ..records.record import Record
 from .gaps import blind, bridged, variances, weighs
 from .weights import weighting
@@ -78,7 +79,7 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
         even = _even(options, data)
     layout = structure.layout(first.outputs, first.inputs)
     if not (layout.plain and options.plain_noise and even):
-        return _joint(layout, options, data, first.intersample, sampling)
+        return _joint(layout, options, data, forms_of(data), sampling)
     if _jumps_late(layout, options, data):
         refuse_known_start(options)
     if options.initial_state == "periodic":
@@ -86,7 +87,7 @@ def prepare(structure: TransferFunction, options: Options, data: Batch | Sequenc
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     kept = isinstance(data, Batch) or all([rec.dt is not None for rec in data])
     make = _kept if short and kept else _made
-    return make(layout, options, first.intersample, sampling)
+    return make(layout, options, forms_of(data), sampling)
 
 
 def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record]) -> bool:
@@ -138,9 +139,10 @@ def prepare_stream(
     layout = structure.layout(outputs, inputs)
     late = layout.longest_delay
     samples = intervals + 1 + (0 if late == 0 else ceil(late / dt - 1e-9))
-    words = plain_words(layout, intersample, options)
+    forms = (intersample,)
+    words = plain_words(layout, forms, options)
     if not (layout.plain and options.plain_noise):
-        words = joint_words(layout, intersample, options) | weighting(layout, options, (), ())
+        words = joint_words(layout, forms, options) | weighting(layout, options, (), ())
     remembered = samples + (len(weights) - 1) * intervals
     factors = [weight**0.5 for weight in weights]
     core = Stream(len(outputs) + len(inputs), remembered, samples, dt, factors, **words)
@@ -270,15 +272,13 @@ def _stands(values: F64) -> bool:
     return first == values.item(-1) == values.item(values.size // 2) and bool(np.ptp(values) == 0)
 
 
-def _made(
-    layout: Layout, options: Options, intersample: tuple[str, ...], sampling: tuple[tuple[int, Any], ...]
-) -> Prepared:
+def _made(layout: Layout, options: Options, forms: Forms, sampling: tuple[tuple[int, Any], ...]) -> Prepared:
     """As `prepare`; `sampling` holds the number of samples and the step (uneven: the times) a record."""
     intervals = _intervals(layout, sampling)
     core = Fitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
-        **plain_words(layout, intersample, options, len(sampling)),
+        **plain_words(layout, forms, options, len(sampling)),
     )
     return Prepared(core, layout, intervals)
 
@@ -286,21 +286,19 @@ def _made(
 _kept = lru_cache(KEPT)(_made)
 
 
-def plain_words(
-    layout: Layout, intersample: tuple[str, ...], options: Options, records: int = 1
-) -> dict[str, Any]:
+def plain_words(layout: Layout, forms: Forms, options: Options, records: int = 1) -> dict[str, Any]:
     """Keywords of the core for a layout that is plain."""
     return {
         "order": layout.orders[0],
         "numerators": layout.numerators[0],
         "delays": layout.delays(_NOTHING),
-        "intersample": intersample,
+        "intersample": forms,
         "states": options.states(records),
         **options.core(),
     }
 
 
-def joint_words(layout: Layout, intersample: tuple[str, ...], options: Options) -> dict[str, Any]:
+def joint_words(layout: Layout, forms: Forms, options: Options) -> dict[str, Any]:
     """Keywords of the core for any layout, noise aside.
 
     Raises
@@ -308,8 +306,9 @@ def joint_words(layout: Layout, intersample: tuple[str, ...], options: Options) 
     SpecError
         For a delay that the samples cannot tell.
     """
-    _refuse_hidden_delay(layout, intersample)
-    words = {**layout.core(), "intersample": intersample, **options.core()}
+    for intersample in forms:
+        _refuse_hidden_delay(layout, intersample)
+    words = {**layout.core(), "intersample": forms, **options.core()}
     del words["noise"]
     return words
 
@@ -332,7 +331,7 @@ def _joint(
     layout: Layout,
     options: Options,
     data: Batch | Sequence[Record],
-    intersample: tuple[str, ...],
+    forms: Forms,
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     refuse_known_start(options)
@@ -353,7 +352,7 @@ def _joint(
         [step for _, step in sampling],
         uneven,
         **weighting(layout, options, records, used),
-        **joint_words(layout, intersample, options),
+        **joint_words(layout, forms, options),
     )
     blinds = tuple(blind(rec, v) for (rec, *_), v in zip(filled, uneven, strict=False))
     return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _, _ in filled), blinds=blinds)

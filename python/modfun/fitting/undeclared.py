@@ -16,8 +16,8 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
+from ..records.forms import agreed
 from ..records.record import Record
-from ..records.samples import agreed
 from ..results.cures import bic_beside, furthest, on_band
 from ..results.diagnosis import growth
 from ..results.feedback import feedback

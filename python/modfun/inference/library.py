@@ -16,6 +16,7 @@ from ..equations.symbolic.columns import Columns, columns_of, read_term
 from ..equations.written import Written
 from ..errors import SpecError
 from ..language.parser import expression, separated
+from ..records.forms import forms_of
 from ..records.record import Record
 
 __all__ = ["Library", "library_of"]
@@ -91,7 +92,7 @@ def library_of(
     library: Any,
     target: Any,
     keep: Any,
-    rec: Record,
+    records: Sequence[Record],
     signs: Any = None,
     hierarchy: bool = False,
 ) -> Library:
@@ -103,6 +104,7 @@ def library_of(
         Text outside the language, no candidate, too many, a target among its own candidates, or signs of
         what is no candidate.
     """
+    rec = records[0]
     outputs, inputs = rec.outputs, rec.inputs
     library, sides = _model_apart(library, "library")
     keep, more = _model_apart(keep, "keep")
@@ -165,7 +167,7 @@ def library_of(
     if hierarchy:
         for k, e in enumerate(equation):
             needs[k] = [f == e and form in factors[k] for f, form in zip(equation, forms, strict=True)]
-    columns = columns_of((*targets, *terms), outputs, inputs, rec.intersample, WHAT)
+    columns = columns_of((*targets, *terms), outputs, inputs, forms_of(records), WHAT)
     found = Library(
         targets, tuple(terms), tuple(equation), tuple(kept), tuple(signed), needs, columns, tuple(left_out)
     )

@@ -68,6 +68,8 @@ class Lines:
 
     Parameters
     ----------
+    k : int
+        Which one of them the record is.
     record : Record
     y : ndarray, shape (output, time)
         Its outputs, masked samples interpolated.
@@ -82,10 +84,18 @@ class Lines:
     """
 
     def __init__(
-        self, record: Record, y: F64, columns: Any, equation: Any, variances: F64, top: int, unit: float
+        self,
+        k: int,
+        record: Record,
+        y: F64,
+        columns: Any,
+        equation: Any,
+        variances: F64,
+        top: int,
+        unit: float,
     ) -> None:
         assert record.dt is not None
-        self.record, self.y, self.columns, self.equation = record, y, columns, np.asarray(equation)
+        self.k, self.record, self.y, self.columns, self.equation = k, record, y, columns, np.asarray(equation)
         self.variances, self.top = variances, top
         n = record.intervals
         omega0 = 2 * np.pi / record.duration
@@ -101,8 +111,8 @@ class Lines:
         self.s = 1j * np.arange(top + 1) * omega0 / unit
         self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
         good = variances if record.mask is None else np.where(record.mask, variances, 0.0)
-        signals, slopes = columns.values(y, record.u, record.t, good)
-        self.signals = self._lines(signals, columns.kinds)
+        signals, slopes = columns.values(k, y, record.u, record.t, good)
+        self.signals = self._lines(signals, columns.kinds(k))
         self.slopes = slopes
         self.target_lines = self._columns(self.targets, self.signals)
         self.candidate_lines = self._columns(self.candidates, self.signals)
@@ -111,7 +121,7 @@ class Lines:
 
     def bend(self, y: F64) -> None:
         """Take slopes at outputs without noise."""
-        self.slopes = self.columns.values(y, self.record.u, self.record.t, 0 * self.variances)[1]
+        self.slopes = self.columns.values(self.k, y, self.record.u, self.record.t, 0 * self.variances)[1]
 
     def _lines(self, rows: F64, kinds: Sequence[str]) -> C128:
         if not len(rows):

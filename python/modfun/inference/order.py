@@ -24,6 +24,7 @@ from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
+from ..records.forms import forms_of
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
 from ..results.derived import cancelling
@@ -326,7 +327,7 @@ class _Race:
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
                 beside=core,
                 transient=self.transient,
-                **plain_words(own.layout, own.intersample, options),
+                **plain_words(own.layout, forms_of(self.records), options),
             )
             starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]

@@ -129,14 +129,14 @@ def select_terms(
                 "select_terms: a record is sampled unevenly; interpolate it onto even times, as "
                 "numpy.interp does"
             )
-    found = library_of(library, target, keep, records[0], signs, hierarchy)
+    found = library_of(library, target, keep, records, signs, hierarchy)
     order = found.order
     levels = [_levels(rec, noise, order) for rec in records]
     outputs = [bridged(rec) for rec in records]
     tops, edge = _band(records, [y for y, _, _ in outputs], levels, found)
     lines = [
-        Lines(rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
-        for rec, (y, off, noise), sd, top in zip(records, outputs, levels, tops, strict=True)
+        Lines(k, rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
+        for k, (rec, (y, off, noise), sd, top) in enumerate(zip(records, outputs, levels, tops, strict=True))
     ]
     high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
     steps = iter(range(1, 1000))

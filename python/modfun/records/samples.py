@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base import html
 from ..base.arrays import F64
-from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, OPEN, UNLIKE, decided, liveliest
+from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, MIXED, OPEN, UNLIKE, decided
 from ..base.elsewhere import RECORD, Elsewhere
 from ..base.names import nearest
 from ..base.samples import (
@@ -29,7 +29,7 @@ from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_between, pieces_every, pieces_on
 from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 
-__all__ = ["Samples", "agreed", "refuse_own_noise"]
+__all__ = ["Samples", "refuse_own_noise"]
 
 Own = TypeVar("Own", bound="Samples")
 
@@ -366,9 +366,9 @@ class Samples(Elsewhere):
         return found, kept | {inputs[k]: form for k, form in forms.items()}
 
     def _read_as(self, words: Sequence[str]) -> Self:
-        """Return the record with these words for the inputs that were not declared."""
-        both = zip(self.inputs, self.intersample, words, strict=True)
-        kinds = tuple([word if name in self._seen else own for name, own, word in both])
+        """Return the record with these words for inputs that were not declared; "mixed" leaves its own."""
+        each = zip(self.inputs, self.intersample, words, strict=True)
+        kinds = tuple([word if name in self._seen and word != MIXED else own for name, own, word in each])
         return self if kinds == self.intersample else self._like(intersample=kinds)
 
     def _read_like(self, words: Sequence[str]) -> Self:
@@ -465,25 +465,6 @@ def _restore(kind: type[Own], fields: dict[str, Any]) -> Own:
     made = object.__new__(kind)
     made._set(**{"_seen": {}, "_lost": None, **fields})  # pickles of old have all words declared
     return made
-
-
-def agreed(records: Sequence[Own]) -> tuple[Own, ...]:
-    """Return records of the same inputs with one word for each that was not declared.
-
-    What a record declares holds for all. Else the record in which the input moves most decides, since it
-    may rest in the others. Records that declare different words stay as they are.
-    """
-    words = []
-    for k, name in enumerate(records[0].inputs):
-        said = {rec.intersample[k] for rec in records if name not in rec._seen}
-        seen = {rec.intersample[k] for rec in records}
-        if len(said) > 1:
-            return tuple(records)
-        if not said and len(seen) > 1:
-            said = {liveliest([rec.intersample[k] for rec in records], [rec.u[k] for rec in records])}
-        words.append((said or seen).pop())
-    kinds = tuple(words)
-    return tuple(rec if rec.intersample == kinds else rec._like(intersample=kinds) for rec in records)
 
 
 def refuse_own_noise(rec: Samples, what: str, cure: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.between import BY_FIT
+from ..base.between import BY_FIT, MIXED
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
@@ -185,11 +185,9 @@ def _neighbours(
         yield words, records, rewritten(fit, zeros=degrees)
         return
     for word in ("zoh", "smooth", "foh"):
-        if word != fit.intersample[channel]:
-            kinds = list(fit.intersample)
-            kinds[channel] = word
-            given = repr(kinds) if several else repr(word)
-            changed = tuple(rec._like(intersample=tuple(kinds)) for rec in records)
+        if fit.intersample[channel] not in (word, MIXED):
+            changed = tuple(_otherwise(rec, channel, word) for rec in records)
+            given = repr(list(changed[0].intersample)) if several else repr(word)
             yield f"intersample={given} in the record", changed, fit.structure
     if fit.intersample[channel] == "zoh" or records[0]._seen.get(name) == BY_FIT:
         words = f"{name} a sample earlier, since it acts in its own sample (y[:-1] with {name}[1:])"
@@ -252,6 +250,11 @@ def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Est
     except ModfunError:  # too many unknowns for the band, say
         return None
     return other if other.usable else None
+
+
+def _otherwise(rec: Record, channel: int, word: str) -> Record:
+    """The record with an input that goes so between its samples."""
+    return rec._like(intersample=(*rec.intersample[:channel], word, *rec.intersample[channel + 1 :]))
 
 
 def _earlier(rec: Record, channel: int) -> Record:

@@ -12,6 +12,7 @@ import numpy as np
 from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
+from ..base.between import MIXED
 from ..base.cached import cached_property
 from ..base.elsewhere import FIT, Elsewhere
 from ..base.named import Named
@@ -24,6 +25,7 @@ from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import system_of
 from ..records.conversion import agreeing
+from ..records.forms import forms_of, in_common
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import named, ss
@@ -120,7 +122,7 @@ class Estimates(Elsewhere):
             "pieces": tuple([np.atleast_2d(piece) for piece in found["residuals"]]),
             "at_bound": tuple([n for n, on in zip(layout.param_names, bounded, strict=False) if on]),
             "units": records[0].units if records else {},
-            "intersample": records[0].intersample if records else (),
+            "intersample": in_common(forms_of(records)) if records else (),
             "intervals": tuple(intervals),
             "steps": tuple([rec.dt for rec in records or ()]),
             "records": records,
@@ -245,13 +247,13 @@ class Estimates(Elsewhere):
         if self.known_level is not None:
             return self.known_level
         levels, order = [], max(self.layout.orders)
-        held = self.usable and not {"zoh", "foh"}.isdisjoint(self.intersample)
         for rec, intervals, (_, hi) in zip(self.records or (), self.intervals, self.lines, strict=False):
             intervals = min(intervals, rec.intervals)  # a past is no part of the record
             few = hi > intervals // 4 or intervals < 8 * (order + 4)
             if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
                 return np.full(len(self.outputs), np.nan)
             # The response to held inputs has kinks, and so power at all frequencies.
+            held = self.usable and not {"zoh", "foh"}.isdisjoint(rec.intersample)
             y = prediction.unexplained(self, rec) if held else rec.y
             levels.append(noise_level(np.ascontiguousarray(y[:, rec.intervals - intervals :]), order))
         return geometric_mean(levels, self.rows) if levels else np.full(len(self.outputs), np.nan)
@@ -379,7 +381,7 @@ class Estimates(Elsewhere):
     @property
     def exact_lines(self) -> bool:
         """Whether no line has a quadrature error: a transfer function, even samples, all inputs held."""
-        held = bool(self.inputs) and "smooth" not in self.intersample
+        held = bool(self.inputs) and {"smooth", MIXED}.isdisjoint(self.intersample)
         return self.layout.rational and held and None not in self.steps
 
     @property

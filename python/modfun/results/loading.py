@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.between import MIXED
 from ..base.words import STATUS
 from ..equations.equation import Equation
 from ..equations.layout import layout_of
@@ -84,7 +85,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
     if isinstance(structure, TransferFunction):
         return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)
-    channels = (tuple(values["outputs"]), tuple(values["inputs"]), fields["intersample"])
+    forms = (tuple("smooth" if word == MIXED else word for word in fields["intersample"]),)  # fits no more
+    channels = (tuple(values["outputs"]), tuple(values["inputs"]), forms)
     fields.update({name: _array(values[name]) for name in OF_EQUATIONS})
     for name in ("levels", "seen"):  # files of old have one row for all records
         fields[name] = np.broadcast_to(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isnan
 
 from .._core import sharpest
+from ..base.between import MIXED
 from ..models.noise import Noise
 from .cures import best_cure, convincing, of_written, with_drift
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
@@ -57,7 +58,7 @@ def suspicious(fit: Estimates) -> bool:
 
 def _plausible(fit: Estimates) -> float:
     """The p-value of the level below which equations next to the fitted ones are tried."""
-    return LOOK if "zoh" in fit.intersample else PLAUSIBLE  # kinks of their own make such fits slow
+    return PLAUSIBLE if {"zoh", MIXED}.isdisjoint(fit.intersample) else LOOK  # kinks make such fits slow
 
 
 def refuted(fit: Estimates) -> bool:

@@ -14,6 +14,7 @@ from ..errors import FitError
 from ..pages.figures import drawn
 from ..pages.parts import Block, Facts, Figure, Grid, Notes, Section, Words, plain_table, section
 from ..pages.provenance import hashes, hashes_of_gains
+from ..records.forms import forms_of, in_common
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from . import drawing, drawing_lines
@@ -135,7 +136,7 @@ def _tables(records: Sequence[Record]) -> Iterable[Block]:
     yield Grid.of(Table(columns), "Records")
     first = records[0]
     names = (*first.outputs, *first.inputs)
-    roles = ["output"] * len(first.outputs) + [f"input, {word}" for word in first.intersample]
+    roles = ["output"] * len(first.outputs) + [f"input, {word}" for word in in_common(forms_of(records))]
     channels: dict[str, list[object]] = {"channel": list(names), "role": list(roles)}
     channels["unit"] = [first.units.get(name, "") for name in names]
     channels["lowest"] = [min(float(rec[name].min()) for rec in records) for name in names]

@@ -96,10 +96,10 @@ class Contender:
         own = self.estimators[group.index]
         rec, layout = group.record(group.y), self.layout(group)
         if layout.plain and own.options.plain_noise:
-            return plain_words(layout, rec.intersample, own.options)
+            return plain_words(layout, (rec.intersample,), own.options)
         return {
             **weighting(layout, own.options, [rec], spans(layout, [rec])),
-            **joint_words(layout, rec.intersample, own.options),
+            **joint_words(layout, (rec.intersample,), own.options),
         }
 
     def described(self, group: Group | Generated) -> Any:

@@ -71,30 +71,35 @@ pub(crate) struct Record {
     pub ends: bool,
 }
 
-/// Foldings of held inputs in a problem: of each record, none where its steps are uneven.
+/// Foldings of held inputs in a problem: of each record, none where its steps are uneven or nothing is held.
 #[derive(Debug, Clone)]
 pub(crate) struct Aliasing {
     pub records: Vec<Option<Record>>,
 }
 
 impl Aliasing {
-    /// Those of inputs with these holds and delays, in records of these steps; nothing where there are none.
+    /// Those of records by their steps and the holds and delays of their inputs; nothing where none is held.
     pub fn new(
-        inputs: &[(Option<Hold>, f64)],
-        steps: impl Iterator<Item = Option<f64>>,
+        records: impl Iterator<Item = (Option<f64>, Vec<(Option<Hold>, f64)>)>,
         band_edge: f64,
     ) -> Option<Aliasing> {
-        let record = |step: f64| Record {
-            step,
-            span: TAU / step / band_edge,
-            inputs: inputs
-                .iter()
-                .map(|(hold, delay)| hold.map(|hold| Fold::new(hold, [delay / step; LANES])))
-                .collect(),
-            ends: inputs.iter().all(|(hold, _)| hold.is_some()),
+        let mut any = false;
+        let record = |(step, inputs): (Option<f64>, Vec<(Option<Hold>, f64)>)| {
+            let held = inputs.iter().any(|(hold, _)| hold.is_some());
+            any |= held;
+            let step = step.filter(|_| held)?;
+            let fold = |(hold, delay): &(Option<Hold>, f64)| {
+                hold.map(|hold| Fold::new(hold, [delay / step; LANES]))
+            };
+            Some(Record {
+                step,
+                span: TAU / step / band_edge,
+                inputs: inputs.iter().map(fold).collect(),
+                ends: inputs.iter().all(|(hold, _)| hold.is_some()),
+            })
         };
-        let any = inputs.iter().any(|(hold, _)| hold.is_some());
-        any.then(|| Aliasing { records: steps.map(|step| step.map(record)).collect() })
+        let records = records.map(record).collect();
+        any.then_some(Aliasing { records })
     }
 }
 

@@ -16,7 +16,7 @@
 use std::f64::consts::TAU;
 
 use super::again::Estimation;
-use super::aliasing::Fold;
+use super::aliasing::{Fold, Record};
 use super::design::Design;
 use super::iterate::iterate;
 use super::pass::prepare;
@@ -162,15 +162,18 @@ fn turn_back(d: &Design, w: &mut Workspace) {
         r.inputs_ready = false;
     }
     w.straight.inputs_ready = false;
-    let Some(record) = aliasing.records.iter().flatten().next() else { return };
     let (a, b) = w.iterates.theta.now.split_at_mut(d.structure.order);
     let mut from = 0;
-    for (fold, degree) in record.inputs.iter().zip(&d.structure.numerators) {
+    for (input, degree) in d.structure.numerators.iter().enumerate() {
         let Some(degree) = *degree else { continue };
         let own = &mut b[from..=from + degree];
         from += degree + 1;
-        let Some(fold) = d.at_once(fold.as_ref(), Some(degree)) else { continue };
-        let k = fold.behind * TAU / record.span;
+        // Records in which it is not held were not turned: what they told of B″ stands in it, for a start.
+        let behind = |r: &Record| {
+            let fold = d.at_once(r.inputs[input].as_ref(), Some(degree))?;
+            Some(fold.behind * TAU / r.span)
+        };
+        let Some(k) = aliasing.records.iter().flatten().find_map(behind) else { continue };
         (0..LANES).for_each(|lane| part(a, own, k, lane));
     }
 }

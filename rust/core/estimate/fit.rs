@@ -4,6 +4,7 @@ use super::aliasing::output_rule;
 use super::answer::Answer;
 use super::band::{Band, default_lines};
 use super::driven::output::Levels;
+use super::each_record::EachRecord;
 use super::options::Options;
 use super::rest::Initial;
 use super::wider::Candidate;
@@ -38,7 +39,7 @@ pub struct FitOptions {
     /// Known delay of each input in seconds.
     pub delays: Vec<f64>,
     /// How each input behaves between samples; `None` smooth.
-    pub intersample: Vec<Option<Hold>>,
+    pub intersample: EachRecord<Vec<Option<Hold>>>,
     /// Quadrature of smooth signals.
     pub rule: Rule,
     /// Estimator.
@@ -97,11 +98,12 @@ impl FitOptions {
     /// [`Error::Spec`] naming the option.
     pub fn check(&self) -> Result<(), Error> {
         let inputs = self.structure.numerators.len();
-        if self.delays.len() != inputs || self.intersample.len() != inputs {
+        let unlike = |kinds: &&Vec<Option<Hold>>| kinds.len() != inputs;
+        let kinds = self.intersample.iter().find(unlike).map_or(inputs, Vec::len);
+        if self.delays.len() != inputs || kinds != inputs {
             return Err(Error::Spec(format!(
-                "fitting: {inputs} inputs but {} delays and {} intersample kinds",
-                self.delays.len(),
-                self.intersample.len()
+                "fitting: {inputs} inputs but {} delays and {kinds} intersample kinds",
+                self.delays.len()
             )));
         }
         if self.noise == Noise::Process && self.method != Method::Ml {
@@ -165,12 +167,18 @@ impl FitOptions {
         self.delays.iter().fold(0.0, |m: f64, d| m.max(*d))
     }
 
+    /// How each input of a record runs between samples, and how many seconds it is late.
+    pub(crate) fn inputs(&self, record: usize) -> Vec<(Option<Hold>, f64)> {
+        self.intersample.of(record).iter().copied().zip(self.delays.iter().copied()).collect()
+    }
+
     /// Kind and delay of each channel of a record, output first.
-    pub(crate) fn channels(&self, even: bool) -> Vec<(Kind, f64)> {
-        let inputs = self.intersample.iter().zip(&self.delays);
+    pub(crate) fn channels(&self, record: usize, even: bool) -> Vec<(Kind, f64)> {
+        let holds = self.intersample.of(record);
+        let inputs = holds.iter().zip(&self.delays);
         let input =
             |(h, d): (&Option<Hold>, &f64)| (h.map_or(Kind::Rule(self.rule), Kind::Hold), *d);
-        let output = Kind::Rule(output_rule(self.rule, &self.intersample, even));
+        let output = Kind::Rule(output_rule(self.rule, holds, even));
         std::iter::once((output, 0.0)).chain(inputs.map(input)).collect()
     }
 

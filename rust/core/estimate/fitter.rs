@@ -24,7 +24,6 @@ use super::wider::reaches_further;
 use super::window::{Window, coefficient_plans};
 use crate::error::Error;
 use crate::modulation::Lines;
-use crate::quadrature::Hold;
 use crate::simd::{Isa, LANES};
 use crate::spectrum::CoefficientPlan;
 use crate::structure::{Method, Noise};
@@ -94,6 +93,7 @@ impl Fitter {
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
         }
+        o.intersample.check("intersample kinds", sampling.len())?;
         let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
         if o.structure.parameters().max(o.structure.transient) > most {
             // Said before anything of that size is laid out.
@@ -105,9 +105,9 @@ impl Fitter {
             )));
         }
         // Plans of even records alone are taken over.
-        let other = other
-            .filter(|f| f.o.channels(true) == o.channels(true))
-            .map_or(&[][..], |f| &f.records);
+        let alike =
+            |f: &&Fitter| (0..sampling.len()).all(|k| f.o.channels(k, true) == o.channels(k, true));
+        let other = other.filter(alike).map_or(&[][..], |f| &f.records);
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, o.longest_delay())?;
             let (wide, narrow) = o.default_lines(window.resolved, doublings);
@@ -118,7 +118,7 @@ impl Fitter {
             };
             let plans = match other.get(k).filter(same) {
                 Some(same) => same.plans.clone(),
-                None => coefficient_plans(&o.channels(dt.is_some()), *time, window, range.1)?,
+                None => coefficient_plans(&o.channels(k, dt.is_some()), *time, window, range.1)?,
             };
             Ok(RecordPlan { samples: *samples, dt, window, plans, range, narrow })
         };
@@ -325,7 +325,7 @@ impl Fitter {
         let plans = match range == own.range {
             true => own.plans.clone(),
             false => {
-                coefficient_plans(&self.o.channels(true), Time::Even(dt), own.window, range.1)?
+                coefficient_plans(&self.o.channels(0, true), Time::Even(dt), own.window, range.1)?
             }
         };
         let made = Arc::new(Shared::new(self.design(&[range], &[1.0])?, plans, range));
@@ -349,10 +349,9 @@ impl Fitter {
             })
             .collect();
         let mut design = Design::new(&o.structure, o.method, o.noise, o.trend, o.extended, &lines)?;
-        let inputs: Vec<(Option<Hold>, f64)> =
-            o.intersample.iter().copied().zip(o.delays.iter().copied()).collect();
-        let steps = self.records.iter().map(|r| r.dt);
-        design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        let inputs = (0..).map(|k| o.inputs(k));
+        let records = self.records.iter().map(|r| r.dt).zip(inputs);
+        design.aliasing = Aliasing::new(records, design.band_edge);
         if o.initial != Initial::Unknown {
             design.known_start = Some(self.known_start(design.band_edge)?);
             design.straight = None;
@@ -383,10 +382,9 @@ impl Fitter {
             lead: r.window.lead,
             intervals: r.window.intervals,
         };
-        let late = |(hold, delay): (&Option<Hold>, &f64)| (*hold, *delay);
         Ok(KnownStart {
             courses: self.records.iter().map(course).collect(),
-            inputs: o.intersample.iter().zip(&o.delays).map(late).collect(),
+            inputs: (0..self.records.len()).map(|k| o.inputs(k)).collect(),
             initial: o.initial,
             states: o.states.clone(),
         })

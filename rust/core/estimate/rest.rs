@@ -54,8 +54,8 @@ pub(crate) struct Course {
 #[derive(Debug, Clone)]
 pub(crate) struct KnownStart {
     pub courses: Vec<Course>,
-    /// How each input runs between samples, and how many seconds it is late.
-    pub inputs: Vec<(Option<Hold>, f64)>,
+    /// How each input of each record runs between samples, and how many seconds it is late.
+    pub inputs: Vec<Vec<(Option<Hold>, f64)>>,
     pub initial: Initial,
     /// y, y', … of the free response of each record, if they are given.
     pub states: Vec<Vec<f64>>,
@@ -93,6 +93,9 @@ impl KnownStart {
         };
         let unit = units.first().copied().unwrap_or(1.0);
         let state = self.states.get(k).into_iter().flatten().map(|x| x / unit);
-        Drives { inputs: self.inputs.iter().enumerate().map(one).collect(), state: state.collect() }
+        Drives {
+            inputs: self.inputs[k].iter().enumerate().map(one).collect(),
+            state: state.collect(),
+        }
     }
 }

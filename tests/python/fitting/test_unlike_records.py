@@ -67,12 +67,6 @@ def test_equations_of_records_that_look_unlike():
     assert fit.intersample == ("zoh",)
 
 
-def test_what_records_declare_differently_is_refused_with_the_cure():
-    records = [record("binary", 0, 0.02, "zoh"), record("chirp", 1, 0.02, "smooth")]
-    with pytest.raises(mf.DataError, match=r"share one form of each input: fit them by mf.fit_many"):
-        mf.fit(records, MODEL)
-
-
 def test_many_records_are_read_as_each_looks():
     """The first four decided for all: the gain of the others was 13 to 27 standard errors off.
 
@@ -111,3 +105,69 @@ def test_a_record_that_is_seen_to_be_held_is_scored_so():
     wrong = record("binary", 1, 1e-3, "smooth")
     scores = [fit.score(one)["signal_to_error"].item() for one in (rec, told, wrong)]
     assert scores[0] == scores[1] > scores[2] + 20
+
+
+def in_forms(plant: mf.LTI, seed: int, nsr: float, delay: float = 0.0) -> list[mf.Record]:
+    """A sequence held by a computer and a sweep that was measured, declared so, with outputs from rest."""
+    rng, t = np.random.default_rng(seed), DT * np.arange(N)
+    steps = np.repeat(rng.standard_normal(N // 20 + 1), 20)[:N]
+    records = []
+    for u, kind in ((steps, "zoh"), (np.sin(t**2 / 3) * np.sin(np.pi * t / t[-1]) ** 2, "smooth")):
+        late = np.concatenate([np.zeros(round(delay / DT)), u])[:N]
+        y = np.atleast_2d(plant.simulate(u=late, dt=DT, intersample=kind))
+        y = y + nsr * y.std(axis=1, keepdims=True) * rng.standard_normal(y.shape)
+        records.append(mf.Record(y=y, u=u, dt=DT, intersample=kind))
+    return records
+
+
+TWO = mf.ss([[0, 1], [-20, -2]], [[0], [1]], [[20, 2], [0, 1]], [[0], [0]])
+AT_ONCE = mf.tf([0.5, 2, 20], [1, 2, 20])
+EQUATION = mf.Equation("y'' + a*y' + b*y = c*u' + d*u")
+SPACE = mf.StateSpace([[0, 1], [-20, "-a"]], [[0], ["c"]], C=[[1, 0]], inputs=["u"], outputs=["y"])
+
+
+@pytest.mark.parametrize(
+    ("plant", "model", "truth", "options", "least"),
+    [
+        (PLANT, MODEL, [2, 20, 2, 20], {}, 1e-6),
+        (PLANT, MODEL, [2, 20, 2, 20], {"harmonics": 30, "method": "awls"}, 1e-6),
+        (PLANT, MODEL, [2, 20, 2, 20], {"harmonics": 30, "initial_state": "zero"}, 1e-6),
+        (PLANT, MODEL, [2, 20, 2, 20], {"harmonics": 30, "initial_state": "rest"}, 1e-6),
+        (AT_ONCE, mf.TransferFunction(poles=2, zeros=2), [2, 20, 0.5, 2, 20], {}, 1e-6),
+        (PLANT, EQUATION, [2, 20, 2, 20], {}, 1e-6),
+        (PLANT, EQUATION, [2, 20, 2, 20], {"harmonics": 30}, 1e-6),
+        (mf.tf([3], [1, 2, 20]), SPACE, [2, 3], {}, 1e-6),
+    ],
+)  # fmt: skip
+def test_each_record_is_integrated_in_its_own_form(plant, model, truth, options, least):
+    for records in (in_forms(plant, 0, 0.0), in_forms(plant, 0, 0.0)[::-1]):
+        fit = mf.fit(records, model, **options)
+        assert fit.intersample == ("mixed",)
+        assert [rec.intersample for rec in fit.records] == [rec.intersample for rec in records]
+        assert np.allclose(fit.params, truth, rtol=least, atol=0)
+
+
+def test_free_delays_of_records_that_differ_in_form():
+    late = mf.TransferFunction(poles=2, zeros=1, delay=mf.Free(min=0.0, max=0.3))
+    fit = mf.fit(in_forms(PLANT, 0, 0.0, delay=0.1), late, harmonics=30)
+    assert np.allclose(fit.params, [2, 20, 2, 20, 0.1], rtol=1e-5, atol=0)
+
+
+def test_several_outputs_of_records_that_differ_in_form():
+    model = mf.TransferFunction(poles=2, zeros=[[1], [1]], denominator="common")
+    fit = mf.fit(in_forms(TWO, 0, 1e-4), model)
+    assert np.all(np.abs(fit.params - [2, 20, 2, 20, 1, 0]) < 4 * fit.bse)
+
+
+@pytest.mark.parametrize(
+    ("model", "truth"),
+    [(MODEL, [2, 20, 2, 20]), (EQUATION, [2, 20, 2, 20])],
+    ids=["transfer function", "equation"],
+)
+def test_errors_of_records_that_differ_in_form(model, truth):
+    """Scores of 60 lists for four parameters: their rms is outside .87 to 1.14 once in 500 if independent."""
+    scores = []
+    for seed in range(60):
+        fit = mf.fit(in_forms(PLANT, seed, 0.02 + 0.03 * (seed % 2)), model)
+        scores.append((fit.params - truth) / fit.bse)
+    assert 0.87 < np.sqrt(np.mean(np.square(scores))) < 1.14

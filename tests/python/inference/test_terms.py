@@ -123,7 +123,7 @@ def test_moments_are_those_of_the_likelihood():
     fit = mf.fit(
         rec, mf.Equation("y'' = c1*y' + c2*y + c3*y**3 + c4*u"), harmonics=20, noise=mf.Noise(y=[level])
     )
-    library = library_of("y', y, y**3, u", "y''", None, rec)
+    library = library_of("y', y, y**3, u", "y''", None, [rec])
     edge = 2 * np.pi / rec.duration * fit.lines[0][1]
     level2 = np.full(rec.y.shape, level**2)
     lines = [Lines(rec, rec.y, library.columns, library.equation, level2, fit.lines[0][1], edge)]
@@ -166,14 +166,16 @@ def test_terms_of_matrices_and_of_eliminated_signals_are_candidates():
         mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [[0], ["Md"]], states=["x", "z"], inputs=["u"]),
         None,
         None,
-        mf.Record(
-            np.random.default_rng(0).standard_normal((2, 99)), u=np.ones(99), dt=0.1, outputs=["x", "z"]
-        ),
+        [
+            mf.Record(
+                np.random.default_rng(0).standard_normal((2, 99)), u=np.ones(99), dt=0.1, outputs=["x", "z"]
+            )
+        ],
     )
     assert library.labels() == ["x' - z: x", "z': x", "z': z", "z': u"]
     prey = mf.Equation(["x' = a*x - b*x*z", "z' = d*x*z - c*z"], outputs=["x"], hidden=["z"])
     rec = record(PREY, [2.0, 1.0], 20.0, 0.0).select(outputs=["x"])
-    library = library_of(prey, None, None, rec)
+    library = library_of(prey, None, None, [rec])
     assert library.targets == ("(log(x))''",)
     assert library.terms == ("x'/x", "x'", "x", "1")
 
@@ -336,7 +338,7 @@ def test_equal_terms_are_one_candidate():
 def test_terms_are_read_by_the_language_of_equations():
     rec = duffing()
     library = "max(y, 0), (y + 1)*u, y/2,, where(y > 0, y, u), 1 < t, -u, y**3"
-    found = library_of(library, "y''", None, rec)
+    found = library_of(library, "y''", None, [rec])
     assert found.terms == ("max(y, 0)", "(y + 1)*u", "y/2", "where(y > 0, y, u)", "1 < t", "-u", "y**3")
     names = ["c"] * 7
     assert found.texts([True] * 7, names)[0] == (

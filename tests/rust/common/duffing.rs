@@ -68,7 +68,7 @@ pub fn equations(rule: Rule) -> Equations {
         op("input", 0.0, 2, 0),
         op("constant", -1.0, 0, 0),
     ];
-    let signal = Signal { kind: Kind::Rule(rule), lag: Lag::Known(0.0) };
+    let signal = Signal { kind: Kind::Rule(rule).into(), lag: Lag::Known(0.0) };
     let term = |signal, order| Term { equation: 0, signal, order };
     Equations {
         orders: vec![2],

@@ -30,7 +30,7 @@ fn delayed(delay: Delay, method: Method, band: Band) -> JointOptions {
         bounds: vec![],
     };
     let o = options(s, method, band);
-    JointOptions { noise: NoiseModel::output(), intersample: vec![Some(Hold::Zoh)], ..o }
+    JointOptions { noise: NoiseModel::output(), intersample: vec![Some(Hold::Zoh)].into(), ..o }
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn delays_of_inputs_straight_between_samples_are_exact() {
             structure: JointStructure { fixed: vec![], bounds: vec![], ..structure }
                 .checked()
                 .unwrap(),
-            intersample: vec![Some(Hold::Foh)],
+            intersample: vec![Some(Hold::Foh)].into(),
             ..o
         };
         // Two rounds of what is folded end below a hundredth of a standard error where a delay follows, too.

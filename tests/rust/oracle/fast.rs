@@ -19,7 +19,7 @@ fn options(order: usize, numerators: Vec<Option<usize>>, method: Method, band: B
     FitOptions {
         structure: Structure::new(order, numerators).unwrap(),
         delays: vec![0.0; inputs],
-        intersample: vec![None; inputs],
+        intersample: vec![None; inputs].into(),
         rule: Rule::Trapezoid,
         method,
         noise: Noise::Output,

@@ -60,7 +60,7 @@ pub fn options(structure: JointStructure, method: Method, band: Band) -> JointOp
     let inputs = structure.paths.len();
     JointOptions {
         structure: structure.checked().unwrap(),
-        intersample: vec![None; inputs],
+        intersample: vec![None; inputs].into(),
         rule: Rule::Trapezoid,
         method,
         noise: NoiseModel { outputs: Some(vec![1.0, 0.3, 0.3, 0.5]), ..NoiseModel::output() },
@@ -122,7 +122,7 @@ pub fn problem(o: &JointOptions, records: &[Record], found: &JointFit) -> Proble
         numerators: s.numerators.clone(),
         fixed: s.fixed.clone(),
         delays: s.paths.iter().map(delay).collect(),
-        inputs: match o.intersample[0] {
+        inputs: match o.intersample.of(0)[0] {
             None => Between::Samples,
             Some(Hold::Zoh) => Between::Zoh,
             Some(Hold::Foh) => Between::Foh,
@@ -318,7 +318,7 @@ fn both(
     let plain = FitOptions {
         structure: Structure::new(2, numerators.clone()).unwrap(),
         delays: vec![0.0; 2],
-        intersample: vec![None; 2],
+        intersample: vec![None; 2].into(),
         rule: Rule::Trapezoid,
         method,
         noise: if equation { Noise::Equation } else { Noise::Output },

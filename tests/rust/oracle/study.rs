@@ -26,7 +26,7 @@ fn options(method: Method) -> FitOptions {
     FitOptions {
         structure: Structure::new(2, vec![Some(0)]).unwrap(),
         delays: vec![0.0],
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule: Rule::Trapezoid,
         method,
         noise: Noise::Output,
@@ -51,7 +51,7 @@ fn joint() -> JointOptions {
     };
     JointOptions {
         structure: structure.checked().unwrap(),
-        intersample: vec![None],
+        intersample: vec![None].into(),
         rule: Rule::Trapezoid,
         method: Method::Ml,
         noise: NoiseModel { outputs: Some(vec![1.0, 0.0, 0.0, 4.0]), ..NoiseModel::output() },

@@ -49,7 +49,7 @@ fn equations(
     (channels, noisy): (usize, Vec<usize>),
     sensitivities: Vec<(usize, usize)>,
 ) -> Equations {
-    let signal = Signal { kind: Kind::Rule(Rule::Trapezoid), lag: Lag::Known(0.0) };
+    let signal = Signal { kind: Kind::Rule(Rule::Trapezoid).into(), lag: Lag::Known(0.0) };
     let mut written: Vec<Written> = (0..parameters).map(|k| op("input", 0.0, k, 0)).collect();
     let one = written.len();
     written.push(op("constant", 1.0, 0, 0));
@@ -269,7 +269,7 @@ fn linear(kind: Kind) -> Equations {
         (2, vec![0]),
         vec![(0, 0)],
     );
-    e.signals[2].kind = kind;
+    e.signals[2].kind = kind.into();
     e
 }
 
@@ -351,7 +351,7 @@ fn a_lag_that_is_a_parameter_is_a_free_delay() {
     ];
     let mut e =
         equations((vec![2], &terms, 4), (&formulas, vec![0, 4, 2], 2), (2, vec![0]), vec![(0, 0)]);
-    e.signals[1] = Signal { kind: Kind::Hold(Hold::Zoh), lag: Lag::Parameter(3) };
+    e.signals[1] = Signal { kind: Kind::Hold(Hold::Zoh).into(), lag: Lag::Parameter(3) };
     e.bounds[3] = (0.0, 2.5);
     e.linear = false;
     let o = options(e, Method::Ml, Band::Edges(0.0, 18.0), &[0.02]);

@@ -14,9 +14,10 @@ from ...base.arrays import F64
 from ...base.cached import cached_property
 from ...errors import DataError, SpecError
 from ...language.parser import CONSTANTS, expression
+from ...records.forms import Forms
 from .compiled import Compiled, Term
 from .exact import NotExact, form, pieces
-from .formulas import Formulas, formulas
+from .formulas import Formulas, formulas, of_record
 from .jets import Moving
 from .meaning import meaning
 from .words import said
@@ -49,21 +50,20 @@ class Columns:
     formulas: Formulas
     parts: F64
 
-    @property
-    def kinds(self) -> list[str]:
-        """How the samples of each signal stand for it: rules of quadrature."""
-        return [kind for kind, _, _ in self.formulas.words["signals"]]
+    def kinds(self, record: int) -> list[str]:
+        """How the samples of each signal of a record stand for it: rules of quadrature."""
+        return [of_record(kinds, record) for kinds, _, _ in self.formulas.words["signals"]]
 
-    def values(self, y: F64, u: F64, t: F64, variances: F64) -> tuple[F64, F64]:
-        """Signals (signal, time), noise bias taken out, and slopes (signal, noisy channel, time).
+    def values(self, record: int, y: F64, u: F64, t: F64, variances: F64) -> tuple[F64, F64]:
+        """Signals (signal, time) of a record, noise bias taken out, and slopes (signal, noisy channel, time).
 
         Raises
         ------
         DataError
             A term without a finite value, as log(y) where y is negative.
         """
-        rows = self.formulas.rows(y, u, t)
-        count, noisy = len(self.kinds), len(self.formulas.noisy)
+        rows = self.formulas.rows(y, u, t, record=record)
+        count, noisy = len(self.formulas.words["signals"]), len(self.formulas.noisy)
         independent = np.zeros(noisy * (noisy - 1) // 2)
         with np.errstate(all="ignore"):
             found = self._evaluate(*rows, *variances, *independent)
@@ -171,7 +171,7 @@ def columns_of(
     texts: Sequence[str],
     outputs: tuple[str, ...],
     inputs: tuple[str, ...],
-    intersample: tuple[str, ...],
+    forms: Forms,
     what: str,
 ) -> Columns:
     """Columns of texts.
@@ -179,8 +179,10 @@ def columns_of(
     Parameters
     ----------
     texts : sequence of str
-    outputs, inputs, intersample : tuple of str
+    outputs, inputs : tuple of str
         Channels of the records; outputs are noisy.
+    forms : tuple of tuple of str
+        How inputs go between samples: in all records, or in each.
     what : str
         Who asks, for messages.
 
@@ -193,14 +195,14 @@ def columns_of(
     if fault := next((one.fault for one in read if one.fault), None):
         raise SpecError(fault)
     terms = [replace(term, equation=k) for k, one in enumerate(read) for term in one.terms]
-    forms = tuple(one.form for one in read)
+    texts_read = tuple(one.form for one in read)
     degrees = tuple(one.degree for one in read)
     compiled = Compiled(outputs, inputs, (), {}, tuple(terms))
-    made = formulas(compiled, "gregory", intersample, outputs, False, True)
+    made = formulas(compiled, "gregory", forms, outputs, False, True)
     parts = np.zeros((len(texts), 1 + max(t.order for t in terms), len(made.words["signals"])))
     for (text, signal, times), term in zip(made.words["terms"], terms, strict=True):
         parts[text, times, signal] += float(term.coefficient)
-    return Columns(tuple(texts), forms, degrees, made, parts)
+    return Columns(tuple(texts), texts_read, degrees, made, parts)
 
 
 def _factors(expr: sympy.Expr) -> tuple[str, ...]:

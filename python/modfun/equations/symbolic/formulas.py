@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import sympy
@@ -21,10 +21,17 @@ from .tape import tape
 from .times import Times, moved
 from .words import said
 
-__all__ = ["Formulas", "formulas"]
+__all__ = ["Formulas", "formulas", "of_record"]
 
 
 _ANYTHING = Free()
+Value = TypeVar("Value")
+Kinds = tuple[str, ...]  # in all records, or in each
+
+
+def of_record(values: tuple[Value, ...], record: int) -> Value:
+    """That of a record, of one for all records or one for each."""
+    return values[record if len(values) > 1 else 0]
 
 
 @dataclass(frozen=True)
@@ -37,20 +44,23 @@ class Channel:
         Stands for it in the formulas.
     kind : str
         "output", "log" (of an output), "smooth" (a derivative of a smoothed expression), "gain" (of the noise
-        in it), "input", "held" (an input's mean over both sides of a sample), "time", "known".
+        in it), "input", "held" (its mean over both sides of a sample where it is held), "time", "known".
     of : object
         Position of the channel, or (expression, derivative), or a known function.
     late : float
         Seconds by which it is late; negative: early.
-    straight : bool
-        Whether it is interpolated linearly where these are no whole samples.
+    straight : tuple of bool
+        Whether it is interpolated linearly where these are no whole samples: in all records, or in each.
+    held : tuple of bool
+        Of "held": in which records, in all or in each.
     """
 
     symbol: sympy.Symbol
     kind: str
     of: Any = None
     late: float = 0.0
-    straight: bool = False
+    straight: tuple[bool, ...] = (False,)
+    held: tuple[bool, ...] = ()
 
     @property
     def own(self) -> bool:
@@ -81,20 +91,20 @@ class Formulas:
     noisy: tuple[str, ...]
     expressions: tuple[list[sympy.Expr], list[sympy.Symbol]]
 
-    def rows(self, y: F64, u: F64, t: F64, own: bool | None = None) -> F64:
+    def rows(self, y: F64, u: F64, t: F64, own: bool | None = None, record: int = 0) -> F64:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
         given = [c for c in self.channels if own is None or c.own == own]
         return np.ascontiguousarray(
-            np.vstack([self._late_row(c, y, u, t) for c in given] or [np.empty((0, t.size))])
+            np.vstack([self._late_row(c, y, u, t, record) for c in given] or [np.empty((0, t.size))])
         )
 
-    def _late_row(self, channel: Channel, y: F64, u: F64, t: F64) -> Any:
-        row = self._row(channel, y, u, t)
+    def _late_row(self, channel: Channel, y: F64, u: F64, t: F64, record: int) -> Any:
+        row = self._row(channel, y, u, t, record)
         if not channel.late:
             return row
-        return moved(np.asarray(row), channel.late / float(t[1] - t[0]), channel.straight)
+        return moved(np.asarray(row), channel.late / float(t[1] - t[0]), of_record(channel.straight, record))
 
-    def _row(self, channel: Channel, y: F64, u: F64, t: F64) -> Any:
+    def _row(self, channel: Channel, y: F64, u: F64, t: F64, record: int) -> Any:
         if channel.kind == "output":
             return y[channel.of]
         if channel.kind == "log":
@@ -110,7 +120,7 @@ class Formulas:
             given = channel.of
             return np.asarray(given(t) if callable(given) else given, dtype=float)
         row = u[channel.of]
-        if channel.kind == "held":
+        if channel.kind == "held" and of_record(channel.held, record):
             return np.concatenate([row[:1], (row[:-1] + row[1:]) / 2])
         return row
 
@@ -145,7 +155,12 @@ class Formulas:
 
 
 def formulas(
-    compiled: Compiled, rule: str, intersample: Sequence[str], noisy: Sequence[str], log: bool, correct: bool
+    compiled: Compiled,
+    rule: str,
+    forms: Sequence[Sequence[str]],
+    noisy: Sequence[str],
+    log: bool,
+    correct: bool,
 ) -> Formulas:
     """Tapes of compiled equations.
 
@@ -154,8 +169,8 @@ def formulas(
     compiled : Compiled
     rule : str
         Quadrature of smooth signals.
-    intersample : sequence of str
-        Of each input.
+    forms : sequence of sequence of str
+        How each input goes between samples: in all records, or in each.
     noisy : sequence of str
         Names of the channels with noise.
     log : bool
@@ -168,9 +183,8 @@ def formulas(
     SpecError
         A product of channels at different times that has no form here.
     """
-    writer = _Writer(
-        compiled, rule, dict(zip(compiled.inputs, intersample, strict=True)), noisy, log, correct
-    )
+    each = [dict(zip(compiled.inputs, words, strict=True)) for words in forms]
+    writer = _Writer(compiled, rule, each, noisy, log, correct)
     for term in compiled.terms:
         writer.term(term)
     return writer.finished()
@@ -181,13 +195,13 @@ class _Writer:
         self,
         compiled: Compiled,
         rule: str,
-        intersample: dict[str, str],
+        forms: Sequence[dict[str, str]],
         noisy: Sequence[str],
         log: bool,
         correct: bool,
     ) -> None:
         self.compiled = compiled
-        self.rule, self.intersample, self.correct = rule, intersample, correct
+        self.rule, self.forms, self.correct = rule, forms, correct
         self.noisy = tuple(noisy)
         self.parameters = [sympy.Symbol(name, real=True) for name in compiled.parameters]
         self.log = {jet(name): sympy.exp(_logarithm(name)) for name in compiled.outputs} if log else {}
@@ -201,7 +215,8 @@ class _Writer:
             both: sympy.Symbol(f"covariance of {both[0]} and {both[1]}", real=True)
             for both in combinations(self.noise, 2)
         }
-        self.signals: list[tuple[sympy.Expr, str, sympy.Expr]] = []
+        self.signals: list[tuple[sympy.Expr, Kinds, sympy.Expr]] = []
+        self.held: dict[sympy.Symbol, tuple[str, tuple[bool, ...]]] = {}
         self.sensitive: list[dict[sympy.Symbol, sympy.Expr]] = []
         self.terms: list[tuple[int, int, int]] = []
         self.coefficients: list[sympy.Expr] = []
@@ -257,11 +272,11 @@ class _Writer:
         found = [self._placed(expr, kind, late, _slopes(expr, {c: c for c in self.noise}))]
         for h, own in at.items():
             slopes = {c: self.times.later(d, -h) for c, d in _slopes(expr, own).items()}
-            found.append(self._placed(sympy.Integer(0), "trapezoid", h, slopes))
+            found.append(self._placed(sympy.Integer(0), ("trapezoid",), h, slopes))
         return found
 
     def _placed(
-        self, expr: sympy.Expr, kind: str, late: sympy.Expr, found: dict[sympy.Symbol, sympy.Expr]
+        self, expr: sympy.Expr, kind: Kinds, late: sympy.Expr, found: dict[sympy.Symbol, sympy.Expr]
     ) -> int:
         for at, known in enumerate(zip(self.signals, self.sensitive, strict=True)):
             if known == ((expr, kind, late), found):
@@ -333,22 +348,31 @@ class _Writer:
             )
         return expr, sympy.Integer(0)
 
-    def _kind(self, expr: sympy.Expr) -> tuple[str, sympy.Expr]:
-        """How the samples of a signal stand for it, and the signal as it is sampled."""
+    def _kind(self, expr: sympy.Expr) -> tuple[Kinds, sympy.Expr]:
+        """How the samples of a signal stand for it, in all records or each, and the signal as sampled."""
         if not expr.free_symbols - set(self.parameters):
-            return "trapezoid", expr  # a constant: exact, and on line 0 alone
-        held = [name for name in self.compiled.inputs if jet(name) in expr.free_symbols]
-        kinds = {self.intersample[name] for name in held}
-        zoh = [jet(name) for name in held if self.intersample[name] == "zoh"]
-        alone = expr.free_symbols - set(self.parameters) <= {jet(name) for name in held}
+            return ("trapezoid",), expr  # a constant: exact, and on line 0 alone
+        names = [name for name in self.compiled.inputs if jet(name) in expr.free_symbols]
+        kinds = tuple([self._kind_in(expr, [words[name] for name in names]) for words in self.forms])
+        sampled = {}
+        for name in names:
+            # Between samples a held input stands still: each sample belongs half to both sides.
+            each = zip(kinds, self.forms, strict=True)
+            held = tuple([kind != "zoh" and words[name] == "zoh" for kind, words in each])
+            if any(held):
+                sampled[jet(name)] = _held(name, held)
+                self.held[sampled[jet(name)]] = name, held
+        return kinds if len({*kinds}) > 1 else kinds[:1], expr.subs(sampled)
+
+    def _kind_in(self, expr: sympy.Expr, words: Sequence[str]) -> str:
+        """How its samples stand for a signal of inputs that go so between theirs, and of what else it has."""
+        inputs = {jet(name) for name in self.compiled.inputs} & expr.free_symbols
+        alone, kinds = expr.free_symbols - set(self.parameters) <= inputs, {*words}
         if alone and kinds == {"zoh"}:
-            return "zoh", expr
-        if alone and kinds == {"foh"} and all(sympy.diff(expr, jet(name), 2) == 0 for name in held):
-            return "foh", expr
-        if zoh:
-            # Between samples the input stands still: each sample belongs half to both sides.
-            return "trapezoid", expr.subs({symbol: _held(symbol) for symbol in zoh})
-        return ("trapezoid" if "foh" in kinds else self.rule), expr
+            return "zoh"
+        if alone and kinds == {"foh"} and all(sympy.diff(expr, symbol, 2) == 0 for symbol in inputs):
+            return "foh"
+        return self.rule if kinds <= {"smooth"} else "trapezoid"
 
     def finished(self) -> Formulas:
         compiled, parameters = self.compiled, self.parameters
@@ -390,7 +414,7 @@ class _Writer:
         words = {
             "orders": list(compiled.orders),
             "signals": [
-                (kind, delay, k) for (_, kind, _), (delay, k) in zip(self.signals, late, strict=True)
+                (kinds, delay, k) for (_, kinds, _), (delay, k) in zip(self.signals, late, strict=True)
             ],
             "terms": self.terms,
             "coefficients": tape([*self.coefficients, *derivatives], parameters),
@@ -422,7 +446,7 @@ class _Writer:
             all_.append(Channel(symbol, "gain" if gain else "smooth", (expr, derivative, gain)))
         for k, name in enumerate(self.compiled.inputs):
             all_.append(Channel(jet(name), "input", k))
-            all_.append(Channel(_held(jet(name)), "held", k))
+            all_ += [Channel(s, "held", k, held=held) for s, (own, held) in self.held.items() if own == name]
         all_.append(Channel(time, "time"))
         all_ += [Channel(symbol, "known", given) for symbol, given in self.compiled.known.items()]
         kept = {c.symbol: c for c in all_ if c.symbol in bare}
@@ -432,10 +456,11 @@ class _Writer:
         ]
         return (*(c for symbol, c in kept.items() if symbol in used), *late)
 
-    def _straight(self, channel: Channel) -> bool:
-        if channel.kind == "input":
-            return self.intersample[self.compiled.inputs[channel.of]] != "smooth"
-        return channel.kind in ("held", "known")
+    def _straight(self, channel: Channel) -> tuple[bool, ...]:
+        if channel.kind in ("input", "held"):
+            name = self.compiled.inputs[channel.of]
+            return tuple([words[name] != "smooth" for words in self.forms])
+        return (channel.kind == "known",)
 
     def _late(self, expr: sympy.Expr) -> tuple[float, int | None]:
         if expr in self.parameters:
@@ -456,5 +481,7 @@ def _logarithm(name: str) -> sympy.Symbol:
     return sympy.Symbol(f"log {name}", real=True)
 
 
-def _held(symbol: sympy.Symbol) -> sympy.Symbol:
-    return sympy.Symbol(f"held {symbol.name}", real=True)
+def _held(name: str, held: tuple[bool, ...]) -> sympy.Symbol:
+    """What stands for an input where it is held, in all records or in some of them."""
+    where = "" if all(held) else " in " + ", ".join(str(k) for k, own in enumerate(held) if own)
+    return sympy.Symbol(f"held {jet(name).name}{where}", real=True)

@@ -12,6 +12,7 @@ use super::structure::{JointSignal, JointStructure, Term};
 use super::unalias::unalias;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
+use crate::estimate::aliasing::{Fold, Record};
 use crate::estimate::at_once::part;
 use crate::estimate::rest::moved;
 use crate::estimate::{Options, Outcome, Wanted};
@@ -31,12 +32,11 @@ impl Seen {
         d: &JointDesign,
         make: impl FnOnce(&JointStructure) -> Result<JointDesign, Error>,
     ) -> Option<Seen> {
-        let record = d.aliasing.as_ref()?.records.iter().flatten().next()?;
+        let aliasing = d.aliasing.as_ref()?;
         let turned = |s: usize| {
-            record.inputs[s]
-                .as_ref()
-                .filter(|_| d.path_acts_at_once(s))
-                .map(|f| f.behind * record.step)
+            let held = |r: &Record| Some(held(r, s)?.behind * r.step);
+            let mut held = aliasing.records.iter().flatten().filter_map(held);
+            held.next().filter(|_| d.path_acts_at_once(s))
         };
         let behind: Vec<Option<f64>> = (0..d.paths()).map(turned).collect();
         if behind.iter().all(Option::is_none) || !d.acts_at_once() {
@@ -76,6 +76,11 @@ impl Seen {
         let within = |k: &usize| found[*k].0[0].max(own.bounds[*k].0).min(own.bounds[*k].1);
         own.free().iter().map(within).collect()
     }
+}
+
+/// The folding of a path's input in a record, where it is held.
+fn held(record: &Record, path: usize) -> Option<&Fold> {
+    record.inputs[path].as_ref().filter(|f| f.hold == Hold::Zoh)
 }
 
 /// The structure with the numerators of turned paths, bounds left out.
@@ -124,7 +129,8 @@ impl Single<'_> {
         let mut other = Single::new(self.isa, d);
         for (k, from) in self.w.records.iter().enumerate() {
             let lines = d.records[k].lines;
-            let step = self.d.aliasing.as_ref().and_then(|a| a.records[k].as_ref()).map(|r| r.step);
+            let record = self.d.aliasing.as_ref().and_then(|a| a.records[k].as_ref());
+            let held = |s: &usize| record.is_some_and(|r| held(r, *s).is_some());
             for signal in 0..d.outputs() + d.paths() {
                 let (re, im) = match signal < d.outputs() {
                     true => (&from.measured.re, &from.measured.im),
@@ -135,8 +141,7 @@ impl Single<'_> {
                 to_re.copy_from_slice(&re[own.clone()]);
                 to_im.copy_from_slice(&im[own]);
                 let path = signal.checked_sub(d.outputs());
-                let Some(behind) = path.and_then(|s| seen.behind[s]).filter(|_| step.is_some())
-                else {
+                let Some(behind) = path.filter(held).and_then(|s| seen.behind[s]) else {
                     continue;
                 };
                 let turns = -behind * lines.omega0 / std::f64::consts::TAU;

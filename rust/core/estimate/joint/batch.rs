@@ -98,7 +98,7 @@ impl JointFitter {
         Ok(JointShared {
             design: Arc::new(design),
             plans: own.plans.clone(),
-            kinds: self.kinds.clone(),
+            kinds: own.kinds.clone(),
             dt: own.dt,
             lead: own.window.lead,
             intervals: own.window.intervals,
@@ -116,7 +116,7 @@ impl JointFitter {
         thread_count: usize,
         progress: &mut dyn FnMut(usize, usize) -> Control,
     ) -> Result<(Many, Arc<JointDesign>), Error> {
-        let (inputs, outputs) = (self.o.intersample.len(), self.o.structure.orders.len());
+        let (inputs, outputs) = (self.o.inputs(), self.o.structure.orders.len());
         let samples = self.records[0].samples;
         let shapes = batch.records > 0
             && batch.y.len() == outputs * batch.records

@@ -13,6 +13,7 @@ use crate::estimate::Options;
 use crate::estimate::aliasing::{Aliasing, output_rule};
 use crate::estimate::at_once::SAMPLES;
 use crate::estimate::band::{Band, BandRule, Range, default_lines};
+use crate::estimate::each_record::EachRecord;
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
 use crate::estimate::prior::{self, Prior};
@@ -30,7 +31,7 @@ pub struct JointOptions {
     /// Denominators, paths, held values, bounds, delays.
     pub structure: JointStructure,
     /// How each input behaves between samples; `None` smooth.
-    pub intersample: Vec<Option<Hold>>,
+    pub intersample: EachRecord<Vec<Option<Hold>>>,
     /// Quadrature of smooth signals.
     pub rule: Rule,
     /// Estimator: `wls`, `awls` or `ml`.
@@ -55,10 +56,27 @@ pub struct JointOptions {
 const DENSE: usize = 512;
 
 impl JointOptions {
+    /// How many inputs a record has.
+    pub fn inputs(&self) -> usize {
+        self.intersample.of(0).len()
+    }
+
+    /// How the input of each path runs between samples, in a record.
+    fn holds(&self, record: usize) -> impl Iterator<Item = Option<Hold>> {
+        let own = self.intersample.of(record);
+        self.structure.paths.iter().map(|p| own[p.input])
+    }
+
     /// Checks what does not depend on data.
     fn check(&self) -> Result<(), Error> {
         let (outputs, paths) = (self.structure.orders.len(), &self.structure.paths);
-        let inputs = self.intersample.len();
+        let inputs = self.inputs();
+        if let Some(kinds) = self.intersample.iter().find(|kinds| kinds.len() != inputs) {
+            return Err(Error::Spec(format!(
+                "fitting: {} intersample kinds of one record and {inputs} of another",
+                kinds.len()
+            )));
+        }
         if let Some(path) = paths.iter().find(|p| p.input >= inputs) {
             return Err(Error::Spec(format!(
                 "fitting: a path begins at input {} where there are {inputs}, counted from 0",
@@ -100,6 +118,8 @@ pub(crate) struct JointRecordPlan {
     pub window: Window,
     /// Outputs, then paths.
     pub plans: Vec<CoefficientPlan>,
+    /// How the input of each path runs between samples.
+    pub kinds: Vec<Kind>,
     /// As given, else up to the widest line of the default rule.
     pub range: Range,
     pub narrow: usize,
@@ -112,7 +132,6 @@ pub struct JointFitter {
     pub(crate) o: JointOptions,
     pub(crate) isa: Isa,
     pub(crate) records: Vec<JointRecordPlan>,
-    pub(crate) kinds: Vec<Kind>,
     /// Variances of the samples, where they are uneven.
     variances: Vec<Vec<Vec<f64>>>,
     /// How often the wide band of the default rule was doubled.
@@ -184,6 +203,7 @@ impl JointFitter {
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));
         }
+        o.intersample.check("intersample kinds", sampling.len())?;
         let most = sampling.iter().map(|s| s.0).max().unwrap_or(0);
         if s.parameters() > most.saturating_mul(s.orders.len()) {
             return Err(Error::Data(format!(
@@ -191,24 +211,22 @@ impl JointFitter {
                 s.parameters()
             )));
         }
-        let kind = |input: usize| {
-            o.intersample.get(input).copied().flatten().map_or(Kind::Rule(o.rule), Kind::Hold)
-        };
-        let kinds: Vec<Kind> = s.paths.iter().map(|p| kind(p.input)).collect();
         // A free delay begins where the window lies: the plan tells what its first value is.
         let start = |delay: Delay| match delay {
             Delay::Known(delay) => delay,
             Delay::Free { start, .. } => start,
         };
         let outputs = s.orders.len();
-        let even = sampling.iter().all(|(_, time)| matches!(time, Time::Even(_)));
-        let rule = output_rule(o.rule, &o.intersample, even);
-        let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(rule), 0.0), outputs)
-            .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
-            .collect();
         let order = s.orders.iter().copied().max().unwrap_or(1);
         let unknowns = s.parameters() + outputs * o.trend.terms();
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
+            let kinds: Vec<Kind> =
+                o.holds(k).map(|hold| hold.map_or(Kind::Rule(o.rule), Kind::Hold)).collect();
+            let even = matches!(time, Time::Even(_));
+            let rule = output_rule(o.rule, o.intersample.of(k), even);
+            let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(rule), 0.0), outputs)
+                .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
+                .collect();
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
             let (wide, narrow) = default_lines(o.method, each, order, window.resolved, doublings);
@@ -241,11 +259,20 @@ impl JointFitter {
                 _ => Uneven::No,
             };
             let dt = if let Time::Even(dt) = time { *dt } else { f64::NAN };
-            Ok(JointRecordPlan { samples: *samples, dt, window, plans, range, narrow, uneven })
+            Ok(JointRecordPlan {
+                samples: *samples,
+                dt,
+                window,
+                plans,
+                kinds,
+                range,
+                narrow,
+                uneven,
+            })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         let (variances, wider) = (variances.to_vec(), OnceLock::new());
-        Ok(JointFitter { o, isa, records, kinds, variances, doublings, wider })
+        Ok(JointFitter { o, isa, records, variances, doublings, wider })
     }
 
     /// The fitter with a band twice as wide, where the rule's choice met the end of this one.
@@ -273,7 +300,7 @@ impl JointFitter {
     /// Coefficients of all channels of all records.
     pub(crate) fn load(&self, records: &[JointRecord<'_>]) -> Result<Loaded, Error> {
         let (outputs, paths) = (self.o.structure.orders.len(), &self.o.structure.paths);
-        let inputs = self.o.intersample.len();
+        let inputs = self.o.inputs();
         if records.len() != self.records.len() {
             return Err(Error::Data(format!(
                 "fitting: {} records were given where {} were announced",
@@ -339,17 +366,14 @@ impl JointFitter {
             JointDesign::new(structure, o.method, noise, o.trend, o.extended, records, units)
         };
         let mut design = plan(&o.structure, noise, 0.0)?;
-        let input = |p: &Path| {
-            let delay = match p.delay {
-                Delay::Known(delay) => delay,
-                // Where it stands is looked up.
-                Delay::Free { .. } => 0.0,
-            };
-            (o.intersample.get(p.input).copied().flatten(), delay)
+        let delay = |p: &Path| match p.delay {
+            Delay::Known(delay) => delay,
+            // Where it stands is looked up.
+            Delay::Free { .. } => 0.0,
         };
-        let inputs: Vec<(Option<Hold>, f64)> = o.structure.paths.iter().map(input).collect();
+        let inputs = |k: usize| o.holds(k).zip(o.structure.paths.iter().map(delay)).collect();
         let steps = self.records.iter().map(|r| Some(r.dt).filter(|dt| dt.is_finite()));
-        design.aliasing = Aliasing::new(&inputs, steps, design.band_edge);
+        design.aliasing = Aliasing::new(steps.zip((0..).map(inputs)), design.band_edge);
         let white = NoiseModel { colour: Colour::Given, ..noise.clone() };
         design.seen = Seen::new(&design, |structure| plan(structure, &white, SAMPLES));
         let scaled = |p: &Prior| p.over(design.parameter_scale(p.parameter));
@@ -390,9 +414,9 @@ impl JointFitter {
     }
 
     pub(crate) fn delayed<'a>(&'a self, records: &[JointRecord<'a>]) -> Vec<Delayed<'a>> {
-        let one = |(record, plan): (&JointRecord<'a>, &JointRecordPlan)| Delayed {
+        let one = |(record, plan): (&JointRecord<'a>, &'a JointRecordPlan)| Delayed {
             samples: self.o.structure.paths.iter().map(|p| vec![record.u[p.input]]).collect(),
-            kinds: &self.kinds,
+            kinds: &plan.kinds,
             dt: plan.dt,
             lead: plan.window.lead,
             intervals: plan.window.intervals,

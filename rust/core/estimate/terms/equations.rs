@@ -2,6 +2,7 @@
 
 use super::sigma::numbers;
 use crate::error::Error;
+use crate::estimate::each_record::EachRecord;
 use crate::spectrum::Kind;
 use crate::tape::Tape;
 
@@ -15,10 +16,10 @@ pub enum Lag {
 }
 
 /// A formula of the channels, sampled.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
     /// How its samples stand for it.
-    pub kind: Kind,
+    pub kind: EachRecord<Kind>,
     /// By how much it is late, all of it.
     pub lag: Lag,
 }

@@ -36,6 +36,8 @@ pub(crate) struct TermsRecordPlan {
     pub highest: usize,
     /// One a signal; with a free delay that of its start.
     plans: Vec<CoefficientPlan>,
+    /// How each signal's samples stand for it.
+    kinds: Vec<Kind>,
     /// Of products of sensitivities.
     noise: NoisePlan,
     /// What tells the noise level of the window's samples, once it was asked for.
@@ -156,8 +158,8 @@ impl Pairs {
 impl TermsRecordPlan {
     pub fn new(
         e: &Equations,
-        samples: usize,
-        time: Time<'_>,
+        record: usize,
+        (samples, time): (usize, Time<'_>),
         rule: Rule,
         highest: usize,
         uneven: Vec<Vec<f64>>,
@@ -169,27 +171,22 @@ impl TermsRecordPlan {
                 few.len()
             )));
         }
+        let kinds: Vec<Kind> = e.signals.iter().map(|s| *s.kind.of(record)).collect();
         let plan = |(s, signal): (usize, &super::Signal)| match time {
-            Time::Uneven(t) => CoefficientPlan::uneven(t, highest, signal.kind),
+            Time::Uneven(t) => CoefficientPlan::uneven(t, highest, kinds[s]),
             Time::Even(dt) => {
                 let start = match signal.lag {
                     Lag::Known(_) => e.lag(s, &[]),
                     Lag::Parameter(_) => 0.0,
                 };
-                CoefficientPlan::new(
-                    window.intervals,
-                    highest,
-                    signal.kind,
-                    start / dt,
-                    window.lead,
-                )
+                CoefficientPlan::new(window.intervals, highest, kinds[s], start / dt, window.lead)
             }
         };
         let plans = e.signals.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
         let noise = NoisePlan::new(time, window.intervals, rule, highest)?;
         let dt = if let Time::Even(dt) = time { dt } else { f64::NAN };
         let level = OnceLock::new();
-        Ok(TermsRecordPlan { samples, dt, window, highest, plans, noise, level, uneven })
+        Ok(TermsRecordPlan { samples, dt, window, highest, plans, kinds, noise, level, uneven })
     }
 
     /// What tells the noise of the window's samples.
@@ -229,7 +226,8 @@ impl TermsRecordPlan {
                 Lag::Parameter(_) => {
                     let delay = e.lag(s, at.theta) / self.dt;
                     let Window { intervals, lead, .. } = self.window;
-                    late = CoefficientPlan::new(intervals, self.highest, signal.kind, delay, lead)?;
+                    late =
+                        CoefficientPlan::new(intervals, self.highest, self.kinds[s], delay, lead)?;
                     &late
                 }
             };

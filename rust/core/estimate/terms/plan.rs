@@ -89,6 +89,9 @@ impl TermsFitter {
                 "fitting: noise levels are needed for each noisy channel".into(),
             ));
         }
+        for signal in &o.equations.signals {
+            signal.kind.check("kinds of a signal", sampling.len())?;
+        }
         let e = &o.equations;
         let order = e.orders.iter().copied().max().unwrap_or(1).max(1);
         let trends = o.trend.terms();
@@ -104,7 +107,7 @@ impl TermsFitter {
             let (wide, few) = default_lines(o.method, unknowns, order, window.resolved, 0);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
-            records.push(TermsRecordPlan::new(e, *samples, *time, o.rule, range.1, own)?);
+            records.push(TermsRecordPlan::new(e, k, (*samples, *time), o.rule, range.1, own)?);
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
