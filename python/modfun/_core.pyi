@@ -141,7 +141,7 @@ class _Options(TypedDict):
     order: int
     numerators: Sequence[int | None]
     delays: Sequence[float]
-    intersample: Sequence[str]
+    intersample: Sequence[Sequence[str]]
     method: str
     noise: str
     trend: str | None

@@ -25,7 +25,7 @@ def _structure(order, numerators, kinds):
         "order": order,
         "numerators": list(numerators),
         "delays": [0.0] * len(numerators),
-        "intersample": list(kinds),
+        "intersample": [list(kinds)],
     }
 
 

@@ -1,6 +1,6 @@
 //! Joint fits through the public calls: the fast estimator's answer for one output, the same bits on any
 //! instruction set of one machine, the same estimates alone and in a batch.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::disallowed_methods)]
 
 mod common;
 

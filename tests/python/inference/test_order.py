@@ -72,7 +72,7 @@ def test_the_default_number_of_terms_is_that_of_the_poles():
 
 def test_the_best_of_several_starts_is_kept_and_starts_must_fit():
     rec, theta = random_record(5, 2, 1)
-    options = {"order": 2, "numerators": [1], "delays": [0.0], "intersample": ["smooth"], "method": "ml"}
+    options = {"order": 2, "numerators": [1], "delays": [0.0], "intersample": [["smooth"]], "method": "ml"}
     options |= {"noise": "output", "initial_state": "unknown", "states": [], "trend": None, "rule": "gregory"}
     options |= {"extended": True, "band": None}
     options |= {"harmonics": 12, "tol": 1e-9, "maxiter": 50}

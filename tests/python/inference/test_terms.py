@@ -126,7 +126,7 @@ def test_moments_are_those_of_the_likelihood():
     library = library_of("y', y, y**3, u", "y''", None, [rec])
     edge = 2 * np.pi / rec.duration * fit.lines[0][1]
     level2 = np.full(rec.y.shape, level**2)
-    lines = [Lines(rec, rec.y, library.columns, library.equation, level2, fit.lines[0][1], edge)]
+    lines = [Lines(0, rec, rec.y, library.columns, library.equation, level2, fit.lines[0][1], edge)]
     every = np.ones(4, bool)
     found = estimate(lines, every, np.array([-0.3, -1.0, -0.5, 1.0]))
     lines[0].bend(found.smooth[0])
