@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from .arrays import F64
 
 __all__ = [
-    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "EITHER", "FORMS", "LOOP", "MIXED", "OPEN", "UNLIKE", "decided",
-    "form_of", "liveliest",
+    "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "MIXED", "OPEN", "decided", "form_of",
+    "liveliest",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
@@ -30,12 +30,10 @@ FORMS = {
     "walk": "smooth",  # changes are random: held for one sample each, or like few motions that are measured
     "smooth": "smooth",
 }
-EITHER = ("rough", "walk")  # smooth, or held for one sample each
-DOUBTFUL = ("stairs", *EITHER)
+DOUBTFUL = ("stairs", "rough", "walk")
 # What decided where samples leave it open: fits of both, whose difference may be short of
-# very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike, or where
-# records of one fit differ, and each of them is read as suits them best together.
-BY_FIT, CLOSE, LOOP, OPEN, UNLIKE = "fit", "close", "loop", "open", "unlike"
+# very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike.
+BY_FIT, CLOSE, LOOP, OPEN = "fit", "close", "loop", "open"
 
 SAME = 1e-9  # of the range: a change that is none
 LINE = 5e-6  # of the range: a bend that is none, since files keep six digits

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
-from math import isfinite, nan
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.between import BY_FIT, CLOSE, DOUBTFUL, EITHER, FORMS, LOOP, OPEN, UNLIKE
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -23,11 +23,12 @@ from ..results.diagnosis import growth
 from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
-from ..results.undeclared import POSITIVE, unlike_records
+from ..results.undeclared import POSITIVE
 
 __all__ = [
     "OTHER",
     "STRONG",
+    "Which",
     "Word",
     "decided_by_fit",
     "fit_as_read",
@@ -40,13 +41,14 @@ FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
 
 FEW = 4  # records that are asked where each of many is fitted by itself
 
-# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides where samples are doubtful, and
-# where records of one problem look unlike. Very strong evidence is needed in a loop, where the noise that
-# comes back biases both fits and a computer holds what it commands, and of inputs that look held or like a
-# motion. Most of them were; steps and square waves that passed through straight lines look held, and so do
-# those that switch between two samples, and the command of a computer that changes little a tick looks like
-# a motion; positive evidence does where the noise of an output is seen to come back. Strong evidence that
-# an input was not held is said, and so is that a motion may be held where that makes other estimates.
+# Differences of BIC (Kass and Raftery, 1995). Positive evidence decides where samples are doubtful, and of a
+# motion beside records in which the input moves otherwise. Very strong evidence is needed in a loop, where
+# the noise that comes back biases both fits and a computer holds what it commands, and of inputs that look
+# held or like a motion. Most of them were; steps and square waves that passed through straight lines look
+# held, and so do those that switch between two samples, and the command of a computer that changes little a
+# tick looks like a motion; positive evidence does where the noise of an output is seen to come back. Strong
+# evidence that an input was not held is said, and so is that a motion may be held where that makes other
+# estimates.
 STRONG, VERY_STRONG = 6.0, 10.0
 FAR = 3.0  # standard errors between estimates of both readings: these are others
 SAID = {
@@ -54,9 +56,15 @@ SAID = {
     CLOSE: "though straight lines between its samples fit better",
     LOOP: "as a computer that closes a loop holds it",
     OPEN: "though read otherwise it fits about as well, with other estimates",
-    UNLIKE: "though some records alone fit far better otherwise",
 }
 OTHER = {"zoh": "smooth", "smooth": "zoh", "foh": "zoh"}
+
+
+class Which(NamedTuple):
+    """An input, in the records in which it looks so; in all where that is nothing."""
+
+    name: str
+    look: str = ""
 
 
 class Word(NamedTuple):
@@ -81,7 +89,7 @@ def decided_by_fit(
     fit_once: FitOnce,
     *,
     many: bool = False,
-) -> dict[str, Word]:
+) -> dict[Which, Word]:
     """How each open input is read, whichever way the fits of the structure prefer, all together.
 
     `many`: what they prefer is for many more records, whose mean shows a small error.
@@ -93,21 +101,23 @@ def decided_by_fit(
     return _asked(problems, structure, options, fit_once, many)[0]
 
 
-def read_as(records: tuple[Record, ...], words: Mapping[str, Word]) -> tuple[Record, ...]:
+def read_as(records: tuple[Record, ...], words: Mapping[Which, Word]) -> tuple[Record, ...]:
     """The records with their inputs read so."""
-    if not words:
-        return records
-    kinds = {name: word for name, (word, _) in words.items()}
-    why = {name: reason for name, (_, reason) in words.items()}
-    return tuple(
-        rec._like(
-            intersample=tuple(
-                kinds.get(name, own) for name, own in zip(rec.inputs, rec.intersample, strict=True)
-            ),
-            _seen={**rec._seen, **why},
-        )
-        for rec in records
-    )
+    return tuple([_read_as(rec, words) for rec in records]) if words else records
+
+
+def _read_as(rec: Record, words: Mapping[Which, Word]) -> Record:
+    kinds, seen = list(rec.intersample), dict(rec._seen)
+    for k, name in enumerate(rec.inputs):
+        if word := words.get(Which(name)) or words.get(Which(name, _look(rec, name))):
+            kinds[k], seen[name] = word
+    return rec._like(intersample=tuple(kinds), _seen=seen)
+
+
+def _look(rec: Record, name: str) -> str:
+    """The word for what samples look like, or what makes it doubtful; nothing if it was declared."""
+    form = rec._seen.get(name, "")
+    return form if form in DOUBTFUL else FORMS.get(form, "")
 
 
 def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -> tuple[Any, tuple[str, ...]]:
@@ -118,13 +128,12 @@ def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -
     count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
     if isinstance(data, Batch):
         some = (data[k] for k in range(len(data)) if np.isfinite(data.y[k]).all())
-        words = decided_by_fit(
-            [(rec,) for rec in islice(some, count)], structure, options, fit_once, many=True
-        )
-        return data._read_as({name: word for name, (word, _) in words.items()}), in_sentences(words)
+        alike = agreed(list(islice(some, count)), alike=True)
+        words = decided_by_fit([(rec,) for rec in alike], structure, options, fit_once, many=True)
+        return data._read_as({name: word for (name, _), (word, _) in words.items()}), in_sentences(words)
     read, notes = list(data), dict[str, None]()
     for members in _kinds(data):
-        alike = agreed([data[k] for k in members])
+        alike = agreed([data[k] for k in members], alike=True)
         few = sorted(alike, key=lambda rec: len(rec._seen))[:count]  # what one record declares holds for all
         words = decided_by_fit([(rec,) for rec in few], structure, options, fit_once, many=True)
         notes |= dict.fromkeys(in_sentences(words))
@@ -161,9 +170,11 @@ def _mixture(records: Sequence[Record]) -> Iterator[str]:
             yield f"Input {name!r} is read as {told} of {len(records)} records, as each of them looks."
 
 
-def in_sentences(words: Mapping[str, Word]) -> tuple[str, ...]:
+def in_sentences(words: Mapping[Which, Word]) -> tuple[str, ...]:
     """What was decided."""
-    return tuple(f"Input {name!r} is read as {word}, {SAID[why]}." for name, (word, why) in words.items())
+    return tuple(
+        f"Input {name!r} is read as {word}, {SAID[why]}." for (name, _), (word, why) in words.items()
+    )
 
 
 def _asked(
@@ -172,39 +183,37 @@ def _asked(
     options: Options,
     fit_once: FitOnce,
     many: bool = False,
-) -> tuple[dict[str, Word], list[Fit]]:
+) -> tuple[dict[Which, Word], list[Fit]]:
     """How open inputs are read, and the fits of the problems so."""
     each, loop = list(problems), bool(options.reference)
     noise = options.noise
     if not each or noise == "errors-in-variables" or (isinstance(noise, Noise) and noise.u is not None):
         return {}, []  # inputs with noise of their own were measured
-    forms = {name: _forms(each, name) for name in each[0][0].inputs if name not in options.reference}
-    forms = {name: seen for name, seen in forms.items() if seen - {"rest"}}
-    if not forms:
+    names = [name for name in each[0][0].inputs if name not in options.reference]
+    looks = {which: seen for name in names for which, seen in _open(each, name).items()}
+    if not looks:
         return {}, []
-    found = {name: Word("zoh", LOOP) for name, seen in forms.items() if loop and "rough" in seen}
+    found = {which: Word("zoh", LOOP) for which, (look, _) in looks.items() if loop and look == "rough"}
     plain = _plain(options)
     asked = [(records, _fit(read_as(records, found), structure, plain, fit_once)) for records in each]
     each = [records for records, fit in asked if fit is not None]
     fits = [fit for _, fit in asked if fit is not None]
-    for name, seen in forms.items():
-        if len({FORMS[form] for form in seen - {"rest"}}) > 1 and not loop:
-            late = fits and fits[0].layout.rational and fits[0].layout.free_delays  # tells of other errors
-            if fits and name in fits[0].inputs and not late:
-                found, fits = _best_for_all(name, seen, each, fits, found, structure, fit_once)
-            continue
-        held, doubtful = "held" in seen, not seen.isdisjoint(DOUBTFUL)
+    for which, (look, word) in looks.items():
+        held, doubtful = look == "zoh", look in DOUBTFUL
         motion = not (held or doubtful or loop) and options.method == "ml"  # others have no likelihood
         if not (held or doubtful or loop or motion):
             continue
-        if not fits or name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
+        if not fits or which.name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
             continue
         if not doubtful and fits[0].layout.rational and fits[0].layout.free_delays:
             continue  # a free delay makes up for half a sample, and what is left tells of other errors
-        word = fits[0].intersample[fits[0].inputs.index(name)]
-        walk = "walk" in seen and not loop
-        bar = 0.0 if walk else POSITIVE if doubtful and not (loop or many) else VERY_STRONG
-        changed = {**found, name: Word("foh" if held else OTHER[word], BY_FIT)}
+        word = found[which].word if which in found else word
+        walk = look == "walk" and not loop
+        unsure = doubtful or bool(which.look and motion)
+        bar = 0.0 if walk else POSITIVE if unsure and not (loop or many) else VERY_STRONG
+        # Where steps were straight lines, motions beside them are what they look like.
+        changed = {w: own for w, own in found.items() if not (held and w.name == which.name)}
+        changed[which] = Word("foh" if held else OTHER[word], BY_FIT)
         others = _on_bands(each, fits, changed, structure, fit_once)
         if motion and not all(other is not None and other.success and not refuted(other) for other in others):
             continue  # of two wrong models: half a sample of delay makes up for many a lag
@@ -215,53 +224,38 @@ def _asked(
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
         why = OPEN if walk and abs(gain) < STRONG and _apart(fits, others) else BY_FIT
         if gain > bar:
-            found = {**changed, name: Word(changed[name].word, why)}
+            found = changed | {which: Word(changed[which].word, why)}
             fits = [other for other in others if other is not None]
         elif gain < -bar and (doubtful or loop):
-            found[name] = Word(word, why)
+            found[which] = Word(word, why)
         elif gain > STRONG and held:
-            found[name] = Word(word, CLOSE)
+            found[which] = Word(word, CLOSE)
         elif gain > -STRONG and motion and _apart(fits, others):
-            found[name] = Word(word, OPEN)
-    for name, seen in forms.items():
-        apart = len(seen - {"rest"}) > 1 and fits and name in fits[0].inputs
-        if apart and any(unlike_records(fit, name) for fit in fits):
-            found[name] = Word(fits[0].intersample[fits[0].inputs.index(name)], UNLIKE)
+            found[which] = Word(word, OPEN)
     return found, fits
 
 
-def _best_for_all(
-    name: str,
-    seen: set[str],
-    problems: Sequence[tuple[Record, ...]],
-    fits: list[Fit],
-    found: dict[str, Word],
-    structure: Any,
-    fit_once: FitOnce,
-) -> tuple[dict[str, Word], list[Fit]]:
-    """An input that looks unlike in the records of a problem, read as lowers BIC most, and fits so.
+def _open(problems: Sequence[Sequence[Record]], name: str) -> dict[Which, tuple[str, str]]:
+    """What an input that nobody declared looks like where it moves, and how that is read, by these looks.
 
-    What looks held is no motion, while what looks like a motion may be held: this takes positive evidence.
+    What looks held, which most often was, comes last: the others are asked beside it.
     """
-    own = fits[0].intersample[fits[0].inputs.index(name)]
-    words = {FORMS[form] for form in seen - {"rest"}} | ({"foh"} if "held" in seen else set())
-    words |= {"zoh"} if not seen.isdisjoint(EITHER) else set()
-    base, made = _on_bands(problems, fits, found, structure, fit_once), {own: fits}
-    gains = {own: 0.0}
-    for word in sorted(words - {own}):
-        others = _on_bands(problems, fits, {**found, name: Word(word, BY_FIT)}, structure, fit_once)
-        if isfinite(gain := _gain(base, others)):
-            gains[word], made[word] = gain, [other for other in others if other is not None]
-    if "held" in seen and "zoh" in gains:
-        gains["zoh"] += POSITIVE
-    best = max(gains, key=gains.__getitem__)
-    return {**found, name: Word(best, BY_FIT)}, made[best]
+    channel, looks = problems[0][0].inputs.index(name), dict[str, str]()
+    for rec in (rec for records in problems for rec in records):
+        if rec._seen.get(name) != "rest":
+            looks.setdefault(_look(rec, name), rec.intersample[channel])
+    apart = len(looks) > 1
+    return {
+        Which(name, look if apart else ""): (look, looks[look])
+        for look in sorted(looks, key="zoh".__eq__)
+        if look
+    }
 
 
 def _on_bands(
     problems: Sequence[tuple[Record, ...]],
     fits: Sequence[Fit],
-    words: Mapping[str, Word],
+    words: Mapping[Which, Word],
     structure: Any,
     fit_once: FitOnce,
 ) -> list[Fit | None]:
@@ -290,12 +284,6 @@ def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
         for fit, other in zip(fits, others, strict=True)
         if other is not None and fit.param_names and fit.param_names == other.param_names
     )
-
-
-def _forms(problems: Sequence[Sequence[Record]], name: str) -> set[str]:
-    """What the samples of an input look like; nothing where a record declares it, or a fit has decided."""
-    forms = {rec._seen.get(name, "") for records in problems for rec in records}
-    return forms if forms <= FORMS.keys() else set()
 
 
 def _contradicted(fit: Fit) -> bool:

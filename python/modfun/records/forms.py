@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from ..base.between import MIXED, liveliest
+from ..base.between import MIXED
 from .batches import Batch
 from .samples import Samples
 
@@ -32,20 +32,27 @@ def in_common(forms: Forms) -> tuple[str, ...]:
     return tuple([words[0] if len({*words}) == 1 else MIXED for words in zip(*forms, strict=True)])
 
 
-def agreed(records: Sequence[Own]) -> tuple[Own, ...]:
-    """Return records of the same inputs with one word for each that was not declared.
+def agreed(records: Sequence[Own], *, alike: bool = False) -> tuple[Own, ...]:
+    """Return records of the same inputs, of which undeclared ones go as the others where these tell.
 
-    What a record declares holds for all. Else the record in which the input moves most decides, since it
-    may rest in the others. Records that declare different words stay as they are.
+    What one record declares holds for all, unless others declare other words. An input at rest goes as in the
+    record in which it moves most; where all are `alike`, every one does.
     """
-    words = []
-    for k, name in enumerate(records[0].inputs):
+    words = [list(rec.intersample) for rec in records]
+    forms = [dict(rec._seen) for rec in records]
+    for k, name in enumerate(records[0].inputs if records else ()):
         said = {rec.intersample[k] for rec in records if name not in rec._seen}
-        seen = {rec.intersample[k] for rec in records}
-        if len(said) > 1:
-            return tuple(records)
-        if not said and len(seen) > 1:
-            said = {liveliest([rec.intersample[k] for rec in records], [rec.u[k] for rec in records])}
-        words.append((said or seen).pop())
-    kinds = tuple(words)
-    return tuple(rec if rec.intersample == kinds else rec._like(intersample=kinds) for rec in records)
+        seen = [n for n, rec in enumerate(records) if name in rec._seen]
+        most = max(seen, key=lambda n: records[n].u[k].var() * records[n].u[k].size, default=0)
+        for n in seen:
+            if len(said) == 1:
+                (words[n][k],) = said
+                del forms[n][name]
+            elif alike or forms[n][name] == "rest":
+                words[n][k], forms[n][name] = records[most].intersample[k], records[most]._seen[name]
+    return tuple(
+        rec
+        if own == rec._seen and (*kinds,) == rec.intersample
+        else rec._like(intersample=(*kinds,), _seen=own)
+        for rec, kinds, own in zip(records, words, forms, strict=True)
+    )

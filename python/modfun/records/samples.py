@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..base import html
 from ..base.arrays import F64
-from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, MIXED, OPEN, UNLIKE, decided
+from ..base.between import AUTO, BY_FIT, CLOSE, DOUBTFUL, LOOP, MIXED, OPEN, decided
 from ..base.elsewhere import RECORD, Elsewhere
 from ..base.names import nearest
 from ..base.samples import (
@@ -421,7 +421,7 @@ class Samples(Elsewhere):
 
     def _between_words(self) -> list[str]:
         """How each input goes between samples, and whether its samples alone say so."""
-        told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, CLOSE, LOOP, OPEN, UNLIKE), "doubtful")}
+        told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, CLOSE, LOOP, OPEN), "doubtful")}
         origin = {name: told.get(form, "seen") for name, form in self._seen.items()}
         return [
             f"{word} ({origin[name]})" if name in origin else word

@@ -10,7 +10,7 @@ from ..base.arrays import F64
 from ..base.between import BY_FIT, DOUBTFUL, OPEN
 from ..errors import ModfunError
 from ..fitting.candidates import best_of, score
-from ..fitting.undeclared import OTHER, STRONG, Word, read_as
+from ..fitting.undeclared import OTHER, STRONG, Which, Word, read_as
 from ..models.free import Free
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -55,7 +55,7 @@ def as_fits_prefer(
             if why == OPEN:
                 left[name] = gain
             for k in own:
-                (read[k],) = read_as((read[k],), {name: Word(word, why)})
+                (read[k],) = read_as((read[k],), {Which(name): Word(word, why)})
     return read, left
 
 
@@ -95,8 +95,8 @@ def _gain(rec: Record, name: str, word: str, band: float | tuple[float, float] |
         try:
             fit = best_of((own,), ORDERS, Options.checked("frf", band=band))
             options = on_band(fit, fit.band)
-            other = best_of(read_as((own,), {name: Word(OTHER[word], BY_FIT)}), ORDERS, options)
-            slower = best_of(read_as((own,), {name: Word("smooth", BY_FIT)}), delayed, options)
+            other = best_of(read_as((own,), {Which(name): Word(OTHER[word], BY_FIT)}), ORDERS, options)
+            slower = best_of(read_as((own,), {Which(name): Word("smooth", BY_FIT)}), delayed, options)
         except ModfunError:
             return nan
         gain = score(fit, fit) - score(other, fit)

@@ -35,7 +35,7 @@ from .estimates import Estimates
 from .feedback import feedback
 from .known_start import gain_of_start
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
-from .undeclared import undeclared, unlike
+from .undeclared import undeclared
 from .uneven_noise import of_time
 
 __all__ = ["check", "warnings_of"]
@@ -80,7 +80,7 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, unlike, unexpected, in_two_units, unexplained, fed_back,
+    offset, mean, repeated, on_bound, contradicted, unexpected, in_two_units, unexplained, fed_back,
     unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 

@@ -29,6 +29,7 @@ __all__ = [
     "of_written",
     "offset_of",
     "on_band",
+    "otherwise",
     "rewritten",
     "with_drift",
 ]
@@ -186,7 +187,7 @@ def _neighbours(
         return
     for word in ("zoh", "smooth", "foh"):
         if fit.intersample[channel] not in (word, MIXED):
-            changed = tuple(_otherwise(rec, channel, word) for rec in records)
+            changed = tuple(otherwise(rec, channel, word) for rec in records)
             given = repr(list(changed[0].intersample)) if several else repr(word)
             yield f"intersample={given} in the record", changed, fit.structure
     if fit.intersample[channel] == "zoh" or records[0]._seen.get(name) == BY_FIT:
@@ -252,7 +253,7 @@ def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Est
     return other if other.usable else None
 
 
-def _otherwise(rec: Record, channel: int, word: str) -> Record:
+def otherwise(rec: Record, channel: int, word: str) -> Record:
     """The record with an input that goes so between its samples."""
     return rec._like(intersample=(*rec.intersample[:channel], word, *rec.intersample[channel + 1 :]))
 

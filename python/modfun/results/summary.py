@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base import html
-from ..base.between import BY_FIT, CLOSE, LOOP, OPEN, UNLIKE
+from ..base.between import BY_FIT, CLOSE, LOOP, OPEN
 from ..base.names import nearest
 from ..base.student import root, student_p
 from ..base.tables import Findings, Table
@@ -76,7 +76,7 @@ def _read(fit: Estimates) -> str:
         f"{name} {word}"
         for rec in (fit.records or ())[:1]
         for name, word in zip(rec.inputs, rec._between_words(), strict=True)
-        if rec._seen.get(name) in (BY_FIT, CLOSE, LOOP, OPEN, UNLIKE)
+        if rec._seen.get(name) in (BY_FIT, CLOSE, LOOP, OPEN)
     )
 
 

@@ -1,63 +1,15 @@
-"""Doubts about inputs that nobody declared: whether one was held, and whether records differ in that."""
+"""Doubts about inputs that nobody declared: whether one was held."""
 
 from __future__ import annotations
 
-from ..base.between import EITHER, FORMS, OPEN, UNLIKE, form_of
-from .cures import again, bic_beside, furthest, on_band
+from ..base.between import OPEN, form_of
+from .cures import again, bic_beside, furthest, on_band, otherwise
 from .doubts import Doubt
 from .estimates import Estimates
-from .misfit import refuted
 
-__all__ = ["POSITIVE", "undeclared", "unlike", "unlike_records"]
+__all__ = ["POSITIVE", "undeclared"]
 
 POSITIVE = 2.0  # evidence by a difference of BIC (Kass and Raftery, 1995)
-
-
-def unlike_records(fit: Estimates, name: str) -> tuple[int, str, float] | None:
-    """That records of one fit, each alone, fit better with an input read as it looks.
-
-    The record that says most and its word, and by how much BIC falls over all.
-    """
-    records = fit.records or ()
-    if fit.again is None or len(records) < 2:
-        return None
-    channel, options = records[0].inputs.index(name), on_band(fit, fit.band)
-    falls: dict[tuple[int, str], float] = {}
-    for k, rec in enumerate(records):
-        form, word = form_of(rec[name], None if rec.dt else rec.t), rec.intersample[channel]
-        either = form in EITHER
-        looks = (
-            set() if form == "rest" else {FORMS[form], "zoh"} - {word} if either else {FORMS[form]} - {word}
-        )
-        for look in looks:
-            kinds = (*rec.intersample[:channel], look, *rec.intersample[channel + 1 :])
-            alone = again(fit, (rec,), fit.structure, options)
-            other = again(fit, (rec._like(intersample=kinds),), fit.structure, options)
-            if alone is None or other is None or not other.success or refuted(other):
-                continue  # of two wrong models: half a sample of delay makes up for many a lag
-            falls[k, look] = bic_beside(alone, alone) - bic_beside(other, alone)
-            if either:
-                falls[k, look] = max(falls[k, look], 0.0)
-    if sum(falls.values()) <= POSITIVE:
-        return None
-    return (*max(falls, key=falls.__getitem__), sum(falls.values()))
-
-
-def unlike(fit: Estimates) -> Doubt | None:
-    """That records of one fit differ in how an input goes between samples."""
-    for name in fit.inputs:
-        if all(rec._seen.get(name) != UNLIKE for rec in fit.records or ()):
-            continue
-        if found := unlike_records(fit, name):
-            k, word, fallen = found
-            own = fit.intersample[fit.inputs.index(name)]
-            return Doubt(
-                f"Input {name!r} goes between samples in unlike ways: it is read as {own} in all records, "
-                f"and record {k} looks {word} (each alone, read as they look, BIC falls by {fallen:.3g}). "
-                "One fit takes one form of an input, which biases the estimates. First fit the records one "
-                "by one, mf.fit_many(records, model), or leave out those that differ."
-            )
-    return None
 
 
 def undeclared(fit: Estimates) -> Doubt | None:
@@ -66,16 +18,19 @@ def undeclared(fit: Estimates) -> Doubt | None:
     A warning where the samples are a random walk, which say neither; most motions are what they look like.
     """
     records = fit.records or ()
-    name = next((name for rec in records[:1] for name in rec.inputs if rec._seen.get(name) == OPEN), None)
-    if fit.again is None or name is None:
+    left = [(rec, name) for rec in records for name in rec.inputs if rec._seen.get(name) == OPEN]
+    if fit.again is None or not left:
         return None
-    first, channel = records[0], records[0].inputs.index(name)
-    read = first.intersample
+    first, name = left[0]
+    channel, read = first.inputs.index(name), first.intersample
     word, how = (
         ("smooth", "Smooth, as a motion") if read[channel] == "zoh" else ("zoh", "Held, as by a computer")
     )
     kinds = (*read[:channel], word, *read[channel + 1 :])
-    changed = tuple(rec._like(intersample=kinds) for rec in records)
+    alike = [rec._seen.get(name) == OPEN and rec.intersample[channel] == read[channel] for rec in records]
+    changed = tuple(
+        otherwise(rec, channel, word) if own else rec for rec, own in zip(records, alike, strict=True)
+    )
     other = again(fit, changed, fit.structure, on_band(fit, fit.band))
     if other is None:
         return None

@@ -15,7 +15,7 @@ from ..base.names import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator, fit_quietly
 from ..fitting.prepared import counts_start, joint_words, plain_words, prepare, spans
-from ..fitting.undeclared import Word, decided_by_fit, read_as
+from ..fitting.undeclared import Which, Word, decided_by_fit, read_as
 from ..fitting.weights import weighting
 from ..models.layout import Layout
 from ..models.options import WORDS, Options
@@ -60,7 +60,7 @@ class Contender:
     structures: tuple[Any, ...]
     params: tuple[tuple[str, ...], ...]
     truth: tuple[F64, ...]
-    words: tuple[dict[str, Word], ...] = ()
+    words: tuple[dict[Which, Word], ...] = ()
     with_past: bool = False
 
     def read(self, group: Group | Generated, rec: Record) -> Record:

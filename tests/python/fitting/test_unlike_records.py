@@ -12,13 +12,15 @@ TRUTH, DT, N = np.array([2.0, 20.0, 2.0, 20.0]), 0.02, 501
 
 
 def record(kind: str, seed: int, nsr: float, intersample: str = "auto") -> mf.Record:
-    """A binary or a white sequence that is held, or a chirp that is smooth or held."""
+    """A binary (or in straight lines) or white sequence that is held, or a chirp that is smooth or held."""
     rng, t = np.random.default_rng(seed), DT * np.arange(N)
     u = {
         "binary": lambda: np.repeat(np.sign(rng.standard_normal(N // 25 + 2)), 25)[:N],
+        "line": lambda: np.repeat(np.sign(rng.standard_normal(N // 25 + 2)), 25)[:N],
         "white": lambda: rng.standard_normal(N),
     }.get(kind, lambda: np.sin(t**2 / 3))()
-    y = PLANT.simulate(u=u, dt=DT, intersample="smooth" if kind == "chirp" else "zoh").ravel()
+    form = {"chirp": "smooth", "line": "foh"}.get(kind, "zoh")
+    y = PLANT.simulate(u=u, dt=DT, intersample=form).ravel()
     y = y + nsr * y.std() * rng.standard_normal(N)
     return mf.Record(y=y, u=u, dt=DT, intersample=intersample)
 
@@ -40,25 +42,31 @@ def test_one_form_in_truth_is_found_where_records_look_unlike(kinds):
     """
     scores = []
     for seed in range(12):
-        fit, said = fitted(*kinds, seed=seed, nsr=0.02)
+        fit, _ = fitted(*kinds, seed=seed, nsr=0.02)
         assert fit.intersample == ("zoh",)
-        assert "zoh (by the fit)" in repr(fit.records[1])
-        assert "unlike ways" not in said
+        asked = next(k for k, kind in enumerate(kinds) if kind != "binary")
+        assert "zoh (by the fit)" in repr(fit.records[asked])
         scores.append((fit.params - TRUTH) / fit.bse)
     assert np.mean(np.square(scores)) < 1.7
 
 
-def test_records_that_differ_are_said_with_the_cure():
-    """All of 40 such fits were warned of, and 1 of 750 of one form; here one of ten may be."""
-    mixed = (("binary", "chirp"), ("white", "chirp"))
-    warned = [fitted(*kinds, seed=seed, nsr=0.02) for kinds in mixed for seed in range(5)]
-    for fit, said in warned:
-        assert "Input 'u' goes between samples in unlike ways" in said
-        assert "First fit the records one by one, mf.fit_many(records, model)" in said
-        assert "(doubtful)" in repr(fit.records[0])
-        assert said.removeprefix("fit: ") in str(fit.check())
-    clean = [fitted("binary", "held chirp", seed=seed, nsr=0.2)[1] for seed in range(10)]
-    assert sum("unlike ways" in said for said in clean) <= 1
+@pytest.mark.parametrize("kinds", [("binary", "chirp"), ("white", "chirp"), ("line", "chirp")])
+def test_records_that_differ_are_each_read_as_they_were(kinds):
+    """One form for both put estimates 2.5 to 15 errors off.
+
+    The mean square of 32 scores, four in each of eight fits, is above 1.9 once in 600 if independent.
+    """
+    held, scores = "foh" if kinds[0] == "line" else "zoh", []
+    for seed in range(8):
+        fit, _ = fitted(*kinds, seed=seed, nsr=0.02)
+        assert [rec.intersample for rec in fit.records] == [(held,), ("smooth",)]
+        scores.append((fit.params - TRUTH) / fit.bse)
+    assert np.mean(np.square(scores)) < 1.9
+
+
+def test_what_one_record_declares_holds_for_the_others():
+    rec, told = record("chirp", 0, 0.02), record("chirp", 1, 0.02, "zoh")
+    assert [own.intersample for own in mf.fit([rec, told], MODEL).records] == [("zoh",)] * 2
 
 
 def test_equations_of_records_that_look_unlike():
