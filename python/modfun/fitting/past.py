@@ -25,6 +25,7 @@ from ..results.stability import deviance
 from .from_states import fit_from_states
 from .kinks import without_kinks
 from .of_equations import fit_equation
+from .operating_point import OperatingPoint
 
 __all__ = ["fit_with_past"]
 
@@ -47,7 +48,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     none: samples of it are put before the first one with a small `sigma`, and the modulating functions cover
     both. Under "zero" the outputs' level is 0. Under "rest", or beside a constant in each equation, it is
     unknown: a nuisance with the lowest −2 log likelihood, whose covariance, twice the inverse of the second
-    derivatives there, widens that of the parameters that follow it.
+    derivatives there, widens that of the parameters that follow it. Equations without a constant hold at it.
 
     Raises
     ------
@@ -78,7 +79,10 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
         fit, wider = search.settled(fit)
     if equations and fit.usable:
         fit = without_kinks(fit, fit_equation)
-    return replace(fit, **wider, options=options, records=records, with_past=fit.records, again=fit_once)
+    return replace(
+        fit, **wider, params=fit.params + search.moved, options=options, records=records,
+        with_past=search.extended(), again=fit_once,
+    )  # fmt: skip
 
 
 class _Search:
@@ -94,15 +98,21 @@ class _Search:
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
         self.inner = options.replace(initial_state="unknown", **more)
         self.levels = np.zeros((len(records), len(records[0].outputs)))
+        self.moved: Any = 0.0  # what the operating point adds to the parameters
+        self.point: OperatingPoint | None = None
         if self.free:
+            if not isinstance(structure, TransferFunction) and _trend(structure, options) is None:
+                self.point = OperatingPoint.of(records, structure)
             self.levels[:] = [_first_level(rec, _past_inputs(rec, self.rest)) for rec in records]
 
     def fit(self, levels: F64) -> Any:
         """The fit under these levels."""
-        longer = [
-            extended(rec, own, self.rest, self.late) for rec, own in zip(self.records, levels, strict=True)
-        ]
-        return self.fit_once(tuple(longer), self.structure, self.inner)
+        return self.fit_once(self.extended(levels), self.structure, self.inner)
+
+    def extended(self, levels: F64 | None = None) -> tuple[Record, ...]:
+        """The records with their past at levels, by default those that were found."""
+        both = zip(self.records, self.levels if levels is None else levels, strict=True)
+        return tuple([extended(rec, own, self.rest, self.late) for rec, own in both])
 
     def settled(self, fit: Any) -> tuple[Any, dict[str, F64]]:
         """The fit under the best levels, and its covariances with what the errors of these add.
@@ -123,29 +133,46 @@ class _Search:
         steps = STEP * fit.noise_levels.ravel()
         for _ in range(ROUNDS):
             sides, slopes, gradient, curvature = self._differences(fit, steps, rows)
-            if not all(one.usable for one in sides) or not np.linalg.eigvalsh(curvature)[0] > 0:
+            found = all(one.usable for one in sides) and np.isfinite(curvature).all()
+            if not found or not np.linalg.eigvalsh(curvature)[0] > 0:
                 steps = steps / 2  # a fit fell into another minimum, or into none
                 continue
             inverse = np.linalg.inv(curvature)
             move, errors = -inverse @ gradient, np.sqrt(2 / rows * np.diag(inverse))
             if np.all(np.abs(move) < SETTLED * errors):
-                added = 2 / rows * slopes @ inverse @ slopes.T
                 self.inner, ended = own, fit
                 if self.several:
                     ended = self.fit(self.levels)
                     ended = ended if ended.success else fit
-                return ended, {
+                wider = {
                     name: np.mean([getattr(one, name) for one in sides], axis=0)
-                    + added
                     + (getattr(ended, name) - getattr(fit, name))
                     for name in COVARIANCES
                 }
+                return ended, self._tied(
+                    ended, wider, slopes / steps, 2 / rows * inverse * np.outer(steps, steps)
+                )
             self.levels = self.levels + (steps * move).reshape(self.levels.shape)
             fit = self.fit(self.levels)
             if not fit.usable:
                 return fit, {}
             steps = steps * errors * np.sqrt(errors.size)
         return replace(fit, status="maxiter"), {}
+
+    def _tied(self, fit: Any, covs: dict[str, F64], slopes: F64, of_levels: F64) -> dict[str, F64]:
+        """Covariances beside levels of this covariance, of parameters that hold at these where they must."""
+        both = slopes @ of_levels
+        joint = {
+            name: np.block([[cov + both @ slopes.T, both], [both.T, of_levels]]) for name, cov in covs.items()
+        }
+        count = fit.params.size
+        if self.point is not None:
+            found = self.point.tied(np.concatenate([fit.params, self.levels.ravel()]), joint, "cov_nonrobust")
+            if found is not None:
+                x, joint = found
+                self.moved = x[:count] - fit.params
+                self.levels = x[count:].reshape(self.levels.shape)
+        return {name: cov[:count, :count] for name, cov in joint.items()}
 
     def _differences(self, fit: Any, steps: F64, rows: int) -> tuple[list[Any], F64, F64, F64]:
         """Fits on both sides, slopes of the parameters, derivatives of the squares, by levels in steps.
@@ -241,9 +268,12 @@ def _longest_delay(structure: Any, rec: Record, options: Options) -> float:
 def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None:
     told = f"fit: initial_state={options.initial_state!r}"
     if options.initial_state not in ("rest", "zero"):
+        cure = (
+            "" if isinstance(structure, TransferFunction) else "write linear equations as a StateSpace, or "
+        )
         raise SpecError(
             f"{told} is for transfer functions of one output in white noise, without free delays, masks and "
-            'sigma, and numbers also for a StateSpace; take "rest", "zero" or "unknown"'
+            f'sigma, and numbers also for a StateSpace; {cure}take "rest", "zero" or "unknown"'
         )
     _refuse_kind(structure, options)
     if not isinstance(structure, TransferFunction) and structure.compiled().is_driven_by_time:
