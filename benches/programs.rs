@@ -227,6 +227,7 @@ fn joint_options(structure: JointStructure, band: Band) -> JointOptions {
         trend: Trend::None,
         extended: true,
         band,
+        driven: false,
         own_levels: true,
         priors: vec![],
         options: SETTLED,

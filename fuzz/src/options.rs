@@ -171,6 +171,7 @@ impl Bytes<'_> {
             trend: self.trend(),
             extended: !self.rarely(),
             band: self.band(n as f64 * dt),
+            driven: false,
             own_levels: !self.rarely(),
             priors: vec![],
             options: self.iteration(),

@@ -16,6 +16,7 @@ use crate::enter::enter;
 use crate::errors::to_python;
 use crate::fit::{
     GivenPrior, Records, When, Words, answered, asked, many_dictionary, priors, sampling,
+    set_levels,
 };
 
 /// Input, delay or its start, and the bounds of a delay that is estimated.
@@ -26,6 +27,7 @@ pub struct GivenJoint {
     structure: JointStructure,
     noise: NoiseModel,
     own_levels: bool,
+    driven: bool,
     priors: Vec<GivenPrior>,
     words: Words,
 }
@@ -59,6 +61,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenJoint {
                 spectra: given.get_item("spectra")?.extract()?,
             },
             own_levels: given.get_item("own_levels")?.extract()?,
+            driven: given.get_item("driven")?.extract()?,
             priors: given.get_item("priors")?.extract()?,
             words: given.extract()?,
         })
@@ -74,6 +77,7 @@ impl GivenJoint {
             rule: self.words.rule()?,
             method: self.words.method()?,
             noise: self.noise,
+            driven: self.driven,
             trend: self.words.trend()?,
             extended: self.words.extended,
             band: self.words.band()?,
@@ -168,6 +172,7 @@ pub fn dictionary(py: Python<'_>, f: JointFit, outputs: usize) -> PyResult<Bound
     out.set_item("noise", matrix(py, f.noise, outputs)?)?;
     out.set_item("at_bound", f.at_bound)?;
     out.set_item("record_levels", vector(py, f.record_levels))?;
+    set_levels(&out, f.levels)?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
         let own = PyList::empty(py);

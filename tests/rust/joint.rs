@@ -52,6 +52,7 @@ fn options(outputs: usize, delay: Delay, band: Band) -> JointOptions {
         trend: Trend::Constant,
         extended: true,
         band,
+        driven: false,
         own_levels: true,
         priors: vec![],
         options: OPTIONS,

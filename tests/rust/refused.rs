@@ -108,6 +108,7 @@ fn joint(order: usize, input: usize) -> JointOptions {
         trend: Trend::None,
         extended: true,
         band: Band::Harmonics(8),
+        driven: false,
         own_levels: true,
         priors: vec![],
         options: OPTIONS,

@@ -34,7 +34,7 @@ from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .past import fit_with_past
-from .prepared import counts_start, prepare, refuse_cut_off, refuse_standing
+from .prepared import counts_start, fits_alone, prepare, refuse_cut_off, refuse_standing
 from .robust import robust_fit
 from .undeclared import decided_by_fit, fit_as_read, read_alike, read_as
 
@@ -108,8 +108,8 @@ def fit(
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
         unknown (of several outputs estimated in full, by alternation); "process": white noise drives each
         equation as well, as turbulence or load do, and all levels are estimated (`Fit.process_noise`; for
-        transfer functions of one output and for linear equations and state spaces of which every state is
-        measured, by "ml"); "equation": white in the equations alone;
+        transfer functions of one output with known delays and for linear equations and state spaces of which
+        every state is measured, by "ml"); "equation": white in the equations alone;
         "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
         alternation; "errors-in-variables": white on outputs and inputs, levels from the harmonics that the
         signals leave empty; "log-normal": white on the logarithms of the outputs (equations only);
@@ -348,7 +348,7 @@ def fit_many(
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
-    if past or _bends(read, structure, checked):
+    if past or fits_alone(read, structure, checked) or _bends(read, structure, checked):
         each = tuple([read[k] for k in range(len(read))])  # each with a past, or kinks, of its own
         return fit_each(each, structure, checked, fit_quietly, progress, notes)
     if isinstance(read, Batch) or _alike(read, checked):

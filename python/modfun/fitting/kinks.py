@@ -71,7 +71,7 @@ def _settled(
                 smooth = tuple([_unfolded(now, k, rec, more) for k, (rec, more) in enumerate(both)])
                 known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
                 after = refit(smooth, now.structure, options, **known)
-        except ModfunError:
+        except (ModfunError, np.linalg.LinAlgError):  # a response that leaves the range of numbers
             return None
         if not after.success:
             return None

@@ -24,7 +24,7 @@ from .gaps import blind, bridged, variances, weighs
 from .weights import weighting
 
 __all__ = [
-    "Prepared", "counts_start", "joint_words", "plain_words", "prepare", "prepare_stream",
+    "Prepared", "counts_start", "fits_alone", "joint_words", "plain_words", "prepare", "prepare_stream",
     "refuse_cut_off", "refuse_known_start", "refuse_process_noise", "refuse_standing", "spans",
 ]  # fmt: skip
 
@@ -100,6 +100,14 @@ def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record
     return plain and options.plain_noise and (isinstance(data, Batch) or _even(options, data))
 
 
+def fits_alone(data: Batch | Sequence[Record], structure: Any, options: Options) -> bool:
+    """Whether noise drives a transfer function some coefficients of which are held, bounded or known."""
+    if not (options.drives and isinstance(structure, TransferFunction)):
+        return False
+    first = data if isinstance(data, Batch) else data[0]
+    return not structure.layout(first.outputs, first.inputs).plain
+
+
 def _jumps_late(layout: Layout, options: Options, data: Batch | Sequence[Record]) -> bool:
     """Whether delayed inputs jump from zero at the first sample, which the core counts as their past."""
     if options.initial_state != "zero":
@@ -164,18 +172,19 @@ def refuse_known_start(options: Options) -> None:
         )
 
 
-def refuse_process_noise(options: Options) -> None:
-    """Refuse noise inside the system where fits cannot tell it.
+def refuse_process_noise(options: Options, layout: Layout | None = None) -> None:
+    """Refuse noise inside the system where fits cannot tell it; `layout`: of records without masks and sigma.
 
     Raises
     ------
     SpecError
     """
-    if options.drives:
+    able = layout is not None and len(layout.outputs) == 1 and not layout.free_delays
+    if options.drives and not (able and options.noise == "process"):
         raise SpecError(
-            'fit: noise="process" is for transfer functions of one output without free delays, held '
-            "coefficients, masks and sigma, and for an Equation or StateSpace that measures all its states; "
-            'write several outputs so, or take noise="output"'
+            'fit: noise="process" is for transfer functions of one output without free delays, masks and '
+            "sigma (in a study also without held or bounded coefficients), and for an Equation or StateSpace "
+            'that measures all its states; write several outputs so, or take noise="output"'
         )
 
 
@@ -335,7 +344,8 @@ def _joint(
     sampling: tuple[tuple[int, Any], ...],
 ) -> Prepared:
     refuse_known_start(options)
-    refuse_process_noise(options)
+    even = not isinstance(data, Batch) and not any([weighs(rec) for rec in data])
+    refuse_process_noise(options, layout if even else None)
     intervals = _intervals(layout, sampling)
     if isinstance(data, Batch):
         # Some of its records say how much noise there is; where that is told, one stands for all.

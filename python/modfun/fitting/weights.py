@@ -40,7 +40,9 @@ def weighting(
         "sigma_y": None,
         "sigma_u": None,
         "spectra": [],
+        "driven": options.drives,
         "own_levels": not isinstance(options.noise, Noise)
+        and not options.drives
         and options.noise != "errors-in-variables"
         and all(rec.sigma is None for rec in records),
     }

@@ -28,7 +28,7 @@ class Free:
     sd : float, optional
         Standard deviation of what is known of the parameter beforehand, from a data sheet or an earlier
         test: `start` is then its mean, and counts as one measurement more, ``Free(1.4, sd=0.1)``. Standard
-        errors are those of record and prior together. By "ml" and "awls", and not in process noise.
+        errors are those of record and prior together. By "ml" and "awls".
 
     Raises
     ------

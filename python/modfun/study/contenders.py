@@ -14,7 +14,14 @@ from ..base.callables import source
 from ..base.names import nearest
 from ..errors import DataError, ModfunWarning, SpecError
 from ..fitting.fit import Estimator, fit_quietly
-from ..fitting.prepared import counts_start, joint_words, plain_words, prepare, spans
+from ..fitting.prepared import (
+    counts_start,
+    joint_words,
+    plain_words,
+    prepare,
+    refuse_process_noise,
+    spans,
+)
 from ..fitting.undeclared import Which, Word, decided_by_fit, read_as
 from ..fitting.weights import weighting
 from ..models.layout import Layout
@@ -97,6 +104,7 @@ class Contender:
         rec, layout = group.record(group.y), self.layout(group)
         if layout.plain and own.options.plain_noise:
             return plain_words(layout, (rec.intersample,), own.options)
+        refuse_process_noise(own.options)
         return {
             **weighting(layout, own.options, [rec], spans(layout, [rec])),
             **joint_words(layout, (rec.intersample,), own.options),

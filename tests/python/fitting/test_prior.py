@@ -354,7 +354,6 @@ def test_noise_that_changes_is_allowed_for() -> None:
         (lambda: mf.Free(sd=0.1), "needs the mean"),
         (lambda: mf.Free(1.0, sd=0.0), "above 0"),
         (lambda: mf.fit(record(), KNOWN, method="ls"), "ml"),
-        (lambda: mf.fit(record(), KNOWN, noise="process"), "process"),
         (lambda: mf.fit(mf.frf(record()), KNOWN), "frequency response: the prior of a1"),
         (lambda: mf.rivals.output_error(KNOWN)(record()), "the prior of a1"),
     ],

@@ -79,3 +79,15 @@ def test_state_equations_of_which_one_integrates() -> None:
         assert (fit.status, fit.lines[0][0]) == ("ok", 0)
         assert np.all(np.abs(fit.params - np.array([truth[name] for name in fit.param_names])) < 4 * fit.bse)
         assert np.all(fit.bse < 0.2)
+
+
+@pytest.mark.parametrize("trend", [None, "constant"])
+def test_a_transfer_function_that_holds_its_pole_at_zero_is_the_equation(trend: str | None) -> None:
+    rec = record(0.1, 0.02, np.random.default_rng(5))
+    held = mf.TransferFunction(poles=2, zeros=0, params={"a2": 0.0})
+    one = mf.fit(rec, held, noise="process", trend=trend)
+    other = mf.fit(rec, CART, noise="process", trend=trend, band=(one.lines[0][0] * one.omega0[0], 20.2))
+    assert (one.status, one.lines) == (other.status, other.lines)
+    assert one.params == pytest.approx(other.params, rel=1e-6)
+    assert one.bse == pytest.approx(other.bse, rel=1e-5)
+    assert one.process_noise()["level"] == pytest.approx(other.process_noise()["level"], rel=1e-5)

@@ -67,6 +67,7 @@ pub fn options(structure: JointStructure, method: Method, band: Band) -> JointOp
         trend: Trend::None,
         extended: true,
         band,
+        driven: false,
         own_levels: false,
         priors: vec![],
         options: fast::OPTIONS,
@@ -292,6 +293,7 @@ fn levels_of_records_are_those_of_the_fast_path() {
     let band = Band::Edges(0.0, 12.0);
     let o = JointOptions {
         noise: NoiseModel::output(),
+        driven: false,
         own_levels: true,
         ..options(s, Method::Ml, band)
     };

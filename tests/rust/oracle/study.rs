@@ -58,6 +58,7 @@ fn joint() -> JointOptions {
         trend: Trend::None,
         extended: true,
         band: Band::Harmonics(16),
+        driven: false,
         own_levels: false,
         priors: vec![],
         options: OPTIONS,

@@ -24,19 +24,21 @@
 //! Where A is singular, on line 0 of an integrator, r = −BU − T does not depend on the output: that line tells of S alone,
 //! so A⁻¹ is 0 there and |det A|² a constant.
 
+mod hold;
+mod known;
 pub(crate) mod output;
 mod search;
 mod small;
 mod worth;
 
+use super::prior::Prior;
 use crate::covariance::FLOOR;
 use crate::linalg::columns::Columns;
 use crate::math::ln_1;
 use crate::simd::Isa;
-pub(crate) use small::C;
-use small::{
-    add_outer, apply, by, colour, conjugate, factor, gather, invert, plus, spread, whiten,
-};
+use known::Known;
+pub(crate) use small::{C, plus, times};
+use small::{add_outer, apply, by, colour, conjugate, factor, gather, invert, spread, whiten};
 
 /// Least of a line's rows that leverage leaves: below what a line without noise has beside the others.
 const LEFT: f64 = 1e-12;
@@ -69,6 +71,8 @@ pub(crate) trait Linear {
     fn measured(&self) -> bool;
     /// Least and most of a parameter.
     fn bounds(&self, parameter: usize) -> (f64, f64);
+    /// What is known of parameters beforehand.
+    fn priors(&self) -> &[Prior];
     /// Makes ready for lines at θ.
     fn set(&mut self, theta: &[f64]);
     /// A, r = AY − BU, and the sum of sizes in each entry of A.
@@ -181,6 +185,7 @@ pub(crate) struct Driven {
     joint: Vec<f64>,
     sandwich: Vec<f64>,
     held: Vec<bool>,
+    known: Known,
     desk: Desk,
 }
 
@@ -213,7 +218,9 @@ impl Driven {
             blocks.push(Block { transient, ends, row, rows, line, sampled });
             (row, line) = (row + rows, line + sampled.lines);
         }
-        let all = row + (line * q * q).next_multiple_of(8);
+        let known = Known::new(model.priors());
+        let more = known.rows();
+        let all = row + (line * q * q).next_multiple_of(8) + more;
         let count = |own: &Block, i: usize| if own.sampled.from_zero && i == 0 { 1.0 } else { 2.0 };
         let lines =
             blocks.iter().flat_map(|own| (0..own.sampled.lines).map(move |i| count(own, i)));
@@ -229,7 +236,7 @@ impl Driven {
             a: vec![zero; line * q * q],
             inverse: vec![zero; line * q * q],
             lower: vec![zero; line * q * q],
-            mean: Columns::new(isa, row, p),
+            mean: Columns::new(isa, row + more, p),
             jacobian: vec![0.0; row * p],
             slopes: vec![0.0; line * q * q * unknowns],
             over: vec![0.0; line * q * q],
@@ -242,6 +249,7 @@ impl Driven {
             joint: vec![0.0; unknowns * unknowns],
             sandwich: vec![0.0; p * p],
             held: vec![false; unknowns],
+            known,
             desk: Desk {
                 a: vec![zero; q * q],
                 work: vec![zero; q * q],
@@ -264,9 +272,10 @@ impl Driven {
     /// Residual at a point with the transient at its best, and what belongs to the lines. Returns the criterion.
     fn evaluate(&mut self, model: &mut impl Linear, theta: &[f64], levels: &[f64]) -> f64 {
         model.set(theta);
+        self.known.set(theta);
+        let mut criterion = self.known.distance();
         let q = self.outputs;
         let Desk { a, work, sizes, r, x, .. } = &mut self.desk;
-        let mut criterion = 0.0;
         for (k, block) in self.blocks.iter_mut().enumerate() {
             let [unit, inside] = block.sampled.variances;
             let count = block.sampled.lines;
@@ -411,7 +420,11 @@ impl Driven {
                 let rows = &mut column[block.row..][..block.rows];
                 block.transient.project(0, rows, &mut self.coefficients[..block.transient.count()]);
             }
-            self.mean.push(|to| to.copy_from_slice(column));
+            let known = &self.known;
+            self.mean.push(|to| {
+                to[..all].copy_from_slice(column);
+                known.column(j, &mut to[all..]);
+            });
         }
         self.leverages();
         self.hold(model, theta, levels);
@@ -423,9 +436,13 @@ impl Driven {
                 slopes.fill(0.0);
             }
             let slopes = &*slopes;
-            let lines = &self.lines;
+            let (lines, known) = (&self.lines, &self.known);
             self.scoring.push(|to| {
-                let (mean, variance) = to.split_at_mut(all);
+                let (mean, rest) = to.split_at_mut(all);
+                let (variance, beneath) = rest.split_at_mut(rest.len() - known.rows());
+                if free {
+                    known.column(unknown, beneath);
+                }
                 if unknown < p && free {
                     mean.copy_from_slice(&jacobian[unknown * all..][..all]);
                 }
@@ -437,54 +454,4 @@ impl Driven {
             });
         }
     }
-
-    /// What leverage leaves of each line's rows, and by how much the residual is less than that.
-    fn leverages(&mut self) {
-        let q = self.outputs;
-        self.over.fill(0.0);
-        for block in &self.blocks {
-            let count = block.sampled.lines;
-            for i in 0..count {
-                let own = &mut self.lines[block.line + i];
-                let rows = (0..2 * q).map(|e| block.row + e * count + i);
-                let taken: f64 = rows.map(|row| leverage(block, &self.mean, row)).sum();
-                own.left = (own.count - taken / q as f64).max(LEFT);
-                let e = &mut self.desk.e;
-                gather(&self.residual[block.row..], own.count, e, (count, i));
-                let over = &mut self.over[(block.line + i) * q * q..][..q * q];
-                over[..q].fill(own.left);
-                add_outer(e, e, -own.count, over);
-            }
-        }
-    }
-
-    /// Levels of 0 of which the equations ask for less stay, as do parameters that are pushed against a bound.
-    fn hold(&mut self, model: &impl Linear, theta: &[f64], levels: &[f64]) {
-        let (q, p, all) = (self.outputs, self.parameters, self.residual.len());
-        let part = self.over.len();
-        let falls = |slopes: &[f64]| slopes.iter().zip(&self.over).map(|(a, b)| a * b).sum::<f64>();
-        let slopes = self.slopes.chunks(part);
-        let held = slopes.zip(&mut self.held).enumerate().map(|(k, (own, held))| (k, own, held));
-        for (unknown, slopes, held) in held {
-            let falls = falls(slopes);
-            let Some(at) = theta.get(unknown) else {
-                let level = unknown - p;
-                let absent = level < q && !model.measured();
-                *held = absent || (levels[level] == 0.0 && falls >= 0.0);
-                continue;
-            };
-            let own = self.jacobian[unknown * all..][..all].iter().zip(&self.residual);
-            let falls = falls + 2.0 * own.map(|(a, b)| a * b).sum::<f64>();
-            let (low, high) = model.bounds(unknown);
-            *held = (*at <= low && falls >= 0.0) || (*at >= high && falls <= 0.0);
-        }
-    }
-}
-
-/// Leverage of a row, that of the transient and that of θ.
-fn leverage(block: &Block, mean: &Columns, row: usize) -> f64 {
-    let square = |q: &Columns, row: usize| -> f64 {
-        (0..q.count()).map(|j| q.q(j)[row] * q.q(j)[row]).sum()
-    };
-    square(&block.transient, row - block.row) + square(mean, row)
 }

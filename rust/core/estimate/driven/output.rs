@@ -1,8 +1,8 @@
 //! One output of a transfer function: its lines in one lane of a workspace.
 
-use super::small::{C, plus, times};
-use super::{Driven, Found, Linear, Sampled};
+use super::{C, Driven, Found, Linear, Sampled, plus, times};
 use crate::estimate::design::Design;
+use crate::estimate::prior::Prior;
 use crate::estimate::record_space::RecordSpace;
 use crate::modulation::{Column, Signal};
 use crate::structure::Noise;
@@ -123,6 +123,10 @@ impl Linear for Output<'_> {
         (f64::NEG_INFINITY, f64::INFINITY)
     }
 
+    fn priors(&self) -> &[Prior] {
+        &[]
+    }
+
     fn set(&mut self, theta: &[f64]) {
         self.theta.clear();
         self.theta.extend_from_slice(theta);
@@ -191,22 +195,26 @@ impl Driven {
 impl Found {
     /// Levels in the user's units.
     pub fn levels_of_output(&self, d: &Design) -> Levels {
-        let p = d.parameters();
         let equation = (0..d.structure.order).fold(d.unit, |p, _| p * d.band_edge);
-        let units = [d.unit * d.unit, equation * equation];
-        let unit = |k: usize| if k < p { d.scale[k] } else { units[k - p] };
-        let size = p + LEVELS;
-        if self.cov.is_empty() {
-            let nothing = |count: usize| vec![f64::NAN; count];
-            let (values, cov) = (nothing(LEVELS), nothing(size * size));
-            return Levels { values, cov, shares: vec![(f64::NAN, f64::NAN)] };
-        }
-        let cov = self.cov.iter().enumerate().map(|(k, v)| v * unit(k / size) * unit(k % size));
-        Levels {
-            values: self.levels.iter().zip(units).map(|(level, unit)| level * unit).collect(),
-            cov: cov.collect(),
-            shares: self.shares.clone(),
-        }
+        in_units(self, &d.scale, [d.unit * d.unit, equation * equation])
+    }
+}
+
+/// Levels of one output where parameters and levels have these units; nan where nothing was found.
+pub(crate) fn in_units(found: &Found, scale: &[f64], units: [f64; LEVELS]) -> Levels {
+    let p = scale.len();
+    let unit = |k: usize| if k < p { scale[k] } else { units[k - p] };
+    let size = p + LEVELS;
+    if found.cov.is_empty() {
+        let nothing = |count: usize| vec![f64::NAN; count];
+        let (values, cov) = (nothing(LEVELS), nothing(size * size));
+        return Levels { values, cov, shares: vec![(f64::NAN, f64::NAN)] };
+    }
+    let cov = found.cov.iter().enumerate().map(|(k, v)| v * unit(k / size) * unit(k % size));
+    Levels {
+        values: found.levels.iter().zip(units).map(|(level, unit)| level * unit).collect(),
+        cov: cov.collect(),
+        shares: found.shares.clone(),
     }
 }
 

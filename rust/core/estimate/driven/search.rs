@@ -6,7 +6,7 @@
 //! J̃_m a + r̃_m,    √((k−ℓ)/2) (M a + 1 − r̃ r̃ᴴ/(k−ℓ)),    M = L⁻¹A ∂P AᴴL⁻ᴴ,
 //! ```
 //!
-//! halved until Σ (k−ℓ) log det P + |r̃|² at the ℓ that stands has fallen. Levels end at 0 where the equations ask for less.
+//! and on those of priors, halved until Σ (k−ℓ) log det P + |r̃|² at the ℓ that stands has fallen. Levels end at 0 where the equations ask for less.
 
 use super::small::{square, whiten};
 use super::{Driven, Found, Linear};
@@ -93,7 +93,9 @@ impl Driven {
     fn solve(&mut self) -> f64 {
         let (all, size) = (self.residual.len(), self.outputs * self.outputs);
         self.rows.fill(0.0);
-        let (mean, variance) = self.rows.split_at_mut(all);
+        let (mean, rest) = self.rows.split_at_mut(all);
+        let (variance, beneath) = rest.split_at_mut(rest.len() - self.known.rows());
+        beneath.iter_mut().zip(&self.known.surprises).for_each(|(to, z)| *to = *z);
         mean.copy_from_slice(&self.residual);
         let each = variance.chunks_mut(size).zip(self.over.chunks(size)).zip(&self.lines);
         for ((to, over), own) in each {
@@ -159,7 +161,8 @@ impl Driven {
 
     /// The criterion of the point that was evaluated, at the leverages that stand.
     fn criterion(&self) -> f64 {
-        self.lines.iter().map(|own| own.left * own.log_p + own.misfit).sum()
+        let lines = self.lines.iter().map(|own| own.left * own.log_p + own.misfit);
+        lines.sum::<f64>() + self.known.distance()
     }
 
     /// Levels to start from: what the residuals show with noise of the samples alone, and noises that on the middle of the

@@ -56,10 +56,15 @@ impl Driven {
                 for (row, to) in self.joint.chunks(unknowns).zip(&mut influence) {
                     *to = row.iter().zip(&score).map(|(c, s)| c * s).sum();
                 }
-                for (row, a) in self.sandwich.chunks_mut(p.max(1)).zip(&influence) {
-                    row.iter_mut().zip(&influence).for_each(|(to, b)| *to += a * b);
-                }
+                add_influence(&mut self.sandwich, &influence);
             }
+        }
+        // What was known is as certain as it says.
+        for (parameter, sd) in self.known.each() {
+            for (row, to) in self.joint.chunks(unknowns).zip(&mut influence) {
+                *to = row[parameter] / sd;
+            }
+            add_influence(&mut self.sandwich, &influence);
         }
     }
 
@@ -93,7 +98,8 @@ impl Driven {
         let (p, q, all) = (self.parameters, self.outputs, self.residual.len());
         let (unknowns, size, part) = (self.unknowns(), q * q, self.over.len());
         let levels = q + self.noises;
-        let (mut total, mut share) = (0.0, vec![0.0; levels]);
+        let known = self.known.each().map(|(k, sd)| self.joint[parameter * unknowns + k] / sd);
+        let (mut total, mut share) = (known.map(|own| own * own).sum::<f64>(), vec![0.0; levels]);
         let mut influence = vec![(0.0, 0.0); q];
         let mut outer = vec![0.0; size];
         for block in &self.blocks {
@@ -200,6 +206,11 @@ impl Driven {
         self.lines.iter().map(|own| own.misfit).sum()
     }
 
+    /// Squared distance of θ from what was known of it, in its standard deviations.
+    pub fn distance(&self) -> f64 {
+        self.known.distance()
+    }
+
     /// Whitened residuals of an output on the lines of each record.
     pub fn residuals(&self, found: &Found, output: usize) -> Vec<Vec<(f64, f64)>> {
         let of = |block: &Block| {
@@ -209,6 +220,13 @@ impl Driven {
             (0..count).map(at).collect()
         };
         self.blocks.iter().map(of).collect()
+    }
+}
+
+/// Adds the outer product of a row's influence on the parameters.
+fn add_influence(sandwich: &mut [f64], influence: &[f64]) {
+    for (row, a) in sandwich.chunks_mut(influence.len().max(1)).zip(influence) {
+        row.iter_mut().zip(influence).for_each(|(to, b)| *to += a * b);
     }
 }
 

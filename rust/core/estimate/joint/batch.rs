@@ -117,6 +117,11 @@ impl JointFitter {
         progress: &mut dyn FnMut(usize, usize) -> Control,
     ) -> Result<(Many, Arc<JointDesign>), Error> {
         let (inputs, outputs) = (self.o.inputs(), self.o.structure.orders.len());
+        if self.o.driven {
+            return Err(Error::Spec(
+                "fitting a batch with process noise: held and bounded coefficients are fitted record by record".into(),
+            ));
+        }
         let samples = self.records[0].samples;
         let shapes = batch.records > 0
             && batch.y.len() == outputs * batch.records

@@ -31,7 +31,7 @@ impl JointFitter {
         before: Option<&[f64]>,
     ) -> Result<Choice, Error> {
         let given = self.ranges();
-        let sought = self.o.band == Band::Default && self.adapts();
+        let sought = self.o.band == Band::Default && self.adapts() && !self.o.driven;
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
         if !sought {
             let start = self.search(loaded, records, &given, &white)?;

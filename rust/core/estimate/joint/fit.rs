@@ -10,6 +10,7 @@ use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME};
+use crate::estimate::driven::output::Levels;
 use crate::estimate::record_levels::{misfits, settle};
 use crate::estimate::wider::Candidate;
 use crate::estimate::window::Spectra;
@@ -27,6 +28,8 @@ pub struct JointFit {
     pub at_bound: Vec<bool>,
     /// Noise of each record over that, of geometric mean 1 weighted by rows.
     pub record_levels: Vec<f64>,
+    /// Where noise drives the system: what of it, and what of the measurement.
+    pub levels: Option<Levels>,
     /// Residuals of each record and output over its noise: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
 }
@@ -242,7 +245,7 @@ impl JointFitter {
             (0..q * q).map(|k| w.sigma[k].0[0] * scale * unit(k / q) * unit(k % q)).collect();
         let p = d.parameters();
         let over = |(re, im): &(f64, f64)| (re / plain_sigma, im / plain_sigma);
-        JointFit {
+        let fit = JointFit {
             answer: Answer {
                 theta: w.theta(d, 0).collect(),
                 cov_nonrobust: nonrobust,
@@ -260,12 +263,14 @@ impl JointFitter {
             },
             scale,
             noise,
+            levels: None,
             record_levels: loaded.scales.levels.iter().map(|v| v.sqrt()).collect(),
             at_bound: w.pinned.iter().map(|v| v.0[0] > 0.0).collect(),
             residuals: residuals
                 .iter()
                 .map(|r| r.iter().map(|o| o.iter().map(over).collect()).collect())
                 .collect(),
-        }
+        };
+        if self.o.driven { self.driven(d, single, fit, ended) } else { fit }
     }
 }

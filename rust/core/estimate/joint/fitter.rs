@@ -38,6 +38,8 @@ pub struct JointOptions {
     pub method: Method,
     /// What the residuals are weighted by.
     pub noise: NoiseModel,
+    /// Whether noise drives the system, too: of one output, with known delays and samples of even noise.
+    pub driven: bool,
     /// Offset and drift of each output.
     pub trend: Trend,
     /// All rows, or the report's range 0..M.
@@ -199,6 +201,19 @@ impl JointFitter {
             ));
         }
         o.check()?;
+        let even = variances.iter().all(Vec::is_empty);
+        if o.driven
+            && !(s.orders.len() == 1
+                && s.free_delays().is_empty()
+                && even
+                && o.method == Method::Ml)
+        {
+            return Err(Error::Spec(
+                "fitting with process noise: it takes one output, delays that are known, samples of even noise without \
+                 gaps, and method=\"ml\""
+                    .into(),
+            ));
+        }
         prior::check(&o.priors, s.parameters(), o.method)?;
         if sampling.is_empty() {
             return Err(Error::Data("fitting: no record was given".into()));

@@ -26,6 +26,7 @@ mod complex;
 mod default_band;
 mod delays;
 mod design;
+mod driven;
 mod fit;
 mod fitter;
 mod iterate;

@@ -11,6 +11,7 @@ use crate::error::{Error, Status};
 use crate::estimate::driven::output::Levels;
 use crate::estimate::driven::{C, Driven, Found, Linear, Sampled};
 use crate::estimate::normal_equations::RowWeights;
+use crate::estimate::prior::{self, Prior};
 use crate::structure::{Method, Noise};
 
 /// The equations at one θ.
@@ -34,6 +35,8 @@ pub(crate) struct DrivenTerms {
     pub hc3: Vec<f64>,
     pub gram: Vec<f64>,
     pub degrees: Vec<f64>,
+    /// Of θ from what was known of it.
+    pub distance: f64,
     /// Rows less what was estimated.
     pub freedom: usize,
     /// Of each record and equation.
@@ -45,7 +48,9 @@ impl DrivenTerms {
     pub fn is_better(&self, other: &DrivenTerms) -> bool {
         let settled = |own: &DrivenTerms| own.ended.status == Status::Ok;
         let (mine, theirs) = (settled(self), settled(other));
-        if mine == theirs { self.ended.cost < other.ended.cost } else { mine }
+        let cost =
+            |own: &DrivenTerms| own.ended.cost * prior::factor(own.distance, own.freedom as f64);
+        if mine == theirs { cost(self) < cost(other) } else { mine }
     }
 }
 
@@ -264,6 +269,10 @@ impl Linear for Rows<'_, '_> {
         self.equations().bounds[parameter]
     }
 
+    fn priors(&self) -> &[Prior] {
+        &self.problem.fitter.o.priors
+    }
+
     fn set(&mut self, theta: &[f64]) {
         let e = &self.problem.fitter.o.equations;
         self.values.resize(e.coefficients.results(), 0.0);
@@ -405,6 +414,7 @@ impl TermsFitter {
             gram: square(&gram),
             degrees: (0..p).map(|k| driven.degrees(k)).collect(),
             residuals,
+            distance: driven.distance(),
             freedom,
             ended: Ended {
                 theta: found.theta,

@@ -123,13 +123,6 @@ impl TermsFitter {
                 e.noisy.len() - o.shapes.len().min(e.noisy.len())
             )));
         }
-        if o.noise == Noise::Process && !o.priors.is_empty() {
-            return Err(Error::Spec(
-                "fitting equations with process noise: its levels are sought without priors; hold the parameter, or \
-                 take noise=\"output\""
-                    .into(),
-            ));
-        }
         let pairs = Pairs::new(e);
         Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })
     }
