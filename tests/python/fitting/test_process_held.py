@@ -108,6 +108,17 @@ def test_batches_fit_each_record_alone() -> None:
     assert many.bse == pytest.approx(np.array([alone.bse] * 2), rel=1e-6)
 
 
+def test_a_stream_fits_what_a_record_does() -> None:
+    rec, structure = record(1), model(a1=3.0)
+    alone = mf.fit(rec, structure, noise="process")
+    words: dict[str, Any] = {"window": INTERVALS * DT, "dt": DT, "intersample": "smooth"}
+    stream = mf.Stream(mf.Estimator(structure, noise="process", band=alone.band), **words)
+    for y, u in zip(rec.y[0], rec.u[0], strict=True):
+        stream.push(y, u)
+    assert stream.params == pytest.approx(alone.params, rel=1e-6)
+    assert stream.bse == pytest.approx(alone.bse, rel=1e-5)
+
+
 @pytest.mark.statistics
 def test_near_the_bound_with_honest_intervals() -> None:
     """200 records: rmse to 5 %, above 1.2 of a bound that is met in 1 of 1,000 of two; coverage alike."""
