@@ -2,7 +2,7 @@
 
 use modfun::Error;
 use modfun::model::StateSpace;
-use modfun::quadrature::{Rule, gauss_legendre as nodes_and_weights};
+use modfun::quadrature::{Rule, corners as corners_of, gauss_legendre as nodes_and_weights};
 use modfun::simulate::{Input, NODES};
 use modfun::spectrum::{CoefficientPlan, Kind};
 use numpy::ndarray::Dimension;
@@ -23,6 +23,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(quadrature_weights, module)?)?;
     module.add_function(wrap_pyfunction!(noise_level, module)?)?;
+    module.add_function(wrap_pyfunction!(corners, module)?)?;
     module.add_function(wrap_pyfunction!(gauss_legendre, module)?)?;
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate_uneven, module)?)
@@ -130,6 +131,12 @@ fn noise_level<'py>(
         })
         .collect();
     Ok(vector(py, levels.map_err(to_python)?))
+}
+
+/// Samples at which the slope of a smooth signal jumps, and by how much over one sample.
+#[pyfunction]
+fn corners(samples: PyReadonlyArray1<'_, f64>) -> PyResult<Vec<(usize, f64)>> {
+    Ok(corners_of(slice(&samples, "samples")?))
 }
 
 /// Nodes in (0, 1) and weights (sum 1) of the rule inside each sample of a smooth input.

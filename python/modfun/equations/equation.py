@@ -49,8 +49,8 @@ class Equation(Written):
         operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a
         parameter. Text is parsed, never executed.
     outputs, inputs : sequence of str, optional
-        Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur. Outputs are
-        noisy, inputs are known.
+        Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur; without a y,
+        the output is the signal with primes, if there is one such. Outputs are noisy, inputs are known.
     hidden : sequence of str, optional
         Signals that are not measured, which are eliminated. Names with primes that are neither outputs nor
         inputs are hidden without being listed.
@@ -131,6 +131,8 @@ class Equation(Written):
             name = str(node.value)
             if node.primes and name not in (*measured, *unmeasured, *coefficients, *RESERVED):
                 unmeasured.append(name)
+        if outputs is None and not given[0] and not given[2] and len({*unmeasured}) == 1:
+            given[0], measured, unmeasured = (unmeasured[0],), (unmeasured[0], *measured), []
         if not given[0]:
             guess = f"outputs=[{unmeasured[0]!r}]" if unmeasured else "outputs=[...]"
             raise SpecError(f"Equation: no signal y occurs; say which signals are measured, {guess}")

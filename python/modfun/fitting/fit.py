@@ -20,6 +20,7 @@ from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
+from ..records.corners import driving
 from ..records.forms import agreed
 from ..records.lost_rows import refuse_gap
 from ..records.record import Record
@@ -407,7 +408,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not isinstance(structure, TransferFunction):
         return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
     made = prepare(structure, options, records)
-    ys, us = [rec.y for rec in records], [rec.u for rec in records]
+    ys, us = [rec.y for rec in records], [driving(rec) for rec in records]
     refuse_standing(made.layout, ys, us, options.initial_state)
     refuse_cut_off(made.layout, [rec.t for rec in records], us)
 

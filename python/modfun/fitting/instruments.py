@@ -13,6 +13,7 @@ from ..base.arrays import F64
 from ..errors import DataError, FitError, SpecError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
+from ..records.corners import driving
 from ..records.record import Record
 from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
@@ -163,7 +164,7 @@ class _Rounds:
     def _moved(self, k: int, params: F64) -> F64:
         """Outputs of a record less the periodic response to the inputs' rest, over the window of the fit."""
         rec, n, top = self.records[k], self.intervals[k], self.tops[k]
-        rest, y = np.ascontiguousarray(rec.u - self.parts[k]), rec.y.copy()
+        rest, y = np.ascontiguousarray(driving(rec) - self.parts[k]), rec.y.copy()
         rules = [self.options.rule if kind == "smooth" else kind for kind in rec.intersample]
         start = rec.intervals - n
         s = 2j * np.pi / (n * rec.dt) * np.arange(top + 1)

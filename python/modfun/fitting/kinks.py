@@ -17,6 +17,7 @@ from ..records.record import Record
 from ..results.cures import on_band
 from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
+from ..systems.propagate import spline
 
 __all__ = ["bent", "without_kinks"]
 
@@ -141,15 +142,13 @@ def _signal(lines: C128, intervals: int) -> F64:
 
 def _between(rec: Record) -> Record:
     """Inputs in parts of the sampling interval, as each runs between its samples."""
-    from scipy.interpolate import CubicSpline
-
     assert rec.dt is not None
     places = np.arange(rec.intervals * PARTS + 1) / PARTS
-    own = np.arange(rec.intervals + 1)
+    own = np.arange(rec.intervals + 1.0)
     run: dict[str, Callable[[F64], Any]] = {
         "zoh": lambda u: u[places.astype(int)],
         "foh": lambda u: np.interp(places, own, u),
-        "smooth": lambda u: CubicSpline(own, u)(places),
+        "smooth": lambda u: spline(own, u)(places),
     }
     return Record(
         y=np.zeros((len(rec.outputs), places.size)),

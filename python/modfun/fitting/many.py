@@ -14,6 +14,7 @@ from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
+from ..records.corners import driving
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
@@ -45,7 +46,11 @@ def fit_batch(
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):
         made = prepare(structure, options, sample)
-        y, u = (data.y, data.u) if isinstance(data, Batch) else ([r.y for r in data], [r.u for r in data])
+        y, u = (
+            (data.y, driving(data))
+            if isinstance(data, Batch)
+            else ([r.y for r in data], [driving(r) for r in data])
+        )
         refuse_standing(made.layout, [y[0]], [u[0]], options.initial_state)
         t = np.arange(float(data.u.shape[-1])) * data.dt if isinstance(data, Batch) else data[0].t
         refuse_cut_off(made.layout, [t], [u[0]])

@@ -18,6 +18,7 @@ from ..models.noise import Noise
 from ..models.options import Options
 from ..models.process import with_inputs
 from ..records.batches import Batch
+from ..records.corners import driving
 from ..records.forms import forms_of
 from ..records.record import Record
 from ..results.doubts import noise_free
@@ -152,7 +153,7 @@ def fit_equation(
         shown = seen if levels is None else list(levels)
         made = prepare_equation(structure, options, records, spread, shown, learn, starts)
         rows = [
-            layout.formulas.rows(y, rec.u, rec.t, record=k)
+            layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
         ]
         _refuse_not_finite(layout, rows)
@@ -270,11 +271,10 @@ def batch_of(made: PreparedEquation, data: Batch | tuple[Record, ...]) -> tuple[
     formulas = made.layout.formulas
     if isinstance(data, Batch):
         t = np.arange(data.y.shape[2], dtype=np.float64) * data.dt
-        if len(data.u) == 1 or not data.inputs:
-            u = data.u[0]
-            return [formulas.rows(y, u, t, own=True) for y in data.y], formulas.rows(
-                data.y[0], u, t, own=False
-            )
-        own = [formulas.rows(y, u, t) for y, u in zip(data.y, data.u, strict=True)]
+        us = driving(data)
+        if len(us) == 1 or not data.inputs:
+            own = [formulas.rows(y, us[0], t, own=True) for y in data.y]
+            return own, formulas.rows(data.y[0], us[0], t, own=False)
+        own = [formulas.rows(y, u, t) for y, u in zip(data.y, us, strict=True)]
         return own, np.empty((0, t.size))
-    return [formulas.rows(r.y, r.u, r.t) for r in data], np.empty((0, data[0].t.size))
+    return [formulas.rows(r.y, driving(r), r.t) for r in data], np.empty((0, data[0].t.size))

@@ -17,6 +17,7 @@ import numpy as np
 from .._core import coefficients as core_coefficients
 from .._core import quadrature_weights
 from ..base.arrays import C128, F64
+from ..records.corners import driving
 from ..records.record import Record
 
 __all__ = ["Estimate", "Lines", "Quadratic", "cost_of", "estimate", "signal_edge"]
@@ -111,7 +112,7 @@ class Lines:
         self.s = 1j * np.arange(top + 1) * omega0 / unit
         self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
         good = variances if record.mask is None else np.where(record.mask, variances, 0.0)
-        signals, slopes = columns.values(k, y, record.u, record.t, good)
+        signals, slopes = columns.values(k, y, driving(record), record.t, good)
         self.signals = self._lines(signals, columns.kinds(k))
         self.slopes = slopes
         self.target_lines = self._columns(self.targets, self.signals)
@@ -121,7 +122,9 @@ class Lines:
 
     def bend(self, y: F64) -> None:
         """Take slopes at outputs without noise."""
-        self.slopes = self.columns.values(self.k, y, self.record.u, self.record.t, 0 * self.variances)[1]
+        self.slopes = self.columns.values(self.k, y, driving(self.record), self.record.t, 0 * self.variances)[
+            1
+        ]
 
     def _lines(self, rows: F64, kinds: Sequence[str]) -> C128:
         if not len(rows):

@@ -24,6 +24,7 @@ from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
+from ..records.corners import driving
 from ..records.forms import forms_of
 from ..records.record import Record
 from ..records.samples import refuse_own_noise
@@ -318,7 +319,7 @@ class _Race:
         """Every candidate on the band, each from several starts: larger ones have many minima."""
         edges = (band[0], band[1] * (1 + 1e-9))
         options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
-        ys, us = [rec.y for rec in self.records], [rec.u for rec in self.records]
+        ys, us = [rec.y for rec in self.records], [driving(rec) for rec in self.records]
         rows: list[dict[str, Any]] = []
         core = None
         for own in self.fits:

@@ -16,6 +16,7 @@ from ..base.progress import Progress
 from ..base.samples import band_edges
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
+from ..records.corners import driving
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
@@ -433,7 +434,7 @@ def _piece(rec: Record, rule: str, varying: bool, trend: str | None) -> Piece:
         # An input times time, −½ to ½ over the record: report, section 4.8.
         along = np.linspace(-0.5, 0.5, rec.intervals + 1)
         kinds = [rule if kind == "smooth" else kind for kind in rec.intersample]
-        late = np.ascontiguousarray(rec.u * along)
+        late = np.ascontiguousarray(driving(rec) * along)
         more = coefficients(late, rec.intervals // 2, kinds, [0.0] * len(kinds), 0, None)
         u = np.concatenate([u, more])
     return 2 * np.pi / rec.duration, y, u

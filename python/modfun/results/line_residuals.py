@@ -10,6 +10,7 @@ import numpy as np
 from .._core import coefficients
 from ..base.arrays import C128, F64
 from ..models.layout import Layout
+from ..records.corners import without_corners
 
 __all__ = ["line_residuals"]
 
@@ -48,6 +49,7 @@ def line_residuals(
     late = [delay / dt for delay in layout.delays(params[0], output)]
     rules = [rule if kind == "smooth" else kind for kind in intersample]
     of_y = _lines(y, top, [rule], [0.0], start)
+    u = without_corners(u, intersample)
     of_u = _lines(u.reshape(-1, u.shape[2]), top, rules, late, start).reshape(*u.shape[:2], top)
     with np.errstate(all="ignore"):
         found = [layout.polynomials(own, output) for own in params]

@@ -17,6 +17,7 @@ from ..equations.nonlinear import model_of
 from ..equations.symbolic.known import basis
 from ..errors import SpecError
 from ..models.noise import Noise
+from ..records.corners import driving
 from ..records.record import Record
 from .fit import Fit
 from .gradients import differences
@@ -107,7 +108,7 @@ class EquationFit(Fit):
     def _without_value(self) -> str:
         """Where a logarithm or root in the equations meets samples that are not positive."""
         for k, rec in enumerate(self.records or ()):
-            found = self.layout.formulas.without_value(rec.y, rec.u, rec.t)
+            found = self.layout.formulas.without_value(rec.y, driving(rec), rec.t)
             if found is None:
                 continue
             from ..equations.symbolic.words import said  # SymPy is loaded already: it made the formulas

@@ -17,6 +17,7 @@ from .._core import STREAM_VERSION, Study
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.callables import source
+from ..records.corners import without_corners
 from .called import LEVEL, called
 from .contenders import Contender
 from .generated import Generated
@@ -123,7 +124,7 @@ class Work:
                 "group": g.index,
                 "dt": g.rest.dt,
                 "y": g.y,
-                "u": g.rest.u,
+                "u": without_corners(g.rest.u, g.rest.kinds),
                 "free": g.free,
                 "scale": g.unit.tolist(),
                 "sigma": plan.sigma(g),

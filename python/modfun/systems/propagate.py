@@ -6,11 +6,12 @@ Gauss-Legendre quadrature of the convolution inside each sample.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from .._core import gauss_legendre, simulate, simulate_uneven
+from .._core import corners, gauss_legendre, simulate, simulate_uneven
 from ..base.arrays import F64
 from ..base.between import AUTO, FORMS, form_of
 from ..base.samples import FEWEST
@@ -21,6 +22,7 @@ from ..signals.sources import Source, evaluate, is_samples
 __all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 
 NODES = gauss_legendre()[0]  # of the quadrature within a sample, as parts of it
+EVEN = 1e-6  # of a step: differences between even ones
 
 
 def intersample_kinds(
@@ -169,7 +171,7 @@ def too_steep(values: F64, step: float) -> DataError:
 
 
 def spline(grid: F64, values: F64) -> Any:
-    """The cubic spline through samples; SciPy's, with what it offers.
+    """The cubic spline through samples, with corners where their slope jumps; SciPy's, with what it offers.
 
     Raises
     ------
@@ -183,12 +185,20 @@ def spline(grid: F64, values: F64) -> Any:
             if values.size < 4:
                 found = CubicSpline(grid, values)
             else:
-                found = CubicSpline.construct_fast(_pieces(grid, values), grid)
+                found = CubicSpline.construct_fast(_between_corners(grid, values), grid)
         except ValueError:
             found = None
     if found is None or not np.all(np.isfinite(found.c)):
         raise too_steep(values, float(grid[1] - grid[0]))
     return found
+
+
+def _between_corners(grid: F64, values: F64) -> F64:
+    """Coefficients (power descending, interval) of a spline from each corner of even samples to the next."""
+    steps = np.diff(grid)
+    even = np.ptp(steps) <= EVEN * steps[0]
+    ends = [0, *(at for at, _ in corners(np.ascontiguousarray(values)) if even), values.size - 1]
+    return np.hstack([_pieces(grid[a : b + 1], values[a : b + 1]) for a, b in pairwise(ends)])
 
 
 def _pieces(grid: F64, values: F64) -> F64:

@@ -252,7 +252,7 @@ class TestNames:
     @pytest.mark.parametrize(
         ("text", "words", "why"),
         [
-            ("q' = u", {}, r"outputs=\['q'\]"),
+            (["q' = p", "p' = u"], {}, r"outputs=\['q'\]"),
             ("a = b", {}, "which signals are measured"),
             ("y' = u", {"outputs": ["q"]}, "names 'q', which no equation has"),
             ("y' = u", {"outputs": ["sin"]}, "cannot be a signal's name"),
@@ -319,3 +319,10 @@ class TestValues:
         assert "p^2 [y] + d p [y] + a [y] + b [y**3] - [u] = 0" in text
         assert "<li>" in self.MODELS[0].explain()._repr_html_()
         assert re.search(r"equation +coefficient +operator +signal", str(self.MODELS[0].terms()))
+
+
+def test_without_a_y_the_only_signal_with_primes_is_the_output():
+    friction = mf.Equation("w' = -b*w - c*w**2 + K*u")
+    assert (friction.outputs, friction.inputs, friction.hidden) == (("w",), ("u",), ())
+    with pytest.raises(mf.SpecError, match=r"no signal y occurs.*outputs=\['v'\]"):
+        mf.Equation(["v' = w", "w' = -v + u"])

@@ -1,0 +1,151 @@
+//! Corners of a smooth signal at samples, such as a command makes that steps through a lag.
+
+/// How many times what its neighbours leave open a jump of the slope is at least, and the half of all is.
+const CLEAR: f64 = 8.0;
+const CERTAIN: f64 = 64.0;
+/// The least part of its range that a jump of the slope is over a sample.
+const LEAST: f64 = 1e-9;
+/// Least and largest quotients of neighbouring differences that decay.
+const DECAY: std::ops::Range<f64> = 0.02..0.999;
+/// Samples on each side of a corner.
+const SIDE: usize = 3;
+
+/// Samples at which the slope of a signal jumps, and by how much over one sample.
+///
+/// On either side a cubic goes through the samples, or a decay A + Be^{−t/τ} where it leaves less open at a further
+/// sample. Corners nearer than three samples to each other or to an end are not seen.
+#[must_use]
+pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
+    if samples.len() < 2 * SIDE + 1 {
+        return Vec::new();
+    }
+    let (low, high) = samples
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let least = LEAST * (high - low);
+    let step = |k: usize| samples[k + 1] - samples[k];
+    let jump = |k: usize| {
+        let (after, before) =
+            ([step(k), step(k + 1), step(k + 2)], [step(k - 1), step(k - 2), step(k - 3)]);
+        let (bent, left) = (open(after), open(before));
+        // What decays as time goes on grows as it goes back.
+        let rising = after[1] / after[0];
+        let falling = before[0] / before[1];
+        let (after, open_after) = side(after, bent, rising, rising);
+        let (before, open_before) = side(before, left, falling, falling.recip());
+        (k, after - before, open_after + open_before)
+    };
+    let (mut found, mut certain): (Vec<(usize, f64)>, usize) = (Vec::new(), 0);
+    for (k, jump, open) in (SIDE..samples.len() - SIDE).map(jump) {
+        if jump.abs() <= CLEAR * open + least || !jump.is_finite() {
+            continue;
+        }
+        certain += usize::from(jump.abs() > CERTAIN * open + least);
+        match found.last_mut() {
+            // By chance a decay leads over a corner: the larger jump is one.
+            Some(last) if k - last.0 < SIDE => {
+                if jump.abs() > last.1.abs() {
+                    *last = (k, jump);
+                }
+            }
+            _ => found.push((k, jump)),
+        }
+    }
+    if 2 * certain < found.len() {
+        found.clear();
+    }
+    found
+}
+
+/// What a parabola through the samples of the first two differences leaves open at the next.
+fn open([near, next, far]: [f64; 3]) -> f64 {
+    (far - 2.0 * next + near).abs()
+}
+
+/// The slope at the outer end of three differences, nearest first, and what it leaves open: of a signal that decays by
+/// `decay` a sample, where that is a decay and leaves less open than the parabola, by `ratio` away from the corner.
+fn side([near, next, far]: [f64; 3], bent: f64, decay: f64, ratio: f64) -> (f64, f64) {
+    if DECAY.contains(&decay) {
+        let left = (far - next * ratio).abs();
+        if left < bent {
+            return (near * ratio.ln() / (ratio - 1.0), left);
+        }
+    }
+    ((11.0 * near - 7.0 * next + 2.0 * far) / 6.0, bent)
+}
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods)]
+mod tests {
+    use super::corners;
+
+    /// A command that steps every `every` samples, through a lag by `tau` samples, and its corners.
+    fn lagged(tau: f64, every: usize, count: usize) -> (Vec<f64>, Vec<(usize, f64)>) {
+        let (mut value, mut before) = (0.0, 0.0);
+        let (mut samples, mut wanted) = (Vec::new(), Vec::new());
+        for k in 0..count {
+            let command = ((k / every * 7 + 3) % 11) as f64 - 5.0;
+            if k >= 3 && k + 3 < count && command != before {
+                wanted.push((k, (command - before) / tau));
+            }
+            samples.push(value);
+            value = command + (value - command) * (-1.0 / tau).exp();
+            before = command;
+        }
+        (samples, wanted)
+    }
+
+    #[test]
+    fn corners_of_a_lag_are_found_to_rounding() {
+        for (tau, every) in [(1.0, 10), (2.0, 3), (5.0, 4), (0.5, 20)] {
+            let (samples, wanted) = lagged(tau, every, 200);
+            let found = corners(&samples);
+            assert_eq!(found.len(), wanted.len(), "{tau} {every}");
+            for ((at, jump), (k, own)) in found.iter().zip(&wanted) {
+                assert_eq!(at, k);
+                assert!((jump - own).abs() < 1e-9 * own.abs(), "{tau} {every} {k}: {jump} {own}");
+            }
+        }
+    }
+
+    #[test]
+    fn straight_lines_have_corners_and_smooth_signals_none() {
+        let triangle: Vec<f64> = (0..60).map(|k: i32| f64::from((k % 20 - 10).abs())).collect();
+        let found = corners(&triangle);
+        assert_eq!(found.iter().map(|c| c.0).collect::<Vec<_>>(), [10, 20, 30, 40, 50]);
+        assert!(found.iter().all(|(_, jump)| (jump.abs() - 2.0).abs() < 1e-12), "{found:?}");
+        for period in [4.5, 6.3, 8.0, 20.0, 300.0] {
+            let sine: Vec<f64> =
+                (0..200).map(|k| (std::f64::consts::TAU * f64::from(k) / period).sin()).collect();
+            assert!(corners(&sine).is_empty(), "{period}");
+        }
+        let step: Vec<f64> = (0..40).map(|k| f64::from(k / 20)).collect();
+        assert!(
+            corners(&step).is_empty()
+                && corners(&[1.0; 40]).is_empty()
+                && corners(&[0.0; 5]).is_empty()
+        );
+    }
+
+    #[test]
+    fn noise_has_none() {
+        let mut state = 1u64;
+        let mut uniform = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let noise: Vec<f64> = (0..4000).map(|_| uniform() + uniform() + uniform()).collect();
+        assert!(corners(&noise).is_empty());
+        let mut sum = 0.0;
+        let walk: Vec<f64> = noise
+            .iter()
+            .map(|v| {
+                sum += v;
+                sum
+            })
+            .collect();
+        assert!(corners(&walk).is_empty());
+    }
+}
