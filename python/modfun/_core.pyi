@@ -17,6 +17,7 @@ __all__ = [
     "_panic_for_tests",
     "_wait_for_tests",
     "coefficients",
+    "corners",
     "count_errors",
     "figures",
     "gauss_legendre",
