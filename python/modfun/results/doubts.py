@@ -136,10 +136,12 @@ def mean(fit: Estimates) -> Doubt | None:
 
 def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
+    levels = np.sqrt(np.diag(fit.noise_cov))
+    if np.all(levels < AWAY * fit.high_band_levels):
+        return ""  # before the means, which take longer than all else here
     moved = [np.concatenate([rec.y, rec.u]) for rec in fit.records or ()]
     means = np.mean([values.mean(axis=1) for values in moved], axis=0)
     spread = np.sqrt(np.mean([values.var(axis=1) for values in moved], axis=0))
-    levels = np.sqrt(np.diag(fit.noise_cov))
     noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
     if not np.any(np.abs(means) > spread) or np.all(levels < noise):
         return ""

@@ -310,7 +310,7 @@ class Estimates(Elsewhere):
         eigenvalues = np.linalg.eigvalsh(self.gram)
         return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else float("inf")
 
-    @property
+    @cached_property
     def chi2(self) -> float:
         """Cost in units of the noise variance seen in the unused high band: about `df_resid` if all is well.
 
