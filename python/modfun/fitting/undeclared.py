@@ -57,6 +57,7 @@ SAID = {
     LOOP: "as a computer that closes a loop holds it",
     OPEN: "though read otherwise it fits about as well, with other estimates",
 }
+COMPUTED = ("rough", "walk")  # what inputs of a loop look like that a computer closes
 OTHER = {"zoh": "smooth", "smooth": "zoh", "foh": "zoh"}
 
 
@@ -193,7 +194,7 @@ def _asked(
     looks = {which: seen for name in names for which, seen in _open(each, name).items()}
     if not looks:
         return {}, []
-    found = {which: Word("zoh", LOOP) for which, (look, _) in looks.items() if loop and look == "rough"}
+    found = {which: Word("zoh", LOOP) for which, (look, _) in looks.items() if loop and look in COMPUTED}
     plain = _plain(options)
     asked = [(records, _fit(read_as(records, found), structure, plain, fit_once)) for records in each]
     each = [records for records, fit in asked if fit is not None]

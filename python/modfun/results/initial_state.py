@@ -25,6 +25,7 @@ from ..systems.making import ss
 from ..systems.propagate import respond
 from .estimates import Estimates
 from .prediction import InitialState, given_state
+from .regression import of_their_own
 
 __all__ = ["find_state", "linear_columns", "simulate_equations", "slopes"]
 
@@ -151,7 +152,12 @@ def _linear_state(
         rows = (regressors * weight).reshape(len(columns), -1).T
         size = np.linalg.norm(rows, axis=0)
         size = np.where(size > 0, size, 1.0)
-        z = np.linalg.lstsq(rows / size, (left * weight).ravel(), rcond=None)[0] / size
+        rows /= size
+        # An offset that a state makes, too, as behind an integrator, counts as the state's.
+        apart = of_their_own(np.asarray(np.linalg.qr(rows, mode="r")))
+        rows, z = rows[:, apart], np.zeros(size.size)
+        z[apart] = np.linalg.lstsq(rows, (left * weight).ravel(), rcond=None)[0]
+        z /= size
         simulated = np.tensordot(z, regressors, 1)
         e = own * (left - simulated)
         used = weight
@@ -159,7 +165,9 @@ def _linear_state(
         weight = own / np.maximum(level, 1e-9 * np.abs(rec.y).max())[:, None]
     freedom = max(int(np.count_nonzero(own)) - z.size, 1)
     scale = float(np.sum((used * (left - simulated)) ** 2)) / freedom
-    cov = scale * np.linalg.pinv((rows / size).T @ (rows / size)) / np.outer(size, size)
+    cov = np.full((size.size, size.size), np.nan)
+    cov[np.ix_(apart, apart)] = scale * np.linalg.pinv(rows.T @ rows)
+    cov /= np.outer(size, size)
     if state is not None:
         return forced + simulated, InitialState(state, np.zeros((n, n)), z, cov)
     return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:], cov[n:, n:])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._core import simulate, simulate_uneven
 from ..base.arrays import F64
@@ -13,7 +14,9 @@ from ..base.words import TRENDS
 from ..errors import DataError
 from ..systems.polynomials import companion, time_unit
 
-__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
+__all__ = ["Regression", "free_response", "of_their_own", "regress", "rms", "trend_columns"]
+
+MADE = 1e-9  # of its size: what of a column is left that those before it do not have, and is rounding
 
 
 def rms(v: F64) -> Any:
@@ -71,12 +74,18 @@ class Regression:
     fitted: F64
 
 
+def of_their_own(r: F64) -> NDArray[np.bool_]:
+    """Columns of unit size that are not made of those before them, by their triangular factor."""
+    found: NDArray[np.bool_] = np.abs(r.diagonal()) > MADE
+    return np.append(found, np.zeros(r.shape[1] - found.size, dtype=bool))
+
+
 def regress(y: F64, columns: F64, weight: F64) -> Regression:
     """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
 
-    `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. Columns that
-    the samples cannot tell apart get the smallest coefficients that explain them; the covariance takes the
-    remainder as white.
+    `weight` is 1/standard deviation of each sample up to a factor, 0 where it does not count. A column that
+    is made of those before it has the coefficient 0, with the error nan. Columns that the samples can hardly
+    tell apart get the smallest coefficients that explain them; the covariance takes the remainder as white.
     """
     k = columns.shape[0]
     if k == 0:
@@ -92,13 +101,17 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
     rows[:k] /= scale[:, None]
     # R of the columns and the series behind them is all that their least squares need.
     r: F64 = np.asarray(np.linalg.qr(rows.T, mode="r"))
-    left, s, rotation = np.linalg.svd(r[:, :k], full_matrices=False)
+    own = of_their_own(r[:, :k])
+    left, s, rotation = np.linalg.svd(r[:, :k][:, own], full_matrices=False)
     keep = s > s[0] * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
     part = left[:, keep].T @ r[:, k]
-    coefficients = inverse @ part
+    coefficients = np.zeros(k)
+    coefficients[own] = inverse @ part
     fitted = (coefficients / scale) @ columns
     left_over = r[:, k] - left[:, keep] @ part
     rest = float(left_over @ left_over) / max(int(np.count_nonzero(weight)) - int(keep.sum()), 1)
-    covariance = rest * (inverse @ inverse.T) / np.outer(scale, scale)
+    covariance = np.full((k, k), np.nan)
+    covariance[np.ix_(own, own)] = rest * (inverse @ inverse.T)
+    covariance /= np.outer(scale, scale)
     return Regression(coefficients / scale, covariance, fitted)

@@ -37,6 +37,7 @@ POWERS = 4  # polynomials of the test
 SHORTEST = 64  # samples
 ORDER = 8  # of the autoregression
 SAME = 1e-9  # singular values below are rounding
+FURTHER = 3.0  # times the noise's level: errors of a simulation that are no noise
 LEAST = 0.1  # of its noise that residuals show
 
 
@@ -99,10 +100,21 @@ def uneven(fit: Estimates) -> Uneven | None:
         for own, rec in zip(errors, records, strict=True)
     ):
         return None  # of a simulation that runs away
+    if not (fit.layout.rational or fit.structure.linear) and _leaves(fit, errors):
+        return None  # of a chaotic system, whose errors are its own divergence
     new = tuple([unforeseen(own) for own in errors])
     p = p_values(new)
     most = int(np.argmin(p))
     return Uneven(min(1.0, p.size * float(p[most])), most, tuple(errors), new)
+
+
+def _leaves(fit: Estimates, errors: Sequence[F64]) -> bool:
+    """Whether simulations are far further from a record than the lines say that its noise is."""
+    level = np.sqrt(np.diag(fit.noise_cov))
+    return any(
+        own.shape[0] == level.size and bool(np.any(np.std(own, axis=1) > FURTHER * ratio * level))
+        for own, ratio in zip(errors, fit.level_ratios, strict=True)
+    )
 
 
 def unforeseen(errors: F64) -> F64:

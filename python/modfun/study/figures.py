@@ -21,6 +21,7 @@ from ..experiments.bound import crlb
 from ..fitting.undeclared import in_sentences
 from ..models.free import priors_of
 from ..models.process import ProcessNoise
+from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis
@@ -118,7 +119,8 @@ class Figures(Elsewhere):
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
         From all samples, with the estimator's trend unknown, and the initial state unless the estimator knows
-        it; with process noise its levels are unknown, too. It is nan where the noise or the records are the
+        it; with process noise its levels are unknown, too. It holds where records begin, of a linear system's
+        drawn states at their mean. It is nan where the noise or the records are the
         user's, the structure does not hold the system, process noise enters through inputs of its own, or the
         initial state of equations is drawn. No estimator need reach it in a narrow band, and a biased one may
         pass it.
@@ -281,12 +283,14 @@ def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
     if isinstance(system, LTI) and isinstance(structure, StateSpace):
         system = structure
         given["params"] = dict(zip(names, contender.truth[group.index].tolist(), strict=True))
+        given["start"] = group.start if group.start.any() else None
     elif isinstance(system, LTI):
         if isinstance(structure, Written):
             raise SpecError(
                 "crlb: for a linear system the bound is that of a TransferFunction's coefficients"
             )
         given["model"] = structure
+        given["start"] = _response_and_slopes(group, structure)
     elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
     else:
@@ -301,6 +305,19 @@ def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
     if group.driven is not None:
         given["process_noise"] = group.process_noise
     return np.array([bound(level * group.unit) for level in levels]).T
+
+
+def _response_and_slopes(group: Group, structure: TransferFunction) -> F64 | None:
+    """y, y', …, output after output, of the free response from the group's state; None at rest."""
+    system: Any = group.system
+    if not group.start.any():
+        return None
+    if system.matrices is None:
+        return group.start
+    a, _, c, _ = system.matrices
+    orders = structure.layout(group.outputs, group.inputs).orders
+    each = zip(c, orders, strict=True)
+    return np.array([row @ np.linalg.matrix_power(a, k) @ group.start for row, n in each for k in range(n)])
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

@@ -43,6 +43,8 @@ class Group:
         Response from rest and what noise and random states are scaled by.
     y : ndarray, shape (output, time)
         Noise-free outputs with the fixed part of the initial state.
+    start : ndarray, shape (states,)
+        That state, of a linear system.
     free : ndarray, shape (states, output, time)
         Response to one standard deviation of each random state; no rows if none is random.
     intersample : tuple of str
@@ -62,6 +64,7 @@ class Group:
     system: LTI | NonlinearModel
     rest: Experiment
     y: F64
+    start: F64
     free: F64
     intersample: tuple[str, ...]
     state: Callable[..., Any] | None = None
@@ -258,6 +261,7 @@ def groups(
                         system=system,
                         rest=rest if drawn or callable(state) else replace(rest, inputs=()),
                         intersample=rest.kinds,
+                        start=fixed,
                         free=free,
                         y=np.ascontiguousarray(rest.response(fixed) if linear else rest.y),
                         state=state if callable(state) else None,

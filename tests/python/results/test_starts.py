@@ -93,3 +93,24 @@ def test_a_response_beyond_all_numbers_is_left_in_silence(capfd):
         with pytest.warns(mf.ModfunWarning, match="no constant"):
             mf.fit(clean.assign(y=clean["y"] + noise + 2.0), equation).check()
     assert capfd.readouterr() == ("", "")
+
+
+def test_an_offset_that_an_integrator_makes_too_counts_as_its_state():
+    """Half of it each, with errors of 1e-3, would be two wrong numbers."""
+    rng = np.random.default_rng(3)
+    u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 20), 20)
+    y = 1.0 + 0.02 * np.append(0.0, np.cumsum(u[:-1])) + 0.02 * rng.standard_normal(u.size)
+    rec = mf.Record(y=y, u=u, dt=1.0, intersample="zoh")
+    tank = mf.fit(rec, mf.TransferFunction(poles=1, zeros=0, params={"a1": 0.0}))
+    assert abs(tank.initial_state().state[0] - 1.0) < 3 * tank.initial_state().bse[0] < 0.01
+    assert tank.initial_state().trend[0] == 0.0
+    rows = {row["parameter"]: row for row in tank.table(initial=True)}
+    assert np.isnan(rows["offset of y"]["se"])
+    motor = mf.tf([2.0], [1.0, 1.5, 0.0])
+    angle = motor.simulate(u=u, dt=0.1, intersample="zoh", initial_state=[1.0, 0.0]).ravel()
+    rec = mf.Record(y=angle + 0.02 * rng.standard_normal(u.size), u=u, dt=0.1, intersample="zoh")
+    structure = mf.StateSpace(
+        [[0, 1], [0, "-p"]], [[0], ["b"]], C=[[1, 0]], states=["angle", "rate"], inputs=["u"], outputs=["y"]
+    )
+    found = mf.fit(rec, structure, trend="constant").initial_state()
+    assert abs(found.state[0] - 1.0) < 3 * found.bse[0] < 0.1

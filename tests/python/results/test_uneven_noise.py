@@ -184,3 +184,19 @@ def test_masks_given_levels_and_short_records_are_not_asked() -> None:
     )
     factor = np.exp(0.05 * np.random.default_rng(3).standard_normal(clean.t.size))
     assert uneven(mf.Estimator(positive, noise="log-normal")(clean.assign(y=clean["y"] * factor))) is None
+
+
+def test_a_chaotic_simulation_says_nothing_of_the_noise():
+    """It leaves the record, by what looked like noise that changes: an error was 45 times too large."""
+    lorenz = ["x' = {}*x + 10*y", "y' = 28*x - y - x*z", "z' = -2.6666666666666667*z + {}*x*y"]
+    truth = mf.Equation(
+        [one.format("-10" if one[0] == "x" else "1") for one in lorenz], outputs=["x", "y", "z"]
+    )
+    free = ["x' = c1*x + c2*y", "y' = c3*x + c4*y + c5*x*z", "z' = c6*z + c7*x*y"]
+    rec = mf.simulate(
+        truth.model({}), duration=10, intervals=2000, nsr=0.1, initial_state=[-8, 8, 27], seed=7
+    )
+    fit = mf.fit(rec, mf.Equation(free, outputs=["x", "y", "z"]))
+    assert uneven(fit) is None
+    classical = mf.fit(rec, mf.Equation(free, outputs=["x", "y", "z"]), cov_type="nonrobust")
+    assert np.max(fit.bse / classical.bse) < 1.5

@@ -69,8 +69,11 @@ def test_regression_has_the_textbook_covariance_and_survives_twins():
     np.testing.assert_allclose(found.coefficients, exact, rtol=1e-10)
     np.testing.assert_allclose(found.covariance, rest / 198 * np.linalg.inv(x @ x.T), rtol=1e-8)
     twins = regression.regress(y, np.vstack([x[0], x[0]]), np.ones_like(y))
-    np.testing.assert_allclose(twins.coefficients[0], twins.coefficients[1])
-    np.testing.assert_allclose(twins.fitted, regression.regress(y, x[:1], np.ones_like(y)).fitted, atol=1e-10)
+    alone = regression.regress(y, x[:1], np.ones_like(y))
+    np.testing.assert_allclose(twins.coefficients, [alone.coefficients[0], 0.0], rtol=1e-10)
+    assert np.isnan(twins.covariance[1, 1])
+    np.testing.assert_allclose(twins.covariance[0, 0], alone.covariance[0, 0], rtol=1e-10)
+    np.testing.assert_allclose(twins.fitted, alone.fitted, atol=1e-10)
     with pytest.raises(mf.DataError, match="window"):
         regression.regress(y, np.full((1, 200), np.inf), np.ones_like(y))
 

@@ -92,3 +92,29 @@ def test_what_no_study_begins_with() -> None:
             system=TWO, input=STAIR, intervals=128, duration=4.0, nsr=0.05,
             estimators={"ls": mf.Estimator(COMMON, method="ls", initial_state="rest")},
         )  # fmt: skip
+
+
+def test_the_bound_is_that_where_the_records_begin():
+    """By `crlb` from that state, in whatever coordinates; from rest it would be 1.4 times as large."""
+    system, state = mf.tf([5], [1, 3, 8]), np.array([2.0, -5.0])
+    a, turn = np.array([[0.0, 1.0], [-8.0, -3.0]]), np.array([[1.0, 2.0], [0.5, 3.0]])
+    back = np.linalg.inv(turn)
+    turned = mf.ss(turn @ a @ back, turn @ [[0.0], [5.0]], np.array([[1.0, 0.0]]) @ back, [[0.0]])
+    two = mf.TransferFunction(poles=2, zeros=0)
+    record = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256)
+    sigma = 0.1 * float(np.sqrt(np.mean(record.y**2)))
+    wanted = mf.crlb(system, record, sigma=sigma, start=state)
+    for whole, start in ((system, state), (turned, turn @ state)):
+        res = mf.MonteCarlo(
+            system=whole,
+            input="sin(t**2/5)",
+            duration=10.0,
+            intervals=256,
+            nsr=0.1,
+            initial_state=start.tolist(),
+            replicates=8,
+            seed=1,
+            estimators={"ml": mf.Estimator(two, trend=None, harmonics=20)},
+        ).run(progress=False)
+        np.testing.assert_allclose(res.crlb.ravel(), wanted.sd, rtol=1e-6)
+    assert mf.crlb(system, record, sigma=sigma).relative > 1.39 * wanted.relative
