@@ -16,7 +16,7 @@ from ..systems.polynomials import companion, time_unit
 
 __all__ = ["Regression", "free_response", "of_their_own", "regress", "rms", "trend_columns"]
 
-MADE = 1e-9  # of its size: what of a column is left that those before it do not have, and is rounding
+MADE = 1e-13  # of its size: what of a column is left that those before it do not have, and is rounding
 
 
 def rms(v: F64) -> Any:
