@@ -235,10 +235,10 @@ def _of_samples(fit: Estimates, found: Uneven) -> F64:
 
 
 def _of_weights(fit: Estimates, filters: _Filters, freedom: float, levels: Sequence[F64]) -> F64 | float:
-    """By how much errors grow where the covariance of the outputs' noise, and so the weights, were estimated.
+    """By how much more errors grow where the weights of the outputs were estimated from noise that changes.
 
-    Both what estimates lose and what the formula leaves out (M. G. Kenward, J. H. Roger, Biometrics 53,
-    1997), with fewer degrees of freedom the more unequal the levels are.
+    Those of the core have grown by what an even level costs (M. G. Kenward, J. H. Roger, Biometrics 53,
+    1997); there are fewer degrees of freedom the more unequal the levels are.
     """
     outputs = len(fit.outputs)
     if outputs == 1 or not fit.layout.rational or isinstance(fit.options.noise, Noise) or freedom <= 0:
@@ -249,9 +249,8 @@ def _of_weights(fit: Estimates, filters: _Filters, freedom: float, levels: Seque
     lost = (outputs + 1) * filters.information - np.einsum(
         "ijpq,ijqr->pr", turned, each + each.swapaxes(0, 1)
     )
-    return np.asarray(
-        np.sqrt(1 + 2 * uneven / freedom * np.diag(inverse @ lost @ inverse) / np.diag(inverse))
-    )
+    even = np.diag(inverse @ lost @ inverse) / np.diag(inverse) * 2 / max(freedom - outputs - 1, 1.0)
+    return np.asarray(np.sqrt((1 + uneven * even) / (1 + even)))
 
 
 def _inverse(information: F64) -> F64:

@@ -97,3 +97,39 @@ class Joint:
             theta = self.solve(theta, sigma)
             sigma = self.covariance(theta)
         return theta, sigma
+
+    def errors(self, theta: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance of θ as if Σ_y = `sigma` were known, and by how much errors grow because it is not.
+
+        The second by Kenward and Roger (1997), term by term: elements of Σ_y scatter as those of a Wishart
+        matrix do, with degrees of freedom that allow for the inverse.
+        """
+        q, p = len(self.Y), theta.size
+        x = np.concatenate([theta, self.transient])
+
+        def response(x: np.ndarray) -> np.ndarray:
+            a, b = self.polynomials(x[:p])
+            t = [np.polyval(row, self.s / abs(self.s[-1])) for row in x[p:].reshape(q, self.order)]
+            return (np.einsum("ijl,jl->il", b, self.U) + np.array(t)) / a
+
+        steps = 1e-6 * np.diag(np.maximum(np.abs(x), np.abs(x).max() * 1e-3))
+        slopes = [(response(x + h) - response(x - h)) / (2 * h.max()) for h in steps]
+        whole = np.array(slopes) * np.sqrt((self.y.shape[1] - 1) / self.h)
+        rows = np.concatenate([whole.real, whole.imag], axis=2)  # unknown, output, row
+        inverse = np.linalg.inv(sigma)
+        weighted = np.einsum("oi,uir->uor", np.linalg.inv(np.linalg.cholesky(sigma)), rows)
+        flat = weighted.reshape(x.size, -1)
+        ends = np.linalg.lstsq(flat[p:].T, flat[:p].T, rcond=None)[0]
+        slope = rows[:p] - np.einsum("tp,tor->por", ends, rows[p:])
+        gram = np.einsum("por,oi,qir->pq", slope, inverse, slope)
+        cov, freedom = np.linalg.inv(gram), 2 * self.s.size - x.size / q
+        units = [np.outer(np.eye(q)[i], np.eye(q)[j]) for i in range(q) for j in range(q)]
+        places = [(i, j) for i in range(q) for j in range(q)]
+        extra = np.zeros((p, p))
+        first = [np.einsum("por,oi,qir->pq", slope, -inverse @ e @ inverse, slope) for e in units]
+        for (i, j), e, one in zip(places, units, first, strict=True):
+            for (k, m), f, two in zip(places, units, first, strict=True):
+                scatter = sigma[i, k] * sigma[j, m] + sigma[i, m] * sigma[j, k]
+                second = np.einsum("por,oi,qir->pq", slope, inverse @ e @ inverse @ f @ inverse, slope)
+                extra += scatter / (freedom - q - 1) * cov @ (second - one @ cov @ two) @ cov
+        return cov, np.sqrt(1 + 2 * np.diag(extra) / np.diag(cov))

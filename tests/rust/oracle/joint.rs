@@ -163,12 +163,15 @@ pub fn check(o: &JointOptions, records: &[Record], within: f64) -> JointFit {
     assert_eq!(numbers.len(), worth.residual.len(), "{what}");
     let apart = numbers.iter().zip(&worth.residual).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart < 10.0 * within, "{what}: residuals {apart} apart");
-    same_covariance(
-        &found.answer.cov_nonrobust,
-        &worth.classical,
-        within,
-        &format!("{what}: classical"),
-    );
+    let mut classical = worth.classical.clone();
+    if o.noise.outputs.is_none() && o.structure.orders.len() > 1 {
+        let growth =
+            problem.growth(theta, if by_model { Columns::Denoised } else { Columns::Data });
+        for (row, a) in classical.iter_mut().zip(&growth) {
+            row.iter_mut().zip(&growth).for_each(|(own, b)| *own *= (a * b).sqrt());
+        }
+    }
+    same_covariance(&found.answer.cov_nonrobust, &classical, within, &format!("{what}: classical"));
     same_covariance(&found.answer.cov_hc3, &worth.hc3, within, &format!("{what}: HC3"));
     // Differences tell nothing where columns are nearly dependent.
     if by_model && o.structure.orders.iter().all(|n| *n <= 4) {

@@ -449,6 +449,47 @@ impl Problem {
         Qr::new(&rows.transient).solve(&rows.residual).iter().map(|t| -t).collect()
     }
 
+    /// By how much variances grow because Σ is estimated (Kenward and Roger 1997), for white noise that is Σ's alone:
+    /// 1 + 2 (H C H)/H over ν − q − 1, C = Σ_ij cov(Σ_ij, Σ_kl) (X_iᵀX_l δ_jk − X_iᵀX_j H X_kᵀX_l).
+    pub fn growth(&self, theta: &[f64], columns: Columns) -> Vec<f64> {
+        let (q, p) = (self.outputs(), theta.len());
+        let t = self.transients(theta, false);
+        let rows = self.rows(theta, Some(&t), columns, false);
+        let base = Qr::new(&rows.transient);
+        let z: Vec<Vec<f64>> = rows.columns.iter().map(|c| base.rest(c)).collect();
+        let h = Qr::new(&z).inverse_normal();
+        let degrees = (rows.residual.len() - p - rows.transient.len()) as f64 / q as f64;
+        // Rows of a line and part stand together, output by output.
+        let part =
+            |a: usize, i: usize| z[a].iter().skip(i).step_by(q).copied().collect::<Vec<f64>>();
+        let parts: Vec<Vec<Vec<f64>>> =
+            (0..p).map(|a| (0..q).map(|i| part(a, i)).collect()).collect();
+        let influence = |k: usize, i: usize| -> Vec<f64> {
+            let n = parts[0][i].len();
+            (0..n).map(|r| (0..p).map(|a| h[k][a] * parts[a][i][r]).sum()).collect()
+        };
+        let one = |k: usize| {
+            let own: Vec<Vec<f64>> = (0..q).map(|i| influence(k, i)).collect();
+            let turned = |i: usize, j: usize| -> Vec<f64> {
+                (0..p).map(|a| dot(&own[i], &parts[a][j])).collect()
+            };
+            let mut sum = 0.0;
+            for i in 0..q {
+                for j in 0..q {
+                    for (x, y) in [(i, j), (j, i)] {
+                        // cov(Σ_ij, Σ_xy) is 1 for these, twice where i = j.
+                        let second = if j == x { dot(&own[i], &own[y]) } else { 0.0 };
+                        let (left, right) = (turned(i, j), turned(y, x));
+                        let bent: f64 = (0..p).map(|a| left[a] * dot(&h[a], &right)).sum();
+                        sum += second - bent;
+                    }
+                }
+            }
+            1.0 + 2.0 * sum / (h[k][k] * (degrees - q as f64 - 1.0))
+        };
+        (0..p).map(one).collect()
+    }
+
     /// Covariances and the step that is left at θ.
     pub fn worth(&self, theta: &[f64], columns: Columns) -> Worth {
         let t = self.transients(theta, false);

@@ -29,6 +29,7 @@ mod design;
 mod driven;
 mod fit;
 mod fitter;
+mod growth;
 mod iterate;
 mod line_noise;
 mod qr_step;

@@ -10,9 +10,11 @@
 //! ```
 //!
 //! HC3 adds the outputs up before squaring, so that what is left of the correlation between them is allowed for. The
-//! spectral covariance has a spectrum for each whitened output.
+//! spectral covariance has a spectrum for each whitened output. Where Σ is estimated, the other two grow (`growth`);
+//! HC3 is wide enough.
 
 use super::design::JointDesign;
+use super::growth::{Grow, add_line};
 use super::qr_step;
 use super::rows::rows;
 use super::step::{clear, pair, record_system};
@@ -65,6 +67,9 @@ pub(crate) fn finish(
         let freedom = d.freedom(w.records.iter().map(|r| r.limit)).max(1);
         let (spectral, by) = (&mut w.spectral, 1.0 / freedom as f64);
         isa.run(Finish { spectral, bins: &d.bins, cost: &w.progress.cost, by });
+    }
+    if d.estimates_weights() {
+        isa.run(Grow { design: d, space: w });
     }
 }
 
@@ -178,6 +183,7 @@ impl Kernel for Covariances<'_> {
         let (weights, factors) = (d.final_weights(), d.final_factors());
         clear::<L>(&mut w.meat);
         w.spectral.clear();
+        clear::<L>(&mut w.shared);
         let Kinds { spectral, .. } = w.kinds;
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
@@ -192,6 +198,9 @@ impl Kernel for Covariances<'_> {
                         if spectral {
                             count::<L>(d, w, k, (m, i));
                         }
+                    }
+                    if d.estimates_weights() {
+                        add_line::<L>(d, w, weight);
                     }
                     for a in 0..p {
                         let (x, y) = (L::load(&w.z[0][a]), L::load(&w.z[1][a]));
@@ -227,7 +236,7 @@ impl Kernel for Covariances<'_> {
 #[inline(always)]
 fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weight: L) {
     let (p, nt, width) = (d.parameters(), d.transient.len(), d.size() + 1);
-    let r = &w.records[k];
+    let (r, output) = (&w.records[k], at % d.outputs());
     for c in 0..p {
         let mut own = pair::<L>(&w.right, at * width + nt + c);
         for t in 0..nt {
@@ -253,7 +262,7 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
             for b in 0..p {
                 own = L::load(&w.inverse[a * p + b]).mul_add(L::load(&w.row[part][b]), own);
             }
-            own.store(&mut w.influence[part][a]);
+            own.store(&mut w.influence[part][output * p + a]);
             h = own.mul_add(L::load(&w.row[part][a]), h);
         }
         let e = pair::<L>(&w.residual, at);
@@ -279,6 +288,7 @@ fn count<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, (m, output): (
     for part in 0..parts {
         w.spectral.add(at, L::load(&w.squares[part]), L::load(&w.left_over[part]));
     }
+    let own = output * d.parameters()..(output + 1) * d.parameters();
     let [re, im] = &w.influence;
-    w.spectral.add_products(at, (re, im), L::splat(r.weight[m]));
+    w.spectral.add_products(at, (&re[own.clone()], &im[own]), L::splat(r.weight[m]));
 }

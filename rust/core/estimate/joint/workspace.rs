@@ -124,8 +124,9 @@ pub struct JointSpace {
     pub(crate) kinds: Kinds,
     /// What is known of the noise spectra of the outputs, and the covariance that follows.
     pub(crate) spectral: Spectral,
-    /// Influence of the two rows of an output and line on θ.
+    /// Influence of the two rows of each output of a line on θ, and its sums over the lines (`growth`).
     pub(crate) influence: [Vec<Wide>; 2],
+    pub(crate) shared: Vec<Wide>,
     /// Their squared whitened residuals, and what leverages leave of them.
     pub(crate) squares: [Wide; 2],
     pub(crate) left_over: [Wide; 2],
@@ -178,7 +179,8 @@ impl JointSpace {
             cov_hc3: wide(p * p),
             cov_nonrobust: wide(p * p),
             spectral: Spectral::new(d.bins.terms.len(), q, p),
-            influence: pair(p),
+            influence: pair(q * p),
+            shared: wide(d.pairs() * p * p),
             z: pair(p),
             row: pair(p),
             qr: QrSpace::new(d),

@@ -5,6 +5,7 @@
 //! blocks of all records stand above one another in one more factor R; then H = R⁻¹R⁻ᵀ, and a leverage is the square
 //! of a row of the Q's.
 
+use super::super::growth::Shared;
 use super::super::uncertainty::LEVERAGE;
 use super::system::independent;
 use super::{Ended, Single};
@@ -220,6 +221,7 @@ impl Single<'_> {
         let (mut residuals, mut from) = (Vec::new(), 0);
         let bins = d.bins.terms.len();
         let mut spectral = Spectral::new(bins, q, m);
+        let mut shared = Shared::new(d, m);
         let transposed: Vec<f64> =
             (0..m * m).map(|at| found.inverse[at % m * m + at / m]).collect();
         let records = columns.iter().zip(&limits).zip(&found.spans).enumerate();
@@ -234,6 +236,7 @@ impl Single<'_> {
             // Influence of each row on θ: R⁻¹ times the rows behind those of the transient.
             let mut influence = vec![0.0; *rows * m];
             product(&span[nt * *rows..], &transposed, (*rows, m, m), &mut influence);
+            shared.add_record(&influence, *rows, 2 * limit);
             let mut one = vec![0.0; m];
             let mut record = vec![vec![(0.0, 0.0); *limit]; q];
             for part in 0..2 * q {
@@ -322,6 +325,18 @@ impl Single<'_> {
         }
         for (k, rest) in rest.iter().enumerate().filter(|_| !d.priors.is_empty()) {
             all.degrees[k] = degrees(all.degrees[k], *rest, all.spectral[k * (p + 1)]);
+        }
+        if d.estimates_weights() {
+            let leading: Vec<f64> =
+                (0..m * m).map(|at| found.triangle[at / m * p + at % m]).collect();
+            let own: Vec<f64> = rows.iter().map(|row| dot(row, row)).collect();
+            let growth = shared.growth(&leading, &own, d.degrees_of_freedom());
+            for (i, a) in order[..m].iter().zip(&growth) {
+                for (j, b) in order[..m].iter().zip(&growth) {
+                    all.nonrobust[i * p + j] *= a * b;
+                    all.spectral[i * p + j] *= a * b;
+                }
+            }
         }
         all
     }
