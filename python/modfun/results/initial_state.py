@@ -25,7 +25,7 @@ from ..systems.making import ss
 from ..systems.propagate import respond
 from .estimates import Estimates
 from .prediction import InitialState, given_state
-from .regression import of_their_own
+from .regression import regress
 
 __all__ = ["find_state", "linear_columns", "simulate_equations", "slopes"]
 
@@ -149,25 +149,13 @@ def _linear_state(
         )
     weight = own / np.maximum(np.std(rec.y, axis=1), 1e-300)[:, None]
     for _ in range(1 + (outputs > 1)):
-        rows = (regressors * weight).reshape(len(columns), -1).T
-        size = np.linalg.norm(rows, axis=0)
-        size = np.where(size > 0, size, 1.0)
-        rows /= size
-        # An offset that a state makes, too, as behind an integrator, counts as the state's.
-        apart = of_their_own(np.asarray(np.linalg.qr(rows, mode="r")))
-        rows, z = rows[:, apart], np.zeros(size.size)
-        z[apart] = np.linalg.lstsq(rows, (left * weight).ravel(), rcond=None)[0]
-        z /= size
-        simulated = np.tensordot(z, regressors, 1)
+        # States come first: an offset that one makes, too, as behind an integrator, counts as its.
+        found = regress(left.ravel(), regressors.reshape(len(columns), -1), weight.ravel())
+        simulated = found.fitted.reshape(left.shape)
         e = own * (left - simulated)
-        used = weight
         level = np.sqrt(np.sum(e**2, axis=1) / np.count_nonzero(own, axis=1))
         weight = own / np.maximum(level, 1e-9 * np.abs(rec.y).max())[:, None]
-    freedom = max(int(np.count_nonzero(own)) - z.size, 1)
-    scale = float(np.sum((used * (left - simulated)) ** 2)) / freedom
-    cov = np.full((size.size, size.size), np.nan)
-    cov[np.ix_(apart, apart)] = scale * np.linalg.pinv(rows.T @ rows)
-    cov /= np.outer(size, size)
+    z, cov = found.coefficients, found.covariance
     if state is not None:
         return forced + simulated, InitialState(state, np.zeros((n, n)), z, cov)
     return forced + simulated, InitialState(z[:n], cov[:n, :n], z[n:], cov[n:, n:])

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._core import simulate, simulate_uneven
 from ..base.arrays import F64
@@ -14,7 +13,7 @@ from ..base.words import TRENDS
 from ..errors import DataError
 from ..systems.polynomials import companion, time_unit
 
-__all__ = ["Regression", "free_response", "of_their_own", "regress", "rms", "trend_columns"]
+__all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
 
 MADE = 1e-13  # of its size: what of a column is left that those before it do not have, and is rounding
 
@@ -74,12 +73,6 @@ class Regression:
     fitted: F64
 
 
-def of_their_own(r: F64) -> NDArray[np.bool_]:
-    """Columns of unit size that are not made of those before them, by their triangular factor."""
-    found: NDArray[np.bool_] = np.abs(r.diagonal()) > MADE
-    return np.append(found, np.zeros(r.shape[1] - found.size, dtype=bool))
-
-
 def regress(y: F64, columns: F64, weight: F64) -> Regression:
     """Least squares of a series (time,) on the rows of `columns` (k, time), rows scaled to unit norm.
 
@@ -101,9 +94,11 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
     rows[:k] /= scale[:, None]
     # R of the columns and the series behind them is all that their least squares need.
     r: F64 = np.asarray(np.linalg.qr(rows.T, mode="r"))
-    own = of_their_own(r[:, :k])
+    diagonal = r.diagonal()[:k]
+    own = np.zeros(k, dtype=bool)
+    own[: diagonal.size] = np.abs(diagonal) > MADE
     left, s, rotation = np.linalg.svd(r[:, :k][:, own], full_matrices=False)
-    keep = s > s[0] * 1e-12
+    keep = s > s.max(initial=0.0) * 1e-12
     inverse = rotation.T[:, keep] / s[keep]
     part = left[:, keep].T @ r[:, k]
     coefficients = np.zeros(k)

@@ -118,12 +118,12 @@ class Figures(Elsewhere):
     def crlb(self) -> F64:
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
-        From all samples, with the estimator's trend unknown, and the initial state unless the estimator knows
-        it; with process noise its levels are unknown, too. It holds where records begin, of a linear system's
-        drawn states at their mean. It is nan where the noise or the records are the
-        user's, the structure does not hold the system, process noise enters through inputs of its own, or the
-        initial state of equations is drawn. No estimator need reach it in a narrow band, and a biased one may
-        pass it.
+        From all samples, with the estimator's trend unknown, and the initial state unless the estimator
+        knows it; with process noise its levels are unknown, too. It holds where records begin, of a linear
+        system's drawn states at their mean. It is nan where the noise or the records are the user's, the
+        structure does not hold the system, process noise enters through inputs of its own, or the initial
+        state of equations is drawn. No estimator need reach it in a narrow band, and a biased one may pass
+        it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)

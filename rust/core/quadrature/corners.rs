@@ -46,16 +46,22 @@ pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
         let (before, open_before) = side(before, left, falling, falling.recip());
         (after - before, open_after + open_before)
     };
-    let spots = SIDE..samples.len() - SIDE;
-    let some = spots.clone().step_by(1 + samples.len() / MANY);
-    let mut left: Vec<f64> = some.map(|k| jump(k).1).collect();
+    let (mut candidates, mut left) = (Vec::new(), Vec::new());
+    for k in SIDE..samples.len() - SIDE {
+        let (jump, open) = jump(k);
+        if (k - SIDE).is_multiple_of(1 + samples.len() / MANY) {
+            left.push(open);
+        }
+        if jump.is_finite() && jump.abs() > CLEAR * open + rounding {
+            candidates.push((k, jump, open));
+        }
+    }
     let quarter = left.len() / 4;
     let background = *left.select_nth_unstable_by(quarter, f64::total_cmp).1;
     let least = rounding.max(CLEAR * quantum.max(background));
     let mut found: Vec<(usize, f64)> = Vec::new();
-    for k in spots {
-        let (jump, open) = jump(k);
-        if jump.abs() <= CLEAR * open + least || !jump.is_finite() {
+    for (k, jump, open) in candidates {
+        if jump.abs() <= CLEAR * open + least {
             continue;
         }
         match found.last_mut() {

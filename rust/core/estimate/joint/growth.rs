@@ -123,10 +123,10 @@ impl Shared {
     /// Takes in the influences of a record: columns of `height`, of which each output has `rows`.
     pub fn add_record(&mut self, influence: &[f64], height: usize, rows: usize) {
         let (q, p) = (self.q, self.p);
-        let mut pairs = self.pairs.iter_mut().peekable();
-        if pairs.peek().is_none() || height == 0 {
+        if self.pairs.is_empty() || height == 0 {
             return;
         }
+        let mut pairs = self.pairs.iter_mut();
         let own = |i: usize| -> Vec<f64> {
             let columns = influence.chunks_exact(height);
             columns.flat_map(|column| &column[i * rows..(i + 1) * rows]).copied().collect()
