@@ -23,7 +23,7 @@ from modfun import _core
 from places import ROOT
 
 LIBRARY = Path(_core.__file__)
-LARGEST = 8_000_000  # bytes without symbols
+LARGEST = 9_000_000  # bytes without symbols: what a wheel of it may take of a network and of a disk
 
 LINE = re.compile(r"\s*([0-9a-f]+):\t(\S+)\s*(.*)")
 TARGET = re.compile(r"([0-9a-f]+)(?: <|$)")
