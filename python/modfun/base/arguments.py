@@ -21,7 +21,7 @@ from ..errors import ModfunError, SpecError
 from .arrays import C128, F64
 from .names import nearest
 
-__all__ = ["Thing", "complexes", "is_sequence", "public", "real", "reals", "shown", "whole"]
+__all__ = ["Thing", "complexes", "is_sequence", "meant", "public", "real", "reals", "shown", "whole"]
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
@@ -39,6 +39,7 @@ _CALLED = (
     (("noise",), "nsr", "noise over signal, such as 0.1"),
     (("n", "runs"), "replicates", "their number"),
     (("n_jobs",), "threads", "their number"),
+    (("m", "lines", "n_harmonics"), "harmonics", "the highest modulating index M"),
 )
 _RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError)
 
@@ -180,7 +181,7 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
     options = [p.name for p in own if p.kind in (kinds.POSITIONAL_OR_KEYWORD, kinds.KEYWORD_ONLY)]
     for key in given:
         if key not in options and not any(p.kind is kinds.VAR_KEYWORD for p in own):
-            raise SpecError(f"{name}: there is no option {key!r}; {_meant(key, options)}") from None
+            raise SpecError(f"{name}: there is no option {key!r}; {meant(key, options)}") from None
     placed = [p.name for p in own if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
     if extra := args[len(placed) :]:
         free = [key for key in options if key not in placed and key not in given]
@@ -200,11 +201,13 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
         ) from None
 
 
-def _meant(key: str, options: Sequence[str]) -> str:
+def meant(key: str, options: Sequence[str]) -> str:
     """What an option is called here that others call so, or the names that are nearest."""
     for called, own, what in _CALLED:
         if key.lower() in called and own in options:
             return f"give {own}=..., {what}"
+    if key in ("inputs", "outputs"):
+        return f"channels are those of the record, rec.select({key}=[...]); {nearest(key, options)}"
     return nearest(key, options)
 
 

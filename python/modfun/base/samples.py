@@ -23,6 +23,7 @@ Names = str | Sequence[str] | None
 FEWEST = 8  # samples a record must have
 LARGEST = 1e151  # of a sample: squares of a million of them are still numbers
 MOST_SAMPLES = 10**7  # a simulation may make
+TEXTS = "convert the texts to numbers first, or let modfun.read do it; names go to inputs= and outputs="
 EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
 
 
@@ -57,8 +58,8 @@ def floats(values: ArrayLike, what: str) -> F64:
         cure = {
             "c": "give real and imaginary part as two channels",
             "O": "give numbers; missing values and text must be dealt with first",
-            "U": "convert the texts to numbers first, or let modfun.read do it",
-            "S": "convert the texts to numbers first, or let modfun.read do it",
+            "U": TEXTS,
+            "S": TEXTS,
         }.get(array.dtype.kind, "give numbers")
         raise DataError(
             f"Record: {what} holds {array.dtype.name} values where real numbers are needed; {cure}"

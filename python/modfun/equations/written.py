@@ -225,7 +225,8 @@ class Written:
         outputs = tuple([name for name in rec.outputs if name in self.outputs])
         inputs = tuple([name for name in rec.inputs if name in self.inputs])
         self._refuse_misspelt((*rec.outputs, *rec.inputs))
-        if not outputs or (outputs, inputs) == (rec.outputs, rec.inputs):
+        self._refuse_missing(rec.outputs, rec.inputs)
+        if (outputs, inputs) == (rec.outputs, rec.inputs):
             return rec
         return rec.select(outputs=outputs, inputs=inputs)
 
@@ -244,6 +245,15 @@ class Written:
 
     def _match(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
         self._refuse_misspelt(inputs)
+        self._refuse_missing(outputs, inputs)
+        if extra := [name for name in outputs if name not in self.outputs]:
+            raise SpecError(
+                f"{self._kind}: the model has no output {extra[0]!r}, which the record has; take "
+                f"rec.select(outputs={list(self.outputs)})"
+            )
+
+    def _refuse_missing(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
+        """Refuse channels of a record where those of the model are not among them."""
         for what, own, have, other in (
             ("outputs", self.outputs, outputs, inputs),
             ("inputs", self.inputs, inputs, outputs),
@@ -261,11 +271,6 @@ class Written:
                     f"{self._kind}: the model has the {what[:-1]} {name!r}, the record has "
                     f"{what} {list(have)}; write the model in the record's names, with {cure}"
                 )
-        if extra := [name for name in outputs if name not in self.outputs]:
-            raise SpecError(
-                f"{self._kind}: the model has no output {extra[0]!r}, which the record has; take "
-                f"rec.select(outputs={list(self.outputs)})"
-            )
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a {self._kind} cannot be changed")

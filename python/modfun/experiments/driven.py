@@ -161,18 +161,19 @@ def _through_inputs(system: Any, given: ProcessNoise, who: str) -> tuple[F64, F6
     columns: list[F64] = []
     for name, (num, den) in given.filters:
         at = names.index(name)
-        if np.any(system.D[:, at] != 0):
+        direct, shape = system.D[:, at : at + 1], tf(num, den).to_ss()
+        if np.any(direct @ shape.D != 0):
             raise SpecError(
-                f"{who}: process_noise: {name} acts on an output directly: its variance is infinite"
+                f"{who}: process_noise: {name} is white and acts on an output directly, so its variance "
+                "is infinite; give a filter with fewer zeros than poles, such as mf.dryden(tau)"
             )
-        shape = tf(num, den).to_ss()
         own, n, extra = system.B[:, at : at + 1], len(a), len(shape.A)
         # Columns of noise that came before end at the states there were.
         columns = [np.concatenate([column, np.zeros(extra)]) for column in columns]
         into = np.zeros((n, 1))
         into[: len(own)] = own
         a = np.block([[a, into @ shape.C], [np.zeros((extra, n)), shape.A]])
-        c = np.hstack([c, np.zeros((len(c), extra))])
+        c = np.hstack([c, direct @ shape.C])
         columns.append(np.concatenate([(into @ shape.D)[:, 0], shape.B[:, 0]]))
     return a, c, np.array(columns).T
 

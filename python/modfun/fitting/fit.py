@@ -118,8 +118,11 @@ def fit(
         adds to nonlinear signals, from the unused harmonics or from `Noise`.
     cov_type : {"spectral", "HC3", "nonrobust"}
         Standard errors for noise of any smooth spectrum, which is estimated from the residual lines;
-        without an assumption on its colour, line by line; or classical ones for white noise. All take the
-        noise level as constant over the record; where it changes give ``Record(sigma=)``.
+        without an assumption on its colour, line by line; or classical ones for white noise. "spectral" also
+        allows for a level that changes over the record, in fits by "ml" and "awls" with ``noise="output"`` or
+        `Noise` of the outputs, of even records without mask, sigma and known start; the others assume a
+        constant level unless ``Record(sigma=)`` gives it. None allows for noise that drives several equations
+        at once, as a gust does: that is ``noise=ProcessNoise(...)``.
     output_weights : (output,) or (output, output) array_like, optional
         Of several outputs: 1/variance of the noise of each, or the inverse of its covariance, instead of the
         estimated one.
@@ -140,7 +143,8 @@ def fit(
     initial_state : {"unknown", "zero", "rest", "periodic"} or array_like (state,) or (record, state)
         What is known of the state at the first sample of each record. "rest": all was steady under the
         inputs' first values, as before a step test; the offset of the output is free where `trend` says
-        so. "zero": the response begins at zero, and the inputs act from the first sample on. "periodic": the
+        so. "zero": the response begins at zero, and the inputs act from the first sample on, as deviations
+        from the operating point before it. "periodic": the
         record holds whole periods of a steady response, the first and the last sample in one phase.
         Numbers: y, y', … of the free response at the first sample, as `Fit.initial_state` has them, beside
         the response that begins at zero. The transient then follows from the parameters, or there is none,

@@ -39,9 +39,9 @@ def fit_batch(
 ) -> FitMany:
     """Fit records of one length and step in the compiled core, which chooses one band for all."""
     if not isinstance(data, Batch):
+        data = tuple([with_inputs(rec, options.noise) for rec in data])
         if not isinstance(structure, TransferFunction):
             data = tuple([structure.own_channels(rec) for rec in data])
-        data = tuple([with_inputs(rec, options.noise) for rec in data])
     sample = data if isinstance(data, Batch) else data[:1]
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):

@@ -138,7 +138,7 @@ def fit_equation(
     `again` makes others like it; `levels`: noise of the outputs where more is known than the high band shows;
     `starts`: values of the parameters from which the search begins.
     """
-    records = tuple([with_inputs(structure.own_channels(rec), options.noise) for rec in records])
+    records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
     filled = [(rec, *bridged(rec)) for rec in records]

@@ -234,7 +234,8 @@ def refuse_standing(
                 f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
                 "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
                 "it moves (of a step test, from before the step; if the step came at the first sample, at "
-                'rest, give initial_state="zero")'
+                'rest, give initial_state="zero", with inputs and outputs as deviations from the operating '
+                "point before the step)"
             )
         if initial_state == "unknown" and all([_stands(u[k, 1:]) or _stands(u[k, :-1]) for u in us]):
             raise DataError(

@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..base.arguments import real, reals, whole
+from ..base.arguments import meant, real, reals, whole
 from ..base.names import nearest
 from ..base.samples import band_edges
 from ..base.words import TRENDS
@@ -169,7 +169,7 @@ def _checked(what: str, **given: Any) -> Options:
     for name in given:
         if name not in Options.__dataclass_fields__:
             known = list(Options.__dataclass_fields__)
-            raise SpecError(f"{what}: there is no option {name!r}; {nearest(name, known)}")
+            raise SpecError(f"{what}: there is no option {name!r}; {meant(name, known)}")
     for name, words in WORDS.items():
         if name == "noise" and isinstance(given.get(name), Noise | ProcessNoise):
             continue

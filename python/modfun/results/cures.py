@@ -107,11 +107,22 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
                 continue
             if unstable:
                 continue
-            found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
+            words = _with_time(fit, words, other[EXTRA]).replace("{}", f"{other[EXTRA]:.3g}")
+            found = Cure(words, before, after, level_p(other))
             best = after
         if found is not None and found.level_p > ENOUGH:
             break
     return found
+
+
+def _with_time(fit: Estimates, words: str, seconds: float) -> str:
+    """Words with the value of a lag or delay, and what it means where no record could show such a one."""
+    step = min(float(np.min(np.diff(rec.t))) for rec in fit.records or ())
+    odd = f"far below the step of {step:.3g} s" if seconds < step / 10 else ""
+    if seconds > max(rec.duration for rec in fit.records or ()):
+        odd = "longer than the record"
+    doubt = f", {odd}: first look for a wrong unit or sign of a channel" if odd else ""
+    return words.replace("{} s)", f"{seconds:.3g} s{doubt})")
 
 
 def convincing(fit: Estimates, cure: Cure) -> bool:

@@ -95,8 +95,9 @@ def gain_of_start(fit: Estimates) -> str | None:
     p = contradicted_p(other)
     if not (other.success and p > AGREES):
         return None
-    gains = np.sqrt(np.diag(fit.cov_nonrobust) / np.diag(other.cov_nonrobust))
-    gains = gains[np.isfinite(gains) & (gains > 0)]  # where neither fit is on a bound
+    own, theirs = np.diag(fit.cov_nonrobust), np.diag(other.cov_nonrobust)
+    estimated = (own > 0) & (theirs > 0)  # where neither fit is on a bound
+    gains = np.sqrt(own[estimated] / theirs[estimated])
     if not np.max(gains, initial=0.0) >= LEAST_GAIN:
         return None
     return (

@@ -62,5 +62,8 @@ def _position(axis: Axis, cell: Mapping[str, Any]) -> int:
         if len(axis.labels) == 1:
             return 0
         labels = ", ".join(map(repr, axis.labels))
-        raise SpecError(f"replicate: which {axis.name}? Give {axis.name}= one of {labels}")
+        raise SpecError(
+            f"replicate: which {axis.name}? Give {axis.name}= one of {labels} "
+            f"(in the shell --cell {axis.name}={axis.labels[0]})"
+        )
     return axis.index(cell[axis.name])

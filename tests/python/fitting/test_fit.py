@@ -411,6 +411,21 @@ BAD = {
         mf.SpecError,
         "one per input",
     ),
+    "the index as the report calls it": (
+        lambda: mf.fit(REC, TF20, M=8),
+        mf.SpecError,
+        "no option 'M'; give harmonics=",
+    ),
+    "channels as an option": (
+        lambda: mf.fit(REC, TF20, inputs=["elev"]),
+        mf.SpecError,
+        r"rec\.select\(inputs=\[\.\.\.\]\)",
+    ),
+    "a name that the record has not": (
+        lambda: mf.fit(REC, mf.StateSpace([["a"]], [["b"]], states=["y"], inputs=["elev"])),
+        mf.SpecError,
+        r"the model has the input 'elev', the record has inputs \['u'\]",
+    ),
     "an input that stands still": (
         lambda: mf.fit(mf.Record(y=REC.y, u=np.ones(257), dt=REC.dt), TF20),
         mf.DataError,

@@ -326,7 +326,9 @@ def test_a_step_at_the_first_sample_tells_the_system_from_rest() -> None:
     many = mf.fit_many(records[:2], MODEL, initial_state="zero", progress=False)
     assert np.all(np.isfinite(many.params))
     for told in ("unknown", "rest"):
-        with pytest.raises(mf.DataError, match=r'from before the step; .* give initial_state="zero"'):
+        with pytest.raises(
+            mf.DataError, match=r'from before the step; .* give initial_state="zero", with .* deviations'
+        ):
             mf.fit(records[0], MODEL, initial_state=told)
 
 
@@ -342,3 +344,16 @@ def test_an_input_that_moves_in_one_sample_at_an_end_only_needs_a_known_start() 
     late = mf.Record(y=y, u=np.r_[np.ones(401), 0.0], dt=0.025)
     with pytest.raises(mf.DataError, match="for one sample at an end"):
         mf.fit(late, MODEL)
+
+
+def test_a_parameter_on_its_bound_is_left_out_where_a_known_start_is_proposed() -> None:
+    """Its variance is 0 in both fits: their ratio was a RuntimeWarning, which is an error in the tests."""
+    t = np.linspace(0, 3, 129)
+    rec = mf.simulate(
+        SYSTEM, input=np.where(t >= 0.3, 1.0, 0.0), duration=3.0, intervals=128, intersample="zoh", nsr=0.05,
+        seed=1,
+    )  # fmt: skip
+    with pytest.warns(mf.ModfunWarning, match="b0 ended on a bound"):
+        fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0, params={"b0": mf.Free(max=4)}))
+    assert fit.at_bound == ("b0",)
+    fit.check()

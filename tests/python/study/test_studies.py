@@ -279,7 +279,7 @@ def test_functions_need_samples() -> None:
         (50, {"nsr": 0.1}, "0 to 49"),
         (-1, {"nsr": 0.1}, "0 to 49"),
         (1.0, {"nsr": 0.1}, "number"),
-        (0, {}, "which nsr"),
+        (0, {}, "which nsr.* --cell nsr=0.1"),
         (0, {"nsr": 0.15}, "not in the study"),
         (0, {"nsr": 0.1, "noise": 1}, "no axis"),
     ],
