@@ -104,30 +104,40 @@ def places(fit):
 
 def row(case, count):
     """A line of the table: errors, bias, coverage, levels."""
-    errors, plain, inside, levels, lost = [], [], [], [], 0
+    errors, plain, inside, inside_plain, levels, lost = [], [], [], [], [], 0
     for seed in range(count):
         rec = case.record(seed)
         fit = mf.fit(rec, case.model, noise=case.noise)
         order = places(fit)
         lost += fit.status != "ok"
         errors.append(fit.params[order] - case.truth)
-        interval = fit.conf_int()[order]
-        inside.append((interval[:, 0] < case.truth) & (case.truth < interval[:, 1]))
+        inside.append(contains(fit.conf_int()[order], case.truth))
         levels.append(fit.process_noise()["level"])
         other = mf.fit_many([rec], case.plain)  # without looking for a cure each time
         plain.append(other.params[0][places(other)] - case.truth)
+        inside_plain.append(contains(other.conf_int()[0][places(other)], case.truth))
     errors = np.array(errors)
     scale = case.scale if case.scale is not None else np.abs(case.truth) / 100
     rmse, other = (np.sqrt(np.mean(np.square(own), axis=0)) / scale for own in (errors, plain))
     unit = "" if case.scale is not None else " %"
     told = [f"{a:.2f} ({b:.2f}){unit}" for a, b in zip(rmse, other, strict=True)]
     bias = np.max(np.abs(errors.mean(axis=0) / errors.std(axis=0)))
-    cover = 100 * np.mean(inside, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.sqrt(np.mean(np.square(levels), axis=0)) / case.levels
     found = ", ".join(f"{own:.2f}" if np.isfinite(own) else "–" for own in ratio)
-    covered = f"{cover.min():.1f} to {cover.max():.1f} %"
+    covered = f"{covers(inside)} ({covers(inside_plain)}) %"
     return f"| {case.name} | {', '.join(told)} | {bias:.2f} | {covered} | {found} | {lost} |"
+
+
+def contains(interval, truth):
+    """Whether the interval of each parameter contains the true value."""
+    return (interval[:, 0] < truth) & (truth < interval[:, 1])
+
+
+def covers(inside):
+    """The least and the greatest coverage of a parameter, %."""
+    cover = 100 * np.mean(inside, axis=0)
+    return f"{cover.min():.1f} to {cover.max():.1f}"
 
 
 def main():
@@ -142,9 +152,10 @@ def main():
         Aircraft(60.0, 1.0),
     ]  # fmt: skip
     lines = [
-        f"{given.records} records per row, of state spaces {given.records // 3}.",
+        f"{given.records:,} records per row, {given.records // 3:,} for state spaces.",
         "",
-        "| system and noise | error of each parameter (of the default) | bias over sd | intervals cover "
+        "| system and noise | error of each parameter (of the default) | bias over sd "
+        "| intervals cover (of the default) "
         "| levels over the true ones | not settled |",
         "|---|---|---|---|---|---|",
     ]
