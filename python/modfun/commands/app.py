@@ -142,7 +142,8 @@ def fit(
         list[str] | None,
         typer.Option(
             metavar="SECONDS|[START:]MIN:MAX",
-            help="Delay in s: known, or to be estimated within bounds; once, or as --zeros.",
+            help="Delay in s: known, or to be estimated within bounds; once, or as --zeros. Of a state space "
+            "known, or the name of a parameter; once, or one per input.",
         ),
     ] = None,
     denominator: Annotated[

@@ -39,12 +39,14 @@ def structure_of(
     given = {
         "--equation": bool(equation),
         "--A": bool(matrices),
-        "--poles, --zeros, --delay and --denominator": any((poles, zeros, delay, denominator)),
+        "--poles, --zeros and --denominator": any((poles, zeros, denominator)),
     }
     kinds = [name for name, on in given.items() if on]
     if len(kinds) > 1:
         raise SpecError(f"fit: {kinds[0]} beside {kinds[1]}: give the options of one structure")
     params = dict(param_of(word) for word in param or ())
+    if equation and delay:
+        raise SpecError('fit: --delay beside --equation: write it in the equation, as "u(t - h)"')
     if equation:
         return Equation(
             equation if len(equation) > 1 else equation[0],
@@ -62,7 +64,8 @@ def structure_of(
         own = {name: matrix_rows(text) for name, text in matrices.items()}
         inputs = first.inputs if "B" in own else None
         outputs = first.outputs if "C" in own else None
-        return StateSpace(**own, states=names, inputs=inputs, outputs=outputs, params=params)
+        late = one_or_all(delay) or 0.0
+        return StateSpace(**own, states=names, inputs=inputs, outputs=outputs, params=params, delay=late)
     if len(first.outputs) > 1 and denominator is None:
         raise SpecError(
             f"fit: {len(first.outputs)} outputs ({', '.join(first.outputs)}): say whether they share their "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..errors import SpecError
@@ -97,6 +98,13 @@ def _layout(structure: Any, options: Options, outputs: Any, inputs: Any, forms: 
                 f"and one is of order {min(compiled.orders)}; give mf.Numerator({min(compiled.orders)})"
             )
     found = formulas(compiled, options.rule, forms, noisy, options.noise == "log-normal", options.correct)
+    for _, _, late in found.words["signals"]:
+        if late is not None and not isfinite(found.words["bounds"][late][1]):
+            name = compiled.parameters[late]
+            raise SpecError(
+                f"fit: {name!r} is a delay that is to be estimated and has no largest value; give its bounds "
+                f"in s, as params={{{name!r}: mf.Free(min=0, max=0.5)}}, or a number"
+            )
     return EquationLayout(
         tuple(outputs), tuple(inputs), tuple(compiled.parameters), tuple(compiled.orders), compiled, found
     )

@@ -11,7 +11,19 @@ from ..base.arguments import shown
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, expression
 
-__all__ = ["Entry", "Matrix", "column_of", "line", "matrix_of", "names_in", "row_of", "rows_of", "state_of"]
+__all__ = [
+    "Entry",
+    "Matrix",
+    "column_of",
+    "delays_of",
+    "late_name",
+    "line",
+    "matrix_of",
+    "names_in",
+    "row_of",
+    "rows_of",
+    "state_of",
+]
 
 Entry = float | str
 Matrix = tuple[tuple[Entry, ...], ...]
@@ -89,6 +101,25 @@ def _is_flat(name: str, given: Any) -> bool:
         return all(isinstance(one, str) or np.ndim(one) == 0 for one in given)
     except Exception:  # of whatever an unknown object raises
         raise SpecError(f"StateSpace: {name}={shown(given)} is not a matrix; give rows") from None
+
+
+def delays_of(given: Any, inputs: Sequence[str]) -> tuple[Entry, ...]:
+    """A delay for each input: seconds, or the name of a parameter."""
+    if isinstance(given, str) or np.ndim(given) == 0:
+        given = [given] * len(inputs)
+    (delays,) = matrix_of("delay", [given], 1, len(inputs)) if inputs else ((),)
+    for name, late in zip(inputs, delays, strict=True):
+        if not (late.isidentifier() if isinstance(late, str) else late >= 0):
+            raise SpecError(
+                f"StateSpace: the delay of {name} is {late!r}; give seconds of at least 0, or the name of a "
+                'parameter, as delay="h", params={"h": mf.Free(min=0, max=0.2)}'
+            )
+    return delays
+
+
+def late_name(name: str, delay: Entry) -> str:
+    """An input as it stands in the equations: u, u(t - h) or u(t - 0.1)."""
+    return f"{name}(t - {delay if isinstance(delay, str) else f'{delay:g}'})" if delay else name
 
 
 def state_of(c: Sequence[Entry], d: Sequence[Entry]) -> int | None:

@@ -181,6 +181,7 @@ def _seen_through(model: StateSpace, actuator: Any, sensor: Any, settle: Any) ->
     return StateSpace(
         a, b if model.inputs else None, c, d if model.inputs else None,
         states=states, inputs=model.inputs, outputs=model.outputs, params=dict(model.params),
+        delay=model.delay,
     )  # fmt: skip
 
 

@@ -16,7 +16,19 @@ from ..errors import SpecError
 from ..models.free import Free, from_plain, to_plain
 from ..systems.lti import LTI
 from ..systems.making import linear, ss
-from .matrices import Matrix, column_of, line, matrix_of, names_in, row_of, rows_of, state_of
+from .matrices import (
+    Entry,
+    Matrix,
+    column_of,
+    delays_of,
+    late_name,
+    line,
+    matrix_of,
+    names_in,
+    row_of,
+    rows_of,
+    state_of,
+)
 from .written import Written, channel_names, outputs_left, parameters_given
 
 if TYPE_CHECKING:
@@ -30,6 +42,8 @@ MOST_STATES = 20
 @public
 class StateSpace(Written):
     """x' = A x + B u, y = C x + D u with entries that are numbers, names or expressions.
+
+    Inputs may be late: u stands for u(t − delay) then.
 
     Where the states are measured (C without parameters and invertible) the state equations are fitted as they
     stand, stacked. Otherwise states that are not measured are eliminated: one output has
@@ -50,6 +64,9 @@ class StateSpace(Written):
         y1, y2, ….
     params : mapping of str to float or Free, optional
         Parameters that are held at a number, or given a start, bounds or a prior, `mf.Free`.
+    delay : float, str, or sequence of these, default 0
+        Delay of the inputs, s, at least 0; one, or one per input. The name of a parameter estimates it,
+        between bounds: ``delay="h", params={"h": mf.Free(min=0, max=0.2)}``.
 
     Raises
     ------
@@ -85,6 +102,7 @@ class StateSpace(Written):
     C: Matrix
     D: Matrix
     states: tuple[str, ...]
+    delay: tuple[Entry, ...]
 
     def __init__(
         self,
@@ -97,6 +115,7 @@ class StateSpace(Written):
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         params: Mapping[str, float | Free] | None = None,
+        delay: float | str | Sequence[float | str] = 0.0,
     ) -> None:
         n = rows_of(A)
         if not 0 < n <= MOST_STATES:
@@ -117,7 +136,8 @@ class StateSpace(Written):
                 raise SpecError(f"StateSpace: the output {name!r} has the name of a state that it is not")
         if twice := [name for name in drives if name in (*own, *measured)]:
             raise SpecError(f"StateSpace: {twice[0]!r} is named twice among states, inputs and outputs")
-        names = list(dict.fromkeys(names_in(a, b, c, d)))
+        late = delays_of(delay, drives)
+        names = list(dict.fromkeys(names_in(a, b, c, d, (late,))))
         if clash := [name for name in names if name in (*own, *drives, *measured, "t")]:
             raise SpecError(
                 f"StateSpace: {clash[0]!r} stands in a matrix; entries are numbers and parameters, no "
@@ -131,6 +151,7 @@ class StateSpace(Written):
             states=own,
             inputs=drives,
             outputs=measured,
+            delay=late,
             params=parameters_given(params, names, "StateSpace"),
             all_parameters=tuple(names),
         )
@@ -150,16 +171,13 @@ class StateSpace(Written):
         """
         left = outputs_left(self, names)
         rows = [self.outputs.index(name) for name in left]
-        return StateSpace(
-            self.A,
-            self.B,
-            [self.C[i] for i in rows],
-            [self.D[i] for i in rows],
-            states=self.states,
-            inputs=self.inputs,
-            outputs=left,
-            params=dict(self.params),
-        )
+        return self._like(C=[self.C[i] for i in rows], D=[self.D[i] for i in rows], outputs=left)
+
+    def _like(self, **changes: Any) -> StateSpace:
+        """The same system with some words of the constructor changed."""
+        names = ("A", "B", "C", "D", "states", "inputs", "outputs", "delay")
+        own: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return StateSpace(**own | {"params": dict(self.params)} | changes)
 
     def model(self, theta: ArrayLike | Mapping[str, float]) -> LTI:
         """The system with these parameters.
@@ -196,8 +214,15 @@ class StateSpace(Written):
                 f"StateSpace.model: {', '.join(lost)} cannot be found from {', '.join(self.outputs)}, and so "
                 "have no numbers; hold them, params={...}"
             )
-        made = ss(*(numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)))
+        parts = [numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)]
+        made = ss(*parts, delay=self._delays(given))
         return replace(made, inputs=self.inputs, outputs=self.outputs)
+
+    def _delays(self, values: Mapping[str, float]) -> list[float]:
+        """Delays of the inputs, s, at values of the parameters that are not held."""
+        from .symbolic.linear import numbers
+
+        return numbers((self.delay,), self.params, values).ravel().tolist() if self.delay else []
 
     def theta(self, system: LTI) -> F64:
         """Parameters of a system with numbers in these matrices, in the order of `param_names`.
@@ -226,13 +251,17 @@ class StateSpace(Written):
         """
         system = linear(system, "StateSpace.theta")
         own, names = (self.A, self.B, self.C, self.D), self.param_names()
-        found: dict[str, float] = {}
+        late = np.asarray(system.delays)
+        found = {}
+        if late.shape == (len(self.delay),):
+            found = {entry: float(x) for entry, x in zip(self.delay, late, strict=True) if entry in names}
         for matrix, values in zip(own, system.matrices or (), strict=False):
             for row, numbers in zip(matrix, values, strict=False):
                 found |= {entry: float(x) for entry, x in zip(row, numbers, strict=False) if entry in names}
-        if len(found) == len(names) and not np.any(system.path_delays):
+        if len(found) == len(names) and system.matrices is not None:
             made = self.model(found)
-            pairs = zip(made.matrices or (), system.matrices or (), strict=True)
+            here, there = ((*(one.matrices or ()), one.path_delays) for one in (made, system))
+            pairs = zip(here, there, strict=True)
             if all(a.shape == b.shape and np.allclose(a, b, rtol=1e-9, atol=1e-12) for a, b in pairs):
                 return np.array([found[name] for name in names])
         raise SpecError(
@@ -243,7 +272,7 @@ class StateSpace(Written):
     def to_dict(self) -> dict[str, Any]:
         """The model as plain Python values, for `from_dict`."""
         values: dict[str, Any] = {name: [list(row) for row in getattr(self, name)] for name in "ABCD"}
-        values.update({name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")})
+        values.update({name: list(getattr(self, name)) for name in ("states", "inputs", "outputs", "delay")})
         return {**values, "params": {name: to_plain(given) for name, given in self.params}}
 
     @classmethod
@@ -261,7 +290,7 @@ class StateSpace(Written):
         return _compiled(self)
 
     def _title(self) -> tuple[str, ...]:
-        signals = (*self.states, *self.inputs)
+        signals = (*self.states, *map(late_name, self.inputs, self.delay))
         rows = [
             line(f"{x}'", zip((*a, *b), signals, strict=True))
             for x, a, b in zip(self.states, self.A, self.B, strict=True)
@@ -274,7 +303,8 @@ class StateSpace(Written):
         return tuple(rows)
 
     def _state(self) -> tuple[Any, ...]:
-        return self.A, self.B, self.C, self.D, self.states, self.inputs, self.outputs, self.params
+        matrices = self.A, self.B, self.C, self.D
+        return *matrices, self.states, self.inputs, self.outputs, self.delay, self.params
 
     def __reduce__(self) -> tuple[Any, ...]:
         return StateSpace.from_dict, (self.to_dict(),)
@@ -287,6 +317,7 @@ class StateSpace(Written):
         words = [str([list(row) for row in getattr(self, name)]) for name in "ABCD"]
         words += [f"{what}={list(getattr(self, what))}" for what in ("states", "inputs", "outputs")]
         words += [f"params={dict(self.params)}"] if self.params else []
+        words += [f"delay={list(self.delay)}"] if any(self.delay) else []
         return f"StateSpace({', '.join(words)})"
 
 
@@ -300,6 +331,7 @@ def _compiled(model: StateSpace) -> Compiled:
         states=model.states,
         inputs=model.inputs,
         outputs=model.outputs,
+        delay=model.delay,
         params=model.params,
         parameters=model.all_parameters,
     )

@@ -236,7 +236,14 @@ class Written:
         told = dict(self.params)
         for channel in channels:
             for name in self.all_parameters:
-                if channel not in own and name not in told and _alike(name, channel):
+                if channel in own or name in told:
+                    continue
+                if name == channel:
+                    raise SpecError(
+                        f"{self._kind}: {name!r} is a channel of the record and would be a parameter of the "
+                        f"model; list it, inputs=[{name!r}], or give the parameter another name"
+                    )
+                if _alike(name, channel):
                     raise SpecError(
                         f"{self._kind}: the record's {channel!r} is in no equation, {name!r} is a parameter; "
                         f"did you mean {channel!r} for {name!r}? Else leave the channel out, "

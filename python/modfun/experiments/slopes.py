@@ -147,6 +147,7 @@ class States:
         self.rows = rows
         self.matrices = [numbers(m, model.params, values) for m in matrices]
         self.moved = [derivatives(m, model.params, values) for m in matrices]
+        self.late = tuple(model._delays(values))
         for k in (2, 3):
             self.matrices[k] = self.matrices[k][rows]
             self.moved[k] = self.moved[k][:, rows]
@@ -160,7 +161,8 @@ class States:
             numbers(m, self.model.params, given)
             for m in (self.model.A, self.model.B, self.model.C, self.model.D)
         )
-        return replace(ss(a, b, c[self.rows], d[self.rows]), inputs=self.inputs, outputs=self.outputs)
+        made = ss(a, b, c[self.rows], d[self.rows], delay=self.model._delays(given))
+        return replace(made, inputs=self.inputs, outputs=self.outputs)
 
     def slopes(self, rec: Record, start: F64 | None, held: bool = True) -> Slopes:
         (a, b, c, d), (da, db, dc, dd) = self.matrices, self.moved
@@ -176,11 +178,21 @@ class States:
         x0 = np.zeros(n * (p + 1))
         if start is not None:
             x0[:n] = _checked(start, n)
-        late = (0.0,) * len(rec.u)
-        y = respond((whole, drive, seen, through), x0, list(rec.u), *words, rec.intersample, late)
+        driven = Inputs(list(rec.u), *words, rec.intersample, self.late, held)
+        y = driven.respond((whole, drive, seen, through), x0)
         none = np.zeros((n, 0)), np.zeros((q, 0))
         free = [respond((a, none[0], c, none[1]), unit, [], *words, (), ()) for unit in np.eye(n)]
         y = y.reshape(p + 1, q, -1)
+        for j, name in enumerate(self.names):
+            # ∂/∂h of G(s) U e^(−hs) is −s times it: of x' = Ax + Bu that is Ax + Bu again, and D = 0.
+            late = np.array([entry == name for entry in self.model.delay])
+            if late.any():
+                if np.any(d[:, late]):
+                    raise SpecError(
+                        f"crlb: the delay {name!r} is unknown and an input behind it feeds through, and a "
+                        "response that jumps has no derivative to it: hold the delay, params={...}"
+                    )
+                y[1 + j] -= driven.respond((a, b * late, c @ a, c @ b * late), np.zeros(n))
         return Slopes(y[0], y[1:], np.array(free))
 
 

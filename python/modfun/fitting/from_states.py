@@ -61,7 +61,7 @@ def fit_from_states(
     model = StateSpace(
         structure.A, b, structure.C, np.zeros((len(structure.C), len(b[0]))),
         states=structure.states, inputs=[*structure.inputs, *names], outputs=structure.outputs,
-        params=dict(structure.params),
+        params=dict(structure.params), delay=[*structure.delay, *[0.0] * len(names)],
     )  # fmt: skip
     beside = tuple(
         [

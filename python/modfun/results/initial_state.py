@@ -91,11 +91,12 @@ def linear_columns(fit: Estimates, rec: Record, free: bool) -> F64:
 def _system(fit: Estimates, rec: Record, structure: Any) -> tuple[LTI, list[int]]:
     """The system with its channels by name, as the record has them, and outputs that are no states."""
     a, b, c, d = fit.model.matrices  # type: ignore[misc]  # of a state space there are
+    late = np.asarray(fit.model.delays)
     rows = [structure.outputs.index(name) for name in rec.outputs]
     pick = np.array([[float(own == name) for name in rec.inputs] for own in structure.inputs])
     pick = pick.reshape(len(structure.inputs), len(rec.inputs))
     algebraic = [k for k, name in enumerate(rec.outputs) if name not in structure.states]
-    return ss(a, b @ pick, c[rows], d[rows] @ pick), algebraic
+    return ss(a, b @ pick, c[rows], d[rows] @ pick, delay=late @ pick), algebraic
 
 
 def _linear_state(
@@ -106,7 +107,7 @@ def _linear_state(
     Parameters
     ----------
     system : LTI
-        A state space without delays.
+        A state space.
     rec : Record
         Evenly sampled.
     terms : int
@@ -134,7 +135,9 @@ def _linear_state(
     none = np.zeros((n, 0))
     words = (rec.dt, rec.intervals)
 
-    forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, (0.0,) * len(rec.u))
+    late = system.path_delays[0].tolist()  # of each input
+    # Before the record inputs are taken as at its first sample.
+    forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, late, held=True)
     if state is not None:
         forced = forced + respond((a, none, c, np.zeros((outputs, 0))), state, [], *words, (), ())
     columns = _columns(system, rec, terms, algebraic, state is None)

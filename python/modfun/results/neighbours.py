@@ -43,6 +43,11 @@ def _late(fit: Estimates) -> Free:
     return Free(EARLY / fit.band[1], min=0.0)
 
 
+def _delay(fit: Estimates) -> Free:
+    """A delay, up to an eighth of the shortest record."""
+    return Free(EARLY / fit.band[1], min=0.0, max=math.pi / 4 / max(fit.omega0))
+
+
 def _instruments(fit: Estimates, model: StateSpace) -> Changed:
     for i, y in enumerate(model.outputs):
         words = f"a lag of the sensor of {y} ({{}} s), as a state: {y}_sensor' = ({y} - {y}_sensor)/lag"
@@ -51,6 +56,13 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
         yield words, _sensor(fit, model, i)
     for k, u in enumerate(model.inputs):
         yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k)
+        if model.delay[k] == 0:
+            late = [EXTRA if j == k else own for j, own in enumerate(model.delay)]
+            shown = "h" if len(late) == 1 else [("h" if one == EXTRA else one) for one in late]
+            words = (
+                f"a delay of {u}, delay={shown!r} and params={{'h': mf.Free(min=0, max=...)}} (h = {{}} s)"
+            )
+            yield words, model._like(delay=late, params=_more(model, _delay(fit)))
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
             continue  # a measured state is no accelerometer
@@ -61,7 +73,7 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
             words = (
                 f"lever*{x}' in the output {y} (lever = {{}}), as of a sensor away from the reference point"
             )
-            yield words, _like(model, C=c, D=d, params=_more(model, Free()))
+            yield words, model._like(C=c, D=d, params=_more(model, Free()))
 
 
 def _entries(model: StateSpace) -> Changed:
@@ -76,7 +88,7 @@ def _entries(model: StateSpace) -> Changed:
                     matrix[i][j] = EXTRA
                     target = row if name == "D" else f"{row}'"
                     words = f"a term in {column} in the equation of {target} (coefficient {{}})"
-                    yield words, _like(model, **{name: matrix}, params=_more(model, Free()))
+                    yield words, model._like(**{name: matrix}, params=_more(model, Free()))
 
 
 def _sensor(fit: Estimates, model: StateSpace, i: int) -> StateSpace:
@@ -90,7 +102,7 @@ def _sensor(fit: Estimates, model: StateSpace, i: int) -> StateSpace:
     d = [list(row) for row in model.D]
     d[i] = [0] * len(model.inputs)
     states = [f"{x}_itself" if x == y else x for x in model.states]
-    return _like(model, A=a, B=b, C=c, D=d, states=[*states, y], params=_more(model, _late(fit)))
+    return model._like(A=a, B=b, C=c, D=d, states=[*states, y], params=_more(model, _late(fit)))
 
 
 def _actuator(fit: Estimates, model: StateSpace, k: int) -> StateSpace:
@@ -102,13 +114,7 @@ def _actuator(fit: Estimates, model: StateSpace, k: int) -> StateSpace:
     c = [[*row, own[k]] for row, own in zip(model.C, model.D, strict=True)]
     d = [[0 if j == k else own for j, own in enumerate(row)] for row in model.D]
     states = [*model.states, f"{u}_moved"]
-    return _like(model, A=a, B=b, C=c, D=d, states=states, params=_more(model, _late(fit)))
-
-
-def _like(model: StateSpace, **changes: Any) -> StateSpace:
-    values: dict[str, Any] = {name: getattr(model, name) for name in ("A", "B", "C", "D")}
-    values |= {name: getattr(model, name) for name in ("states", "inputs", "outputs")}
-    return StateSpace(**values | {"params": dict(model.params)} | changes)
+    return model._like(A=a, B=b, C=c, D=d, states=states, params=_more(model, _late(fit)))
 
 
 def _plus(one: Any, other: str) -> Any:
@@ -127,9 +133,8 @@ def _shifts(fit: Estimates, model: Equation) -> Changed:
             model, _replaced(model, y, f"({y} + {EXTRA}*{y}')"), late,
         )  # fmt: skip
     for u in model.inputs:
-        top = Free(EARLY / fit.band[1], min=0.0, max=math.pi / 4 / max(fit.omega0))
         words = f"a delay of {u}, {u}(t - h) with h = mf.Free(min=0, max=...) (h = {{}} s)"
-        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), top)
+        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), _delay(fit))
 
 
 def _offsets(model: Equation) -> Changed:

@@ -538,3 +538,10 @@ def test_a_misspelt_channel_is_no_parameter(channel, name, refused):
     with pytest.raises(mf.SpecError, match=f"did you mean '{channel}' for '{name}'"):
         mf.fit_many([rec, rec], mf.Equation(equation))
     assert name in mf.fit(rec.select(inputs=[]), mf.Equation(equation)).param_names
+
+
+def test_an_input_that_is_not_listed_is_no_parameter():
+    made = chirp()
+    rec = mf.Record(y=made.y, u=made.u, dt=made.dt, inputs="de")
+    with pytest.raises(mf.SpecError, match=r"'de' is a channel .* list it, inputs=\['de'\]"):
+        mf.fit(rec, mf.Equation("y'' + a1*y' + a2*y = b0*de"))

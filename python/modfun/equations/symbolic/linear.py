@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import SpecError
 from ...language.parser import expression
 from ...models.free import Free
-from ..matrices import Matrix
+from ..matrices import Entry, Matrix
 from .compiled import jet
 from .jets import Moving
 from .meaning import meaning, number, parameter
@@ -98,15 +98,18 @@ def system_of(
     states: tuple[str, ...],
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
+    delay: Sequence[Entry],
     params: Params,
     parameters: tuple[str, ...],
 ) -> System:
     """The equations of a state space, without states where linear algebra eliminates them."""
     a, b, c, d = (_symbolic(matrix, params) for matrix in matrices)
-    x = sympy.Matrix([jet(name) for name in states])
-    u = sympy.Matrix(len(inputs), 1, [jet(name) for name in inputs])
-    y = sympy.Matrix([jet(name) for name in outputs])
     moving = Moving({*states, *inputs, *outputs})
+    late = _symbolic((tuple(delay),), params) if inputs else []
+    drives = [moving.delayed(name, h) if h != 0 else name for name, h in zip(inputs, late, strict=True)]
+    x = sympy.Matrix([jet(name) for name in states])
+    u = sympy.Matrix(len(inputs), 1, [jet(name) for name in drives])
+    y = sympy.Matrix([jet(name) for name in outputs])
     source = [left - right for left, right in zip(_prime(x), a * x + b * u, strict=True)]
     source += [left - right for left, right in zip(y, c * x + d * u, strict=True) if left != right]
     hidden = tuple(name for name in states if name not in outputs)
@@ -130,7 +133,7 @@ def system_of(
                 *(g * jet(outputs[0], n - k) for k, g in enumerate(den)),
                 *(
                     -g * jet(name, n - k)
-                    for name, row in zip(inputs, num, strict=True)
+                    for name, row in zip(drives, num, strict=True)
                     for k, g in enumerate(row)
                 ),
             ),
