@@ -218,6 +218,11 @@ class StateSpace(Written):
         made = ss(*parts, delay=self._delays(given))
         return replace(made, inputs=self.inputs, outputs=self.outputs)
 
+    @property
+    def _drives(self) -> tuple[str, ...]:
+        """The inputs as they stand in the equations, u(t - h) where one is late."""
+        return tuple(map(late_name, self.inputs, self.delay))
+
     def _delays(self, values: Mapping[str, float]) -> list[float]:
         """Delays of the inputs, s, at values of the parameters that are not held."""
         from .symbolic.linear import numbers
@@ -290,7 +295,7 @@ class StateSpace(Written):
         return _compiled(self)
 
     def _title(self) -> tuple[str, ...]:
-        signals = (*self.states, *map(late_name, self.inputs, self.delay))
+        signals = (*self.states, *self._drives)
         rows = [
             line(f"{x}'", zip((*a, *b), signals, strict=True))
             for x, a, b in zip(self.states, self.A, self.B, strict=True)

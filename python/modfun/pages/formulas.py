@@ -9,7 +9,6 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.html import escape
-from ..equations.matrices import late_name
 from ..language.parser import Node, equation, expression
 from .parts import Markup
 
@@ -106,10 +105,9 @@ def state_space(model: Any, values: Mapping[str, float]) -> list[Markup]:
     """The matrices of a `StateSpace` in names, and with the estimates."""
     left = _row(_primed(_mi("x"), 1), _mo("="), _mi("A"), _mi("x"), _mo("+"), _mi("B"), _mi("u"))
     right = _row(_mi("y"), _mo("="), _mi("C"), _mi("x"), _mo("+"), _mi("D"), _mi("u"))
-    drives = [late_name(name, late) for name, late in zip(model.inputs, model.delay, strict=True)]
     order = [
         _row(_mi(name), _mo("="), _vector([_text(one) for one in own]))
-        for name, own in (("x", model.states), ("u", drives), ("y", model.outputs))
+        for name, own in (("x", model.states), ("u", model._drives), ("y", model.outputs))
         if own
     ]
     lines = [_block(left, _mo(","), right), _block(*(part for one in order for part in (one, _mo(" "))))]
