@@ -1,13 +1,12 @@
 """After the flight: from the file of a data system to stability and control derivatives (docs/flight.md).
 
-python examples/flight_test.py                          # makes a sample flight and analyses that
+python examples/flight_test.py                          # run7.csv: a sample flight, made where there is none
 python examples/flight_test.py --figures docs/figures   # draws the figures of the page, too
-python examples/flight_test.py run7.csv                 # your own file, columns as in COLUMNS
+python examples/flight_test.py my_flight.csv            # your own file, columns as in COLUMNS
 """
 
 import argparse
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +18,7 @@ TRUTH = {"Za": -0.9, "Zde": -0.12, "Ma": -5.2, "Mq": -1.4, "Mde": -7.5}
 GEARING, DELAY = -2.0, 0.12  # deg of elevator an inch of stick; s
 COLUMNS = {"alpha": "ALPHA (deg)", "q": "Q (deg/s)"}, {"de": "DELE (deg)", "stick": "STICK (in)"}
 STEP = 0.02
+SAMPLE = Path("run7.csv")
 
 short_period = mf.StateSpace(
     A=[["Za", 1], ["Ma", "Mq"]], B=[["Zde"], ["Mde"]], states=["alpha", "q"], inputs=["de"]
@@ -152,18 +152,16 @@ def draw(derivatives: mf.Fit, unseen: mf.Record, equivalent: mf.Fit, folder: str
 
 
 def main(arguments: Sequence[str] = ()) -> tuple[mf.Fit, mf.Record, mf.Fit]:
-    """Analyse the file given, or a sample made for the purpose."""
+    """Analyse a file, the sample where none is given; it is made where it is not there."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("file", nargs="?", type=Path)
+    parser.add_argument("file", nargs="?", type=Path, default=SAMPLE)
     parser.add_argument("--figures", metavar="DIRECTORY", help="draw the figures of the page there")
     given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        path = given.file or Path(folder) / "run7.csv"
-        if given.file is None:
-            write_sample(path)
-        found = analyse(path)
+    if given.file == SAMPLE and not SAMPLE.exists():
+        write_sample(SAMPLE)
+    found = analyse(given.file)
     if given.figures:
         draw(*found, given.figures)
     print("\nControl augmentation moves the elevator with alpha and q:")

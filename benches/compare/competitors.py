@@ -104,12 +104,12 @@ COMPETITORS = (
     ),
     Competitor(
         "jax-sysid", "linear_jax_sysid:Linear", (5, 2),
-        DISCRETE + "initial state estimated; 1000 steps of Adam, then L-BFGS from .9 I, hardly regularised.",
+        DISCRETE + "initial state estimated; 1000 steps of Adam, then L-BFGS from 0.9 I, hardly regularised.",
         package="jax-sysid", licence="Apache-2.0",
     ),
     Competitor(
         "aeroid", "oe_aeroid:Aeroid", (5, 2),
-        "Output error with JAX gradients, initial state as parameters; starts .8 and 1.25 times the truth.",
+        "Output error with JAX gradients, initial state as parameters; starts 0.8 and 1.25 times the truth.",
         package="aeroid", licence="MIT",
     ),
     Competitor(

@@ -28,8 +28,8 @@ FIELD = """
 ## The benchmark of the field
 
 Rao and Garnier: (−6400 s + 1600)/(s⁴ + 5 s³ + 408 s² + 416 s + 1600), binary input of 7161 samples, each
-held for .01 s, white noise at 10 and 20 dB. Wanted: no failure, standard deviations of at most 1.05 times the
-Cramér–Rao bound, biases below 3 Monte Carlo standard errors. Standard deviations are over the published
+held for 0.01 s, white noise at 10 and 20 dB. Wanted: no failure, standard deviations of at most 1.05 times
+the Cramér–Rao bound, biases below 3 Monte Carlo standard errors. Standard deviations are over the published
 bound, which takes the initial state as known to be zero; with an unknown one (modfun is not told) it is
 {unknown} times that for {names}. In motion the initial state excites the
 system, too, so that ratios below 1 are right there. Standard deviations are known to {mcse:.1f} % (modfun)
@@ -192,10 +192,10 @@ def comparison(results):
         "the rms of the response from rest. Slow estimators got the first few of the same records: a "
         "standard deviation from 2 of them tells its order of magnitude, from 20 it is known to 16 %, from "
         "200 to 5 %. The last column compares on equal terms: median error over that of modfun's ml without "
-        "trend (rivals fit no offset, modfun's default does) on the same records, at NSR .05, .2, .6.",
+        "trend (rivals fit no offset, modfun's default does) on the same records, at NSR 0.05, 0.2, 0.6.",
         "",
         "Eq. (24): 5/(s² + 3s + 8), u = sin(t²/5), 10 s, 256 intervals; its input is smooth, and who knows "
-        "only held or straight pieces takes straight ones, which costs .05 % at NSR 0.",
+        "only held or straight pieces takes straight ones, which costs 0.05 % at NSR 0.",
     ]  # fmt: skip
     for name in dict.fromkeys(key.split("|")[1] for key in results):
         problem = problems.report() if name == problems.report().name else problems.rao_garnier()
@@ -208,9 +208,9 @@ def timed(times):
     """The table of times."""
     names = list(times)
     lines = [
-        "", "## Time a fit", "",
-        "NSR .2, from rest; minimum over " + " and ".join(str(times[n]["rounds"]) for n in names)
-        + " rounds of processor time, all in turn on one core; what takes over .2 s: mean of the cell "
+        "", "## Time per fit", "",
+        "NSR 0.2, from rest; minimum over " + " and ".join(str(times[n]["rounds"]) for n in names)
+        + " rounds of processor time, all in turn on one core; what takes over 0.2 s: mean of the cell "
         "above. Single calls, but dsmc eight records a call without Python. The search for the default band "
         "is part of modfun's time; many records in one call cost it far less (benchmarks.md).", "",
         f"| | {' | '.join(names)} |", "|---|" + "---:|" * len(names),

@@ -1,4 +1,4 @@
-"""The setting of all comparisons: the report's eq. (24), M = 6, N = 256, trapezoid, NSR .2, five steps.
+"""The setting of all comparisons: the report's eq. (24), M = 6, N = 256, trapezoid, NSR 0.2, five steps.
 
 A rival works on real vectors (Re V(0), …, Re V(8), Im V(1), …, Im V(8)) of Fourier coefficients, s counted in
 the highest line's frequency, so that s = i z with z = m/8 and θ = UNIT · (scaled a1, a2, b0).

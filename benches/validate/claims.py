@@ -212,7 +212,7 @@ def section_4(runs: int) -> Iterator[Claim]:
     yield Claim("4.5, H2 error over balanced reduction's, worst of 21", words, worst, 0.0, 0, 1 + 1e-9, by, 4)
     share = 100 * float(np.mean(np.array(ratios) < 0.999))
     yield Claim(
-        "4.5, better than it by over .1 %, % of 20 random systems", "usually", share, 0.0, 50, 100, by, 0
+        "4.5, better than it by over 0.1 %, % of 20 random systems", "usually", share, 0.0, 50, 100, by, 0
     )
 
 

@@ -21,7 +21,7 @@ WIDE = (
     "tried). Take `ml`"
 )
 BIAS = (
-    "`awls` is biased by .3 standard deviations at this noise: it leaves out the gradient through the weights. About "
+    "`awls` is biased by 0.3 standard deviations at this noise: it leaves out the gradient through the weights. About "
     "their own mean they cover (Reasons tried)"
 )
 COLOUR = "these intervals believe in white noise; spectral ones do not"
@@ -35,15 +35,15 @@ CHANGING = (
     "Give sigma="
 )
 REASONS = {
-    "eq. (24), NSR .05, `ls`": WIDE,
-    "eq. (24), NSR .05, `wls`": WIDE,
-    "eq. (24), NSR .2, `ls`": WIDE,
-    "eq. (24), NSR .2, `wls`": WIDE,
-    "eq. (24), NSR .2, `awls`": BIAS,
+    "eq. (24), NSR 0.05, `ls`": WIDE,
+    "eq. (24), NSR 0.05, `wls`": WIDE,
+    "eq. (24), NSR 0.2, `ls`": WIDE,
+    "eq. (24), NSR 0.2, `wls`": WIDE,
+    "eq. (24), NSR 0.2, `awls`": BIAS,
     **{f"{name} noise, M = {lines}, classical": COLOUR for name in COLOURS for lines in (11, 40)},
     **{f"resonant, 1 line noise, M = {lines}, spectral": HUM for lines in (11, 40)},
     **{f"differenced noise, M = {lines}, spectral": STEEP for lines in (11, 40)},
-    'AR(.95) noise, noise="coloured", classical': "the spectrum that was fitted counts as known (Reasons tried); "
+    'AR(0.95) noise, noise="coloured", classical': "the spectrum that was fitted counts as known (Reasons tried); "
     "spectral errors allow for it",
     "noise 4 times as strong": CHANGING,
     "frequency response, eq. (24)": "the half-width is chosen on the same record, which the circle does not count; with "
@@ -63,7 +63,7 @@ def section(scale: float = 1.0, figure: Path | None = FIGURE) -> Section:
     rows = [row for group in found for row in group]
     z = limit(sum(row.covered.size for row in rows))
     out.say(
-        "Share of records whose 95 % intervals hold the truth [nominal 95.0]: mean over the parameters, in brackets "
+        "Share of records whose 95 % intervals contain the true value [nominal 95.0]: mean over the parameters, in brackets "
         "the least and the greatest, ± the Monte Carlo standard error of one parameter at 95 %. *Classical* "
         'intervals (`cov_type="nonrobust"`) believe in white noise of one level; *spectral* ones, the default, in '
         "a noise spectrum that is smooth; *HC3* in nothing, and errs to either side where few lines carry the "
@@ -89,8 +89,9 @@ def section(scale: float = 1.0, figure: Path | None = FIGURE) -> Section:
         shown.append((*cells, f"{one:.1f}", f"{100 * least(row.records, z):.1f}", verdict))
     out.table(["intervals", "records", "not ok", "covered, % [95.0]", "±", "ok from, %", "why"], shown)
     out.say(
-        "`fit.predict` gives no band, so that there is nothing to cover: how good predictions are is in "
-        "[records](records/README.md)."
+        "Bands of `fit.predict(interval=...)` are in "
+        "[uncertainty](explanation/uncertainty.md#degrees-of-freedom-and-intervals); how good predictions of "
+        "measured records are is in [records](records/README.md)."
     )
     out.under("Reasons tried")
     out.say(

@@ -63,7 +63,7 @@ def white(scale: float) -> list[Row]:
     """The report's example over methods and noise."""
     out = []
     for nsr in (0.05, 0.2):
-        name = f"eq. (24), NSR {nsr:g}".replace("0.", ".")
+        name = f"eq. (24), NSR {nsr:g}"
         records = int(20_000 * scale)
         out += study(name, records, ("ls", "wls", "awls", "ml"), nsr=nsr, harmonics=11, trend=None)
     return out
@@ -76,17 +76,17 @@ def structures(scale: float) -> list[Row]:
     third = mf.tf([6, 12], [1, 2.2, 10.2, 9])
     tf31 = mf.TransferFunction(poles=3, zeros=1)
     return [
-        *study("eq. (24), NSR .2, default band and trend", n, ("ml",), nsr=0.2),
-        *study("eq. (24), NSR .1, random initial states", n, ("ml",), nsr=0.1, initial_state="random"),
-        *study("light mode (ζ .075), NSR .1, default band", n, ("ml",), nsr=0.1, system=light),
+        *study("eq. (24), NSR 0.2, default band and trend", n, ("ml",), nsr=0.2),
+        *study("eq. (24), NSR 0.1, random initial states", n, ("ml",), nsr=0.1, initial_state="random"),
+        *study("light mode (ζ 0.075), NSR 0.1, default band", n, ("ml",), nsr=0.1, system=light),
         *study(
-            "third order with a zero, NSR .05", n, ("ml",), nsr=0.05, system=third, model=tf31, harmonics=16
+            "third order with a zero, NSR 0.05", n, ("ml",), nsr=0.05, system=third, model=tf31, harmonics=16
         ),
     ]
 
 
 def autoregressive(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
-    """AR(1) noise, pole .95, of unit standard deviation."""
+    """AR(1) noise, pole 0.95, of unit standard deviation."""
     e = rng.standard_normal(y.size + 200) * np.sqrt(1 - 0.95**2)
     return lfilter([1.0], [1.0, -0.95], e)[200:]
 
@@ -124,8 +124,8 @@ def flicker(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
 
 
 COLOURS = {
-    "AR(.95)": autoregressive,
-    "AR(.5)": filtered([1.0], [1.0, -0.5]),
+    "AR(0.95)": autoregressive,
+    "AR(0.5)": filtered([1.0], [1.0, -0.5]),
     "differenced": filtered([1.0, -1.0], [1.0]),
     "low-passed": filtered(*butter(2, 0.1)),
     "1/f": flicker,
@@ -193,7 +193,7 @@ def own_noise(scale: float) -> list[Row]:
     few = {"harmonics": 11, "trend": None}
     return [
         *fitted(
-            'AR(.95) noise, noise="coloured"', ar, TF2, TRUE24, n, noise="coloured", band=20.0, trend=None
+            'AR(0.95) noise, noise="coloured"', ar, TF2, TRUE24, n, noise="coloured", band=20.0, trend=None
         ),
         *fitted("noise 4 times as strong on 40 % of the record", uneven, TF2, TRUE24, n, **few),
         *fitted("the same with sigma=", lambda k: uneven(k, sigma=level), TF2, TRUE24, n, **few),
@@ -227,7 +227,7 @@ def outputs(scale: float) -> list[Row]:
     delay = dict(zip(found, [3.0, 8.0, 5.0, 0.37], strict=True))
     return [
         *fitted("two outputs, correlated noise, Σ estimated", two, structure, truth, n, band=6.0),
-        *fitted("delay estimated, NSR .1", delayed, late, delay, n // 2, harmonics=12, trend=None),
+        *fitted("delay estimated, NSR 0.1", delayed, late, delay, n // 2, harmonics=12, trend=None),
     ]
 
 
@@ -253,9 +253,9 @@ def equations(scale: float) -> list[Row]:
 
     n = int(1200 * scale)
     duff = fitted(
-        "equation (Duffing), NSR .1", duffing, nonlinear.DUFFING, nonlinear.DUFFING_TRUE, n, harmonics=13
+        "equation (Duffing), NSR 0.1", duffing, nonlinear.DUFFING, nonlinear.DUFFING_TRUE, n, harmonics=13
     )
-    state = fitted("state equations, NSR .1", aircraft, nonlinear.aircraft(), nonlinear.SHORT, n, trend=None)
+    state = fitted("state equations, NSR 0.1", aircraft, nonlinear.aircraft(), nonlinear.SHORT, n, trend=None)
     return [*duff, *state]
 
 
@@ -295,7 +295,7 @@ def bootstrap(scale: float) -> list[Row]:
         short.append(mf.fit(rec, TF2))
     return [
         _resampled(f"bootstrap{name}, {kind}", kind, fits)
-        for name, fits in (("", usual), (" of 6 s, NSR .3", short))
+        for name, fits in (("", usual), (" of 6 s, NSR 0.3", short))
         for kind in ("parametric", "wild")
     ]
 
@@ -386,14 +386,14 @@ def efficiency(scale: float) -> list[tuple[str, np.ndarray, np.ndarray, int]]:
     out = []
     tf31 = mf.TransferFunction(poles=3, zeros=1)
     cases = {
-        "eq. (24), N = 256, NSR .05": {"nsr": 0.05},
-        "eq. (24), N = 256, NSR .2": {"nsr": 0.2},
-        "eq. (24), N = 1024, NSR .2": {"nsr": 0.2, "intervals": 1024},
-        "light mode (ζ .075), NSR .1": {"nsr": 0.1, "system": mf.tf([4], [1, 0.3, 4])},
-        "third order with a zero, NSR .05": {"nsr": 0.05, "system": mf.tf([6, 12], [1, 2.2, 10.2, 9])},
-        "eq. (24), sin(2t) + sin(5t), 60 s, N = 1024, NSR .1": {"input": "sin(2*t) + sin(5*t)", **LONG},
-        "eq. (24), sin(2t), 60 s, N = 1024, NSR .1": {"input": "sin(2*t)", **LONG},
-        "eq. (24), sin(1.7t), 100 s, N = 1024, NSR .1": {"input": "sin(1.7*t)", **LONG, "duration": 100.0},
+        "eq. (24), N = 256, NSR 0.05": {"nsr": 0.05},
+        "eq. (24), N = 256, NSR 0.2": {"nsr": 0.2},
+        "eq. (24), N = 1024, NSR 0.2": {"nsr": 0.2, "intervals": 1024},
+        "light mode (ζ 0.075), NSR 0.1": {"nsr": 0.1, "system": mf.tf([4], [1, 0.3, 4])},
+        "third order with a zero, NSR 0.05": {"nsr": 0.05, "system": mf.tf([6, 12], [1, 2.2, 10.2, 9])},
+        "eq. (24), sin(2t) + sin(5t), 60 s, N = 1024, NSR 0.1": {"input": "sin(2*t) + sin(5*t)", **LONG},
+        "eq. (24), sin(2t), 60 s, N = 1024, NSR 0.1": {"input": "sin(2*t)", **LONG},
+        "eq. (24), sin(1.7t), 100 s, N = 1024, NSR 0.1": {"input": "sin(1.7*t)", **LONG, "duration": 100.0},
     }
     for name, words in cases.items():
         setting = {**EQ24, **words}

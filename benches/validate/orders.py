@@ -210,7 +210,7 @@ def _scatter(u: str, duration: float, intervals: int, replicates: int, harmonics
 def responses() -> list[Curve]:
     """Error of local models without noise, over the length of the record: lines 1/T apart.
 
-    The input is held for .1 s and sampled eight times as often, so that quadrature does not show. Medians
+    The input is held for 0.1 s and sampled eight times as often, so that quadrature does not show. Medians
     over frequencies and inputs: at a line that a random input leaves empty the error is what it likes.
     """
     system = mf.tf([4], [1, 0.8, 4])

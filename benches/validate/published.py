@@ -220,15 +220,15 @@ PARTS = (
 )  # fmt: skip
 
 QUOTED = (
-    ("Rao–Garnier, 10,000 records, 10 and 20 dB, from rest and in motion", "SRIVC in NumPy 1.003, dsmc .988 (fails 59 % in motion)", "sd over bound 1.003–1.005, no failure", "[rivals.md](rivals.md), `make rivals` (an hour)"),
-    ("eq. (24), NSR .6: median error, %", "on the same records, times ours: SciPy output error .96, SRIVC .96–.99, jax-sysid 2.8, pySINDy 5.2", "7.0 (`ml`, no trend)", "[rivals.md](rivals.md), `make rivals`"),
-    ("weak form, 5, 10, 20 %, 2,000 records", "WENDy .0067–.161", ".0067–.061; within 6 % of the bound but for three rows", "[nonlinear.md](nonlinear.md), `python benches/nonlinear.py weak`"),
-    ("Duffing, NSR .3: bias, %", "reweighted weak form 10.4", ".3", "[nonlinear.md](nonlinear.md), `python benches/nonlinear_speed.py`"),
+    ("Rao–Garnier, 10,000 records, 10 and 20 dB, from rest and in motion", "SRIVC in NumPy 1.003, dsmc 0.988 (fails 59 % in motion)", "sd over bound 1.003–1.005, no failure", "[rivals.md](rivals.md), `make rivals` (an hour)"),
+    ("eq. (24), NSR 0.6: median error, %", "on the same records, times ours: SciPy output error 0.96, SRIVC 0.96–0.99, jax-sysid 2.8, pySINDy 5.2", "7.0 (`ml`, no trend)", "[rivals.md](rivals.md), `make rivals`"),
+    ("weak form, 5, 10, 20 %, 2,000 records", "WENDy 0.0067–0.161", "0.0067–0.061; within 6 % of the bound but for three rows", "[nonlinear.md](nonlinear.md), `python benches/nonlinear.py weak`"),
+    ("Duffing, NSR 0.3: bias, %", "reweighted weak form 10.4", "0.3", "[nonlinear.md](nonlinear.md), `python benches/nonlinear_speed.py`"),
     ("F-16 simulation, published matrices", "finite differences", "13 of 14 entries within 3 errors; the 14th is off in the record itself", "[page](records/f16_simulation.md), `python examples/records/f16_simulation.py`"),
-    ("Silverbox, simulated on", "none published for these parameters", "error .7 % of the signal", "[nonlinear.md](nonlinear.md), `python examples/silverbox.py`"),
-    ("cascaded tanks", "output error .039, .030", ".039 ± .008, .030 ± .007", "[nonlinear.md](nonlinear.md), `python examples/tanks.py`"),
-    ("64 to 1024 samples, two tones", "Yule–Walker 1.2–26, ESPRIT 1.06–105 times the bound", "`ml` 1.00–1.11 in all cells but the three of 64 samples, .64 lines apart, at 10 dB and less: 1.2, 5.8, 9.5", "[sinusoids.md](sinusoids.md), `python benches/sinusoids.py accuracy`"),
-    ("classic, Penzl-type and SLICOT systems to 1–20 poles", "balanced truncation", "H2 error never above it, down to .42 of it", "[reduction.md](reduction.md), `python benches/reduction.py reductions`"),
+    ("Silverbox, simulated on", "none published for these parameters", "error 0.7 % of the signal", "[nonlinear.md](nonlinear.md), `python examples/silverbox.py`"),
+    ("cascaded tanks", "output error 0.039, 0.030", "0.039 ± 0.008, 0.030 ± 0.007", "[nonlinear.md](nonlinear.md), `python examples/tanks.py`"),
+    ("64 to 1024 samples, two tones", "Yule–Walker 1.2–26, ESPRIT 1.06–105 times the bound", "`ml` 1.00–1.11 in all cells but the three of 64 samples, 0.64 lines apart, at 10 dB and less: 1.2, 5.8, 9.5", "[sinusoids.md](sinusoids.md), `python benches/sinusoids.py accuracy`"),
+    ("classic, Penzl-type and SLICOT systems to 1–20 poles", "balanced truncation", "H2 error never above it, down to 0.42 of it", "[reduction.md](reduction.md), `python benches/reduction.py reductions`"),
     ("DaISy and flight records", "no truth", "predictions and what each record can tell", "[records](records/README.md), `python examples/records/NAME.py`"),
 )  # fmt: skip
 

@@ -68,11 +68,11 @@ def biased(count: int) -> tuple[str, ...]:
     )
     half = student.ppf(0.975, found.df_resid) * found.bse
     inside = [share(np.abs(found.params - m) <= half) for m in (TRUE, found.params.mean(axis=0))]
-    return f"`awls`, NSR .2, classical, {count:,}", "the bias: about the mean of the estimates", *inside
+    return f"`awls`, NSR 0.2, classical, {count:,}", "the bias: about the mean of the estimates", *inside
 
 
 def coloured(count: int) -> tuple[str, ...]:
-    """AR(.95) noise: its spectrum fitted, and given."""
+    """AR(0.95) noise: its spectrum fitted, and given."""
 
     def spectrum(omega: np.ndarray) -> np.ndarray:
         return (0.1 * RMS) ** 2 * (1 - 0.95**2) / np.abs(1 - 0.95 * np.exp(-1j * omega * CLEAN.dt)) ** 2
@@ -85,7 +85,7 @@ def coloured(count: int) -> tuple[str, ...]:
             fit = mf.fit(rec, TF2, noise=noise, band=20.0, trend=None)
             half = student.ppf(0.975, fit.df_resid) * np.sqrt(np.diag(fit.cov_nonrobust))
             one.append(np.abs(fit.params - TRUE) <= half)
-    name = f'AR(.95) noise, noise="coloured", classical, {count:,}'
+    name = f'AR(0.95) noise, noise="coloured", classical, {count:,}'
     return name, "the fit of the spectrum: the true one is given", *map(share, inside)
 
 

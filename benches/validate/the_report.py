@@ -22,7 +22,7 @@ SPREAD = (
 )
 STATES = (
     "the report does not say how large its initial states were; ones of the rms of the response die away with a "
-    "time constant of .67 s and add little to 10 s of signal"
+    "time constant of 0.67 s and add little to 10 s of signal"
 )
 REASONS = {
     "Fig. 2, bias of the method": NSR,

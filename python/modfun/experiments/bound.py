@@ -120,7 +120,8 @@ def crlb(
         from the initial states that it found.
     nsr : float or sequence of float
         Noise standard deviation over the root mean square of the noise-free response, one for all outputs
-        or one per output. Give this or `sigma`.
+        or one per output. The response includes the free motion from `start`, or from numbers in
+        `initial_state`; `simulate` and `MonteCarlo` refer to the response from rest. Give this or `sigma`.
     sigma : float, sequence of float, or array_like (output, output)
         Noise standard deviation, one or one per output; or the covariance matrix of the outputs' noise.
     process_noise : float, sequence of float or ProcessNoise, optional

@@ -30,7 +30,9 @@ class Comparison(Table):
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
     each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
-    own band, and does not compare. nan where the fits are not of the same records, or one was loaded.
+    own band, and does not compare. `bic` is nan in every row where the fits are not of the same records and
+    outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row of a
+    model that cannot be fitted over that band.
 
     Parameters
     ----------
@@ -169,7 +171,7 @@ def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None
     Returns
     -------
     Comparison
-        A Table with `.plot()`.
+        A Table with `.plot()`. Its column `bic` is nan where BIC does not compare; see `Comparison`.
 
     Raises
     ------

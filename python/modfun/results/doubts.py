@@ -49,6 +49,7 @@ FEW_SAMPLES = 8.0  # a period of the highest harmonic
 CONDITION = 1e6
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
+ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the speed of a record may
 SURE = 1e-4  # p-value below which a fit warns by itself
 # Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
 # makes them smaller by such a factor, as a logarithm.
@@ -84,7 +85,7 @@ def offset(fit: Estimates) -> Doubt | None:
         for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
             mean = float(values.mean())
             spread = _rms(values, mean)
-            if abs(mean) > OFFSET * spread > 0:
+            if abs(mean) > OFFSET * spread > ROUNDING * abs(mean):
                 return Doubt(
                     f"Channel {name!r} moves by {spread:.2g} (rms) about {mean:.6g}, which is "
                     f"{abs(mean) / spread:.2g} times larger and costs the equation's terms digits. Write the "

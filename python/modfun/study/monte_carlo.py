@@ -96,7 +96,8 @@ class MonteCarlo:
     estimators : list of str, or dict of name to str, Estimator or callable
         Methods of `fit` ("ls", "wls", "awls", "ml"); or by name methods, Estimators, rivals, or functions
         ``mine(record, rng)`` that return a dict of parameters, an array of them in the order of
-        `TransferFunction.param_names` (of `truth`, where there is no structure), or a Fit.
+        `TransferFunction.param_names` (of `truth`, where there is no structure), or a Fit. Only a Fit has
+        standard errors: the coverage of other answers is nan.
     metrics : dict of str to callable, optional
         ``metric(fit, record)`` returns a number that is summed up in `Results.metrics`; fit is a Fit, or
         what a function of yours returned. Every fit is then made in Python, at tens of microseconds.
@@ -271,7 +272,8 @@ class MonteCarlo:
             On standard error; "auto": from two seconds on.
         keep : {"summary", "samples"}
             "samples" keeps every estimate in `Results.samples`: in memory, or with `directory` in the file
-            samples.npy, which is mapped.
+            samples.npy, (replicate, group, nsr, estimator, parameter), which is mapped; groups are systems,
+            inputs and initial states in C order, or cells of `grid`.
         draw : {"auto", "coefficients", "samples"}
             Estimators see a record only through a few Fourier coefficients. "coefficients" draws their noise
             with the exact covariance that the quadrature rule gives it, and `Results.replicate` completes

@@ -1,6 +1,6 @@
 """Prose of pages and of files beside them: numbers begin with a digit, and some phrases do not come back.
 
-Left out are blocks of code, code type and pages that programs write.
+Left out are blocks of code and code type.
 """
 
 import ast
@@ -9,12 +9,7 @@ import re
 import pytest
 from places import ROOT
 
-WRITTEN = {f"docs/{name}.md" for name in ("benchmarks", "performance", "rivals", "trial", "validation")}
-PAGES = sorted(
-    page
-    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
-    if str(page.relative_to(ROOT)) not in WRITTEN
-)
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 NOT_PROSE = re.compile(r"^```.*?^```$|`[^`\n]+`|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
 BARE = re.compile(r"(?<![\w.])\.\d")
 # Each with what to write instead.

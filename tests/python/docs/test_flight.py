@@ -1,8 +1,10 @@
 """After the flight: the example of docs/flight.md finds the aircraft of its sample."""
 
+import contextlib
 import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import modfun as mf
 import numpy as np
@@ -24,8 +26,11 @@ def example():
 
 
 @pytest.fixture(scope="module")
-def found(example):
-    return example.main([])
+def found(example, tmp_path_factory):
+    with contextlib.chdir(tmp_path_factory.mktemp("flown")):
+        found = example.main([])
+        assert list(Path().iterdir()) == [Path("run7.csv")]  # which the page's blocks read
+    return found
 
 
 def test_the_derivatives_are_those_of_the_aircraft(example, found):
@@ -118,7 +123,7 @@ def test_a_counter_marks_its_manoeuvres():
     assert len(rec.split(on="y")) == 1
 
 
-def test_the_same_from_the_shell(example, tmp_path, capsys):
+def test_the_same_from_the_shell(example, found, tmp_path, capsys):
     """--on, --only and --missing give the records that Python has."""
     pytest.importorskip("typer")
     from modfun.commands.main import main
@@ -135,6 +140,13 @@ def test_the_same_from_the_shell(example, tmp_path, capsys):
     )
     low = mf.load(saved)
     assert abs(low["delay"] - example.DELAY) < 3 * low.bse[-1]
+    angles = ["--output", "alpha=ALPHA (deg)", "--output", "q=Q (deg/s)", "--input", "de=DELE (deg)"]
+    radians = [word for one in ("alpha=rad", "q=rad/s", "de=rad") for word in ("--convert", one)]
+    model = ["--states", "alpha,q", "--A", "Za 1; Ma Mq", "--B", "Zde; Mde", "--intersample", "smooth"]
+    only = ["--on", "EVENT", "--only", "0,1,2", "--missing", "mask"]
+    file = tmp_path / "derivatives.json"
+    assert main(["fit", *words, *angles, *radians, *model, *only, "--json", str(file)]) == 0
+    np.testing.assert_allclose(mf.load(file).params, found[0].params, rtol=1e-9)
     capsys.readouterr()
     assert main(["compare", str(saved), *words, "--on", "EVENT", "--only", "3"]) == 0
     assert "25.6" in capsys.readouterr().out
