@@ -172,10 +172,10 @@ def test_a_channel_that_stands_in_each_record_is_no_large_offset():
     records = []
     for seed, speed in enumerate((1.0, 1.2)):
         rec = mf.simulate(
-            mf.tf([5 * speed], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.05,
+            mf.tf([5 * speed], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=400, nsr=0.05,
             seed=seed,
         )  # fmt: skip
-        records.append(rec.assign(V=np.full(257, speed)).select(inputs=["u", "V"]))
+        records.append(rec.assign(V=np.full(401, speed)).select(inputs=["u", "V"]))
     fit = mf.fit(records, mf.Equation("y'' + a1*y' + a2*y = b0*V*u", inputs=["u", "V"]))
     assert np.all(np.abs(fit.params - [3, 8, 5]) < 4 * fit.bse)  # 1 in 5,000 pairs of records fails
     assert "Write the equation for deviations" not in str(fit.check())
