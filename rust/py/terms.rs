@@ -186,6 +186,7 @@ fn dictionary(py: Python<'_>, f: TermsFit) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("correlation", rows(py, f.correlation)?)?;
     out.set_item("df_hc3", vector(py, f.hc3_degrees))?;
     out.set_item("at_bound", f.at_bound)?;
+    out.set_item("bend", f.bend)?;
     let residuals = PyList::empty(py);
     for record in &f.residuals {
         residuals.append(matrix(py, complex(record.iter().flatten()), record.len())?)?;

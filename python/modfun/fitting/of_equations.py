@@ -216,6 +216,7 @@ def _of_found(
         levels=levels,
         seen=found["seen"] if told else np.full_like(levels, nan),
         df_hc3=found["df_hc3"],
+        bend=found["bend"],
         again=again,
     )
 

@@ -21,6 +21,7 @@ from .doubts import (
     in_two_units,
     mean,
     minima,
+    noise_bends,
     noise_free,
     of_records,
     of_stability,
@@ -80,7 +81,7 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, on_bound, contradicted, unexpected, in_two_units, unexplained, fed_back,
+    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units, unexplained, fed_back,
     unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 

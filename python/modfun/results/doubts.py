@@ -22,9 +22,9 @@ from .known_start import contradicted_p
 from .priors import contradicted_priors
 
 __all__ = [
+    "Doubt",
     "FINEST",
     "SURE",
-    "Doubt",
     "biased",
     "clipped",
     "condition",
@@ -34,6 +34,7 @@ __all__ = [
     "in_two_units",
     "mean",
     "minima",
+    "noise_bends",
     "noise_free",
     "numbers",
     "of_records",
@@ -64,6 +65,7 @@ VISIBLE, CERTAIN = math.log(1000.0), 4.0
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
 # nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
 LITTLE = 0.5
+BENT = 0.5  # second differences over first ones, of signals that noise moves by a standard deviation
 
 
 @dataclass(frozen=True)
@@ -228,6 +230,20 @@ def twin(fit: Estimates) -> Doubt | None:
         f"With {'; or with '.join(sets)} the equations are the same: no record tells these parameters from "
         f"the estimates. To choose, bound one: params={{{name!r}: mf.Free(start, min=..., max=...)}}.",
         sure=False,
+    )
+
+
+def noise_bends(fit: Estimates) -> Doubt | None:
+    """That noise does to a signal what its slope does not tell, so that a low criterion proves nothing."""
+    if fit.layout.rational or not getattr(fit, "bend", 0.0) > BENT:
+        return None
+    inside = {fit.param_names[k] for _, k, _ in fit.layout.formulas.words["signal_slopes"]}
+    names = [name for name in fit.param_names if name in inside]
+    return Doubt(
+        f"The noise of the outputs moves the terms with {listed(names)} inside by more than their slopes tell "
+        f"({fit.bend:.2g} times as much in second differences as in first), and such terms follow any record. "
+        f"First try closer bounds, params={{{names[0]!r}: mf.Free(start, min=..., max=...)}}.",
+        sure=True,
     )
 
 

@@ -43,11 +43,15 @@ class EquationFit(Fit):
         The same as given or as seen in the high band.
     df_hc3 : (p,) array
         Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
+    bend : float
+        How far noise bends signals with parameters inside, such as sin(k*y): second differences over a standard
+        deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these parameters.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
     levels: F64 = field(default_factory=lambda: np.empty((0, 0)))
     seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
+    bend: float = 0.0
 
     @property
     def trend(self) -> str | None:

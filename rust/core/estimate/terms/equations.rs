@@ -138,6 +138,11 @@ impl Equations {
         })
     }
 
+    /// Whether a parameter is a delay.
+    pub(crate) fn is_lag(&self, parameter: usize) -> bool {
+        self.signals.iter().any(|s| s.lag == Lag::Parameter(parameter))
+    }
+
     /// Whether signals, or their coefficients, change with θ.
     pub(crate) fn moves(&self) -> bool {
         !self.signal_slopes.is_empty() || self.free_lags().next().is_some()

@@ -1,6 +1,6 @@
 //! Fits of equations to records, with everything a user sees.
 
-use super::descent::{Ended, lower, usable};
+use super::descent::{Ended, usable};
 use super::driven::DrivenTerms;
 use super::iterate::TermsProblem;
 use super::lines::TermsRecordPlan;
@@ -44,6 +44,8 @@ pub struct TermsFit {
     pub at_bound: Vec<bool>,
     /// Residuals of each record and equation over σ: unit variance in Re and Im.
     pub residuals: Vec<Vec<Vec<(f64, f64)>>>,
+    /// How far noise bends signals that depend on θ (`lines/bend.rs`); beyond ½ the cost says nothing.
+    pub bend: f64,
     /// Where noise drives the equations: what of it, and what of the samples.
     pub driven: Option<Levels>,
 }
@@ -87,7 +89,7 @@ impl TermsFitter {
         let mut ended = self.estimate(&mut problem, chosen.theta.as_deref())?;
         if let Some(theta) = other {
             let second = self.estimate(&mut problem, Some(&theta))?;
-            ended = lower(ended, second);
+            ended = problem.better(ended, second);
         }
         let ended = self.learn(&mut problem, ended)?;
         let ended = self.again(&mut problem, ended)?;
@@ -155,6 +157,7 @@ impl TermsFitter {
             levels,
             hc3_degrees: known(found.degrees),
             at_bound: found.ended.at_bound,
+            bend: 0.0,
             residuals: found.residuals,
             driven: Some(found.levels),
         };
@@ -429,7 +432,8 @@ impl TermsFitter {
         let (weights, factors) = self.weights();
         let cost = problem.cost(&ended.theta, weights)?;
         problem.jacobian(factors);
-        Ok(self.told(problem, ended, cost, band_rule))
+        let fit = self.told(problem, ended, cost, band_rule);
+        Ok(TermsFit { bend: problem.bend(&ended.theta), ..fit })
     }
 
     /// The same where cost, columns and residual at the estimate stand.
@@ -444,13 +448,7 @@ impl TermsFitter {
         let scale = cost / degrees as f64;
         let p = self.o.equations.parameters;
         let worth = match (ended.status, self.o.method) {
-            (Status::Rank | Status::NonFinite, _) => Worth {
-                nonrobust: vec![f64::NAN; p * p],
-                hc3: vec![f64::NAN; p * p],
-                gram: vec![f64::NAN; p * p],
-                degrees: vec![f64::NAN; p],
-                spectral: (vec![f64::NAN; p * p], vec![f64::NAN; p], NoiseSpectrum::default()),
-            },
+            (Status::Rank | Status::NonFinite, _) => Worth::unknown(p),
             (_, Method::Ls) => problem.differenced_worth(scale, degrees),
             _ => problem.worth(scale, &ended.at_bound),
         };
@@ -494,6 +492,7 @@ impl TermsFitter {
             hc3_degrees,
             at_bound: ended.at_bound.clone(),
             residuals,
+            bend: 0.0,
             driven: None,
         }
     }

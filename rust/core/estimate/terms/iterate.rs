@@ -258,6 +258,17 @@ impl<'a> TermsProblem<'a> {
         Ok(spot.evaluate(isa, e, pairs, g, &self.lags, RowWeights::Adapted))
     }
 
+    /// How far noise bends the signals at θ (`lines/bend.rs`).
+    pub fn bend(&mut self, theta: &[f64]) -> f64 {
+        let e = self.equations();
+        let own = self.fitter.records.iter().zip(self.records).zip(&self.sigmas);
+        let bend = own.map(|((plan, record), sigma)| {
+            let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
+            plan.bend(e, &at, &mut self.desk)
+        });
+        bend.fold(0.0, f64::max)
+    }
+
     /// Columns of θ and the residual where [`TermsProblem::cost`] was last; rows of priors are the last.
     pub fn jacobian(&mut self, factors: LeftColumns) {
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);

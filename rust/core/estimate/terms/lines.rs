@@ -1,6 +1,7 @@
 //! From samples to the lines: coefficients of every signal, and of the products of sensitivities that the
 //! covariance of the lines is made of.
 
+mod bend;
 mod eight;
 
 use std::sync::OnceLock;

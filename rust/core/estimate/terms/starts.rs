@@ -1,5 +1,8 @@
 //! Where to begin: one linear step where that is exact, else the best of many starts, by the weights that will count.
 
+use std::cmp::Ordering;
+
+use super::descent::{Ended, lower, usable};
 use super::equations::Equations;
 use super::iterate::TermsProblem;
 
@@ -13,6 +16,10 @@ const TRIALS: usize = 24;
 const STEPS: usize = 20;
 /// Decades that the starts of an unbounded parameter reach to either side of 1.
 const DECADES: f64 = 2.0;
+/// What noise may bend the signals by: beyond, a low cost says nothing.
+const BENT: f64 = 0.5;
+/// Least part of its bounds that a start takes of what is not negative.
+const SMALLEST: f64 = 1e-3;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
 /// So many ends are followed under the weights that will count, so many steps far.
@@ -20,6 +27,19 @@ const LOWEST: usize = 3;
 const LOOKED: usize = 8;
 
 impl TermsProblem<'_> {
+    fn is_bent(&mut self, theta: &[f64]) -> bool {
+        self.bend(theta) > BENT
+    }
+
+    /// The lower of two ends; one where noise bends the signals only where it does at both.
+    pub fn better(&mut self, first: Ended, second: Ended) -> Ended {
+        match [&first, &second].map(|one| usable(one) && !self.is_bent(&one.theta)) {
+            [true, false] => first,
+            [false, true] => second,
+            _ => lower(first, second),
+        }
+    }
+
     /// θ that minimises the unweighted rows; with nonlinear coefficients the best of many minima.
     pub fn begin(&mut self, from: Option<&[f64]>) -> Result<Vec<f64>, Error> {
         let e = &self.fitter.o.equations;
@@ -54,22 +74,29 @@ impl TermsProblem<'_> {
         let (weights, factors) = self.fitter.weights();
         let e = &self.fitter.o.equations;
         let given = e.starts.iter().any(Option::is_some).then(|| start(e, 0));
+        // Where noise bends the signals, a low cost says nothing: such ends come last.
         let mut found = Vec::with_capacity(ends.len() + 1);
         for theta in ends.into_iter().map(|(_, theta)| theta).chain(given) {
-            found.push((self.cost(&theta, weights)?, theta));
+            found.push(((self.is_bent(&theta), self.cost(&theta, weights)?), theta));
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.sort_by(|a, b| worse(&a.0, &b.0));
         found.truncate(LOWEST);
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut best: Option<((bool, f64), Vec<f64>)> = None;
         for theta in first.into_iter().chain(found.into_iter().map(|(_, theta)| theta)) {
             let ended = self.iterate(theta, weights, factors, TOLERANCE, LOOKED)?;
-            let lower = best.as_ref().is_none_or(|(cost, _)| ended.cost < *cost);
-            if ended.cost.is_finite() && lower {
-                best = Some((ended.cost, ended.theta));
+            let reached = (self.is_bent(&ended.theta), ended.cost);
+            let better = best.as_ref().is_none_or(|(own, _)| worse(&reached, own).is_lt());
+            if ended.cost.is_finite() && better {
+                best = Some((reached, ended.theta));
             }
         }
         Ok(best.map_or_else(|| start(&self.fitter.o.equations, 0), |(_, theta)| theta))
     }
+}
+
+/// Whether noise bends the signals, then the cost.
+fn worse(a: &(bool, f64), b: &(bool, f64)) -> Ordering {
+    a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
 }
 
 /// The `k`-th start: the given one, then points of a sequence that fills the bounds evenly.
@@ -84,6 +111,12 @@ fn start(e: &Equations, k: usize) -> Vec<f64> {
         match (*given, low.is_finite(), high.is_finite()) {
             (Some(value), ..) if k == 0 => value,
             (Some(value), false, false) if value != 0.0 => value * wide(place).abs(),
+            // What is not negative may be far smaller than its bound: every other start goes by its size.
+            (_, true, true) if *low >= 0.0 && !e.is_lag(at) => {
+                let place = fraction(k / 2, at);
+                let part = if k % 2 == 0 { place } else { libm::pow(SMALLEST, place) };
+                low + (high - low) * part
+            }
             (_, true, true) => low + (high - low) * place,
             (_, true, false) => low + wide(place).abs(),
             (_, false, true) => high - wide(place).abs(),

@@ -33,6 +33,20 @@ pub(crate) struct Worth {
     pub spectral: (Vec<f64>, Vec<f64>, NoiseSpectrum),
 }
 
+impl Worth {
+    /// Of a fit that has none.
+    pub fn unknown(p: usize) -> Worth {
+        let square = || vec![f64::NAN; p * p];
+        Worth {
+            nonrobust: square(),
+            hc3: square(),
+            gram: square(),
+            degrees: vec![f64::NAN; p],
+            spectral: (square(), vec![f64::NAN; p], NoiseSpectrum::default()),
+        }
+    }
+}
+
 impl TermsProblem<'_> {
     /// Covariances from columns and residual that stand; parameters at a bound have none.
     pub fn worth(&self, variance: f64, at_bound: &[bool]) -> Worth {
