@@ -81,8 +81,8 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units, unexplained, fed_back,
-    unsettled, unstable, condition, undeclared,
+    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units, unexplained,
+    fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 

@@ -22,9 +22,9 @@ from .known_start import contradicted_p
 from .priors import contradicted_priors
 
 __all__ = [
-    "Doubt",
     "FINEST",
     "SURE",
+    "Doubt",
     "biased",
     "clipped",
     "condition",
@@ -235,15 +235,16 @@ def twin(fit: Estimates) -> Doubt | None:
 
 def noise_bends(fit: Estimates) -> Doubt | None:
     """That noise does to a signal what its slope does not tell, so that a low criterion proves nothing."""
-    if fit.layout.rational or not getattr(fit, "bend", 0.0) > BENT:
+    bend = getattr(fit, "bend", 0.0)  # of equations
+    if not bend > BENT:
         return None
-    inside = {fit.param_names[k] for _, k, _ in fit.layout.formulas.words["signal_slopes"]}
+    layout: Any = fit.layout
+    inside = {fit.param_names[k] for _, k, _ in layout.formulas.words["signal_slopes"]}
     names = [name for name in fit.param_names if name in inside]
     return Doubt(
-        f"The noise of the outputs moves the terms with {listed(names)} inside by more than their slopes tell "
-        f"({fit.bend:.2g} times as much in second differences as in first), and such terms follow any record. "
-        f"First try closer bounds, params={{{names[0]!r}: mf.Free(start, min=..., max=...)}}.",
-        sure=True,
+        f"The noise of the outputs moves the terms with {listed(names)} inside by more than their slopes "
+        f"tell (by {bend:.2g} times as much in second differences as in first), and such terms follow any "
+        f"record. First try closer bounds, params={{{names[0]!r}: mf.Free(start, min=..., max=...)}}."
     )
 
 

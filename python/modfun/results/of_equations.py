@@ -44,8 +44,8 @@ class EquationFit(Fit):
     df_hc3 : (p,) array
         Degrees of freedom of each HC3 standard error (Satterthwaite): few where few lines carry a parameter.
     bend : float
-        How far noise bends signals with parameters inside, such as sin(k*y): second differences over a standard
-        deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these parameters.
+        How far noise bends signals with parameters inside, such as sin(k*y): second differences over a
+        standard deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there

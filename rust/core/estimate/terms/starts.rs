@@ -114,7 +114,7 @@ fn start(e: &Equations, k: usize) -> Vec<f64> {
             // What is not negative may be far smaller than its bound: every other start goes by its size.
             (_, true, true) if *low >= 0.0 && !e.is_lag(at) => {
                 let place = fraction(k / 2, at);
-                let part = if k % 2 == 0 { place } else { libm::pow(SMALLEST, place) };
+                let part = if k.is_multiple_of(2) { place } else { libm::pow(SMALLEST, place) };
                 low + (high - low) * part
             }
             (_, true, true) => low + (high - low) * place,
