@@ -76,7 +76,9 @@ def _settled(
             return None
         if not after.success:
             return None
-        step = np.abs(np.asarray(after.params - now.params)) / np.sqrt(np.diag(after.cov_nonrobust))
+        error = np.sqrt(np.diag(after.cov_nonrobust))
+        free = error != 0  # one on its bound has none
+        step = np.abs(np.asarray(after.params - now.params))[free] / error[free]
         sizes.append(float(np.max(step, initial=0.0)))
         if not sizes[-1] <= sizes[max(len(sizes) - 2, 0)]:  # nor is nan
             return None

@@ -138,9 +138,9 @@ impl Equations {
         })
     }
 
-    /// Whether a parameter is a delay.
-    pub(crate) fn is_lag(&self, parameter: usize) -> bool {
-        self.signals.iter().any(|s| s.lag == Lag::Parameter(parameter))
+    /// Whether a parameter stands inside a signal.
+    pub(crate) fn is_inside(&self, parameter: usize) -> bool {
+        self.signal_slopes.iter().any(|(_, own, _)| *own == parameter)
     }
 
     /// Whether signals, or their coefficients, change with θ.

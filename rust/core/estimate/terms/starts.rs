@@ -111,8 +111,9 @@ fn start(e: &Equations, k: usize) -> Vec<f64> {
         match (*given, low.is_finite(), high.is_finite()) {
             (Some(value), ..) if k == 0 => value,
             (Some(value), false, false) if value != 0.0 => value * wide(place).abs(),
-            // What is not negative may be far smaller than its bound: every other start goes by its size.
-            (_, true, true) if *low >= 0.0 && !e.is_lag(at) => {
+            // Inside a function what is not negative may be far smaller than its bound: every other start goes by
+            // its size.
+            (_, true, true) if *low >= 0.0 && e.is_inside(at) => {
                 let place = fraction(k / 2, at);
                 let part = if k.is_multiple_of(2) { place } else { libm::pow(SMALLEST, place) };
                 low + (high - low) * part
