@@ -11,7 +11,6 @@ from typing import Any, Never, Unpack
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, whole
-from ..base.arrays import F64
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
@@ -20,7 +19,6 @@ from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
-from ..records.corners import driving
 from ..records.forms import agreed
 from ..records.lost_rows import refuse_gap
 from ..records.record import Record
@@ -28,14 +26,15 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
-from .gaps import across
 from .instruments import referenced_fit
 from .kinks import bent, without_kinks
+from .known_inputs import fit_known_inputs, refuse_uneven
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .past import fit_with_past
-from .prepared import counts_start, fits_alone, prepare, refuse_cut_off, refuse_standing
+from .plain import fit_plain
+from .prepared import counts_start, fits_alone
 from .robust import robust_fit
 from .undeclared import decided_by_fit, fit_as_read, read_alike, read_as
 
@@ -365,14 +364,17 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
     """Whether held inputs bend the fits of records by equations; batches of arrays are taken as they are."""
     if isinstance(data, Batch) or isinstance(structure, TransferFunction):
         return False
-    return "zoh" in data[0].intersample and bent(fit_equation(data[:1], structure, options))
+    return bool("zoh" in data[0].intersample or data[0].functions) and bent(
+        fit_equation(data[:1], structure, options)
+    )
 
 
 def _alike(records: tuple[Record, ...], options: Options) -> bool:
     """Whether records can go into the compiled core together."""
     uneven = any(rec.dt is None or rec.mask is not None or rec.sigma is not None for rec in records)
     kinds = {(rec.y.shape[1], rec.dt, rec.intersample) for rec in records}
-    return not options.reference and not uneven and len(kinds) == 1
+    known = any(rec.functions for rec in records)
+    return not options.reference and not uneven and not known and len(kinds) == 1
 
 
 # The way to the core -----------------------------------------------------------------------------
@@ -405,22 +407,16 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
 
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """One fit without its warnings."""
+    refuse_uneven(records)
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
-    made = prepare(structure, options, records)
-    ys, us = [rec.y for rec in records], [driving(rec) for rec in records]
-    refuse_standing(made.layout, ys, us, options.initial_state)
-    refuse_cut_off(made.layout, [rec.t for rec in records], us)
-
-    def fitted(outputs: list[F64]) -> Fit:
-        found = made.core.fit(outputs, us)
-        return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=fit_quietly)
-
-    return across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
+    if any([rec.functions for rec in records]):
+        return fit_known_inputs(records, structure, options, fit_quietly)
+    return fit_plain(records, structure, options, fit_quietly)
 
 
 # What users give ----------------------------------------------------------------------------------

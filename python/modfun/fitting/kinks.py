@@ -19,7 +19,7 @@ from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
 from ..systems.propagate import spline
 
-__all__ = ["bent", "without_kinks"]
+__all__ = ["bent", "between", "without_kinks"]
 
 FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
 ROUNDS = 6
@@ -63,7 +63,7 @@ def _settled(
 ) -> EquationFit | None:
     """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
     options, now, sizes = on_band(start, start.band), start, list[float]()
-    fine = [_between(rec) for rec in records]
+    fine = [between(rec, PARTS) for rec in records]
     while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -98,11 +98,11 @@ def _levels(fit: EquationFit, records: tuple[Record, ...]) -> list[float] | None
 
 
 def bent(fit: EquationFit) -> bool:
-    """Whether inputs are held through lines too fast for equations, in a fit of samples alone."""
+    """Whether inputs are held, or known at all times, through lines too fast for sums over outputs."""
     options = fit.options
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
     plain = plain and options.noise == "output" and not fit.layout.formulas.words["priors"]
-    held = any("zoh" in rec.intersample for rec in fit.records or ())
+    held = any("zoh" in rec.intersample or rec.functions for rec in fit.records or ())
     steps = [step for step in fit.steps if step is not None]
     fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
     return plain and held and fast and not fit.at_bound and len(steps) == len(fit.steps)
@@ -142,22 +142,23 @@ def _signal(lines: C128, intervals: int) -> F64:
     return np.concatenate([period, period[:, :1]], axis=1)
 
 
-def _between(rec: Record) -> Record:
-    """Inputs in parts of the sampling interval, as each runs between its samples."""
+def between(rec: Record, parts: int) -> Record:
+    """Inputs in parts of the sampling interval, as each runs between its samples; outputs are zero."""
     assert rec.dt is not None
-    places = np.arange(rec.intervals * PARTS + 1) / PARTS
+    places = np.arange(rec.intervals * parts + 1) / parts
     own = np.arange(rec.intervals + 1.0)
     run: dict[str, Callable[[F64], Any]] = {
         "zoh": lambda u: u[places.astype(int)],
         "foh": lambda u: np.interp(places, own, u),
         "smooth": lambda u: spline(own, u)(places),
     }
-    return Record(
+    made = Record(
         y=np.zeros((len(rec.outputs), places.size)),
         u=np.array([run[kind](u) for kind, u in zip(rec.intersample, rec.u, strict=True)]),
-        dt=rec.dt / PARTS, t0=float(rec.t[0]), outputs=rec.outputs, inputs=rec.inputs,
+        dt=rec.dt / parts, t0=float(rec.t[0]), outputs=rec.outputs, inputs=rec.inputs,
         intersample=rec.intersample,
     )  # fmt: skip
+    return made._like(_functions=rec._functions)
 
 
 def _sums(y: F64, last: int, rule: str) -> C128:

@@ -352,7 +352,9 @@ def _refit(
 ) -> FitMany:
     """Fits of replicates whose samples are `ys`, (replicate, output, time) a record."""
     first = records[0]
-    alike = first.mask is None and first.sigma is None and not priors_of(fit.structure)
+    alike = (
+        first.mask is None and first.sigma is None and not first.functions and not priors_of(fit.structure)
+    )
     if len(records) == 1 and first.dt is not None and alike:
         batch = Batch(
             y=ys[0],

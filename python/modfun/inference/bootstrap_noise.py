@@ -11,8 +11,8 @@ from ..base.arrays import C128, F64
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.transfer_function import TransferFunction
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 from ..results.fit import Fit
 from ..results.initial_state import slopes

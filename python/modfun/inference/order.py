@@ -26,8 +26,8 @@ from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES
 from ..records.corners import driving
 from ..records.forms import forms_of
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.doubts import FINEST

@@ -14,8 +14,8 @@ from ..base.tables import Table
 from ..errors import DataError, SpecError
 from ..fitting.fit import records_of
 from ..models.options import MOST
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 from ..responses.coefficients import spectrum
 from .common import widest
 

@@ -224,6 +224,7 @@ def with_inputs(rec: Record, noise: Any) -> Record:
         u=np.vstack([rec.u, np.zeros((len(names), rec.t.size))]),
         inputs=(*rec.inputs, *names),
         intersample=(*rec.intersample, *["smooth"] * len(names)),
+        _functions=rec._functions,
     )
 
 

@@ -23,6 +23,7 @@ from ..base.samples import (
     refuse_nonfinite,
 )
 from ..errors import DataError, SpecError
+from .functions import functions_of
 from .record import Record
 
 __all__ = ["Batch"]
@@ -102,6 +103,11 @@ class Batch:
         ys = given[:, None, :] if given.ndim == 2 else given
         if ys.ndim != 3 or 0 in ys.shape:
             raise DataError(f"Batch: y has shape {given.shape}, it must be (replicate, channel, time)")
+        if functions_of(u) is not None:
+            raise SpecError(
+                "Batch: u holds text or functions of t; give fit_many a list of records, "
+                "[mf.Record(y, u=..., dt=...) for y in ys], which take these, or samples here"
+            )
         us = np.empty((1, 0, ys.shape[2])) if u is None else floats(u, "u")
         if us.ndim == 2 and us.shape[0] == ys.shape[0] > 1:
             raise DataError(

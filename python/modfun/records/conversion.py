@@ -18,6 +18,7 @@ Own = TypeVar("Own", bound=Samples)
 def converted(rec: Own, units: Mapping[str, str]) -> Own:
     """The record with channels in these units; see `Record.convert`."""
     y, u, keep, labels = rec.y.copy(), rec.u.copy(), {name: rec[name] for name in rec.kept}, rec.units
+    functions = dict(rec._functions)
     for name, unit in units.items():
         if name not in rec.channels:
             raise SpecError(f"convert: there is no channel {name!r}; {nearest(name, rec.channels)}")
@@ -35,7 +36,10 @@ def converted(rec: Own, units: Mapping[str, str]) -> Own:
         else:
             keep[name] = values
         labels[name] = str(unit)
-    return rec._like(y=y, u=u, _keep=keep, _units=labels)
+        source = functions.pop(name, None)
+        if isinstance(source, str):  # a function of Python's is left out: its samples are in the new unit
+            functions[name] = f"{step.factor!r}*({source}) + {step.offset!r}"
+    return rec._like(y=y, u=u, _keep=keep, _units=labels, _functions=functions)
 
 
 def agreeing(what: str, rec: Own, units: Mapping[str, str], whose: str) -> Own:

@@ -9,6 +9,7 @@ import numpy as np
 from .._core import corners
 from ..base.arrays import F64
 from .batches import Batch
+from .functions import known, summable
 from .record import Record
 
 __all__ = ["driving", "without_corners"]
@@ -38,6 +39,19 @@ def without_corners(u: F64, kinds: Sequence[str]) -> F64:
     return found
 
 
-def driving(rec: Batch | Record) -> F64:
-    """The inputs of a record (channel, time), or of a batch (record, channel, time), as fits sum them."""
-    return rec.u if rec.dt is None else without_corners(rec.u, rec.intersample)
+def driving(rec: Batch | Record, rule: str = "gregory") -> F64:
+    """The inputs of a record (channel, time), or of a batch (record, channel, time), as fits sum them.
+
+    Of an input that is a known function, samples of which sums by the rule are its integrals.
+    """
+    if rec.dt is None:
+        return rec.u
+    if isinstance(rec, Batch) or not rec.functions:
+        return without_corners(rec.u, rec.intersample)
+    sources = known(rec)
+    kinds = [kind if source is None else "" for kind, source in zip(rec.intersample, sources, strict=True)]
+    u = without_corners(rec.u, kinds).copy()
+    for row, source in zip(u, sources, strict=True):
+        if source is not None:
+            row[:] = summable(source, rec.t, rec.dt, rule)
+    return u

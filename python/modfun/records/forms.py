@@ -9,7 +9,7 @@ from ..base.between import MIXED
 from .batches import Batch
 from .samples import Samples
 
-__all__ = ["Forms", "agreed", "forms_of", "in_common"]
+__all__ = ["Forms", "agreed", "forms_of", "functions_alone", "in_common"]
 
 Own = TypeVar("Own", bound=Samples)
 Forms = tuple[tuple[str, ...], ...]
@@ -32,6 +32,14 @@ def in_common(forms: Forms) -> tuple[str, ...]:
     return tuple([words[0] if len({*words}) == 1 else MIXED for words in zip(*forms, strict=True)])
 
 
+def functions_alone(records: Sequence[Samples]) -> bool:
+    """Return whether smooth inputs of all records are known as functions."""
+    words = [
+        (rec, name, word) for rec in records for name, word in zip(rec.inputs, rec.intersample, strict=True)
+    ]
+    return bool(words) and all(word != "smooth" or name in rec.functions for rec, name, word in words)
+
+
 def agreed(records: Sequence[Own], *, alike: bool = False) -> tuple[Own, ...]:
     """Return records of the same inputs, of which undeclared ones go as the others where these tell.
 
@@ -41,7 +49,7 @@ def agreed(records: Sequence[Own], *, alike: bool = False) -> tuple[Own, ...]:
     words = [list(rec.intersample) for rec in records]
     forms = [dict(rec._seen) for rec in records]
     for k, name in enumerate(records[0].inputs if records else ()):
-        said = {rec.intersample[k] for rec in records if name not in rec._seen}
+        said = {rec.intersample[k] for rec in records if name not in {*rec._seen, *rec.functions}}
         seen = [n for n, rec in enumerate(records) if name in rec._seen]
         most = max(seen, key=lambda n: records[n].u[k].var() * records[n].u[k].size, default=0)
         for n in seen:

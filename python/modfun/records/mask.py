@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,10 @@ from ..base.arrays import F64
 from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError
 
-__all__ = ["Mask", "filled", "mask_of", "refuse_scarce", "runs", "sample_weights", "scarce", "sigma_of"]
+__all__ = [
+    "Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "runs", "sample_weights", "scarce",
+    "sigma_of",
+]  # fmt: skip
 
 Mask = NDArray[np.bool_]
 
@@ -101,3 +105,17 @@ def runs(flags: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     edges = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
     starts = np.flatnonzero(edges == 1)
     return starts, np.flatnonzero(edges == -1) - starts
+
+
+def refuse_own_noise(rec: Any, what: str, cure: str) -> None:
+    """Refuse a record with masked samples or a sigma, for what takes every sample alike.
+
+    Raises
+    ------
+    DataError
+    """
+    if rec.mask is not None or rec.sigma is not None:
+        have = "has samples of unlike sigma"
+        if rec.mask is not None:
+            have = f"has {int((~rec.mask).sum())} masked samples"
+        raise DataError(f"{what}: every sample counts alike here, and the record {have}; {cure}")

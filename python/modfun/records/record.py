@@ -31,6 +31,7 @@ from ..signals.spectrum import Spectrum
 from . import drawing, labelled, spectra
 from .check import check_record
 from .conversion import converted
+from .functions import functions_of, is_function, sampled
 from .lost_rows import completed
 from .mask import filled, mask_of, refuse_scarce, sigma_of
 from .samples import Samples
@@ -50,7 +51,10 @@ class Record(Samples):
     y : array_like, shape (time,) or (channel, time), or dict of name to samples
         Measured outputs.
     u : array_like, shape (time,) or (channel, time), dict of name to samples, or Signals, optional
-        Inputs; none: free motion. `mf.signals` bring their names, dt and intersample.
+        Inputs; none: free motion. `mf.signals` bring their names, dt and intersample. An input that is known
+        at all times is text in t, ``"sin(t**2/5)"``, as in `mf.simulate`, or a function of an array of times;
+        several are a list or a dict, beside samples of others. Fits then take its integrals in place of sums
+        over samples, and what it was before the first sample; parts of the record keep it.
     dt : float, optional
         Sampling interval in seconds. Exactly one of `dt`, `fs` and `t` is needed.
     fs : float, optional
@@ -95,6 +99,8 @@ class Record(Samples):
     dt : float or None
         None where the steps are uneven.
     outputs, inputs : tuple of str
+    functions : dict of str to str or callable
+        Inputs that are known at all times.
     intersample : tuple of str
         One word an input: "smooth", "zoh" or "foh". Parts of a record keep its words; `assign` decides
         anew on inputs that were not declared. Records that are fitted together agree: what one of them
@@ -138,7 +144,7 @@ class Record(Samples):
     def __init__(
         self,
         y: ArrayLike | Mapping[str, ArrayLike],
-        u: ArrayLike | Mapping[str, ArrayLike] | Signals | None = None,
+        u: Any = None,
         *,
         dt: float | None = None,
         fs: float | None = None,
@@ -163,11 +169,16 @@ class Record(Samples):
             dt, inputs, intersample = u.dt, u.inputs, u.intersample
             u = u.u if axis != 0 else u.u.T
         y_samples, outputs = apart(y, outputs, "y", "outputs")
-        u_samples, inputs = apart(u, inputs, "u", "inputs")
         ys = channels_of(y_samples, "y", axis)
         if ys.shape[0] == 0:
             raise DataError("Record: y has no channel; give at least one output")
-        us = np.empty((0, ys.shape[1])) if u is None else channels_of(u_samples, "u", axis)
+        rows, u_axis = functions_of(u), axis
+        if rows is not None:
+            instants, u_axis = times_of(ys.shape[1], dt, fs, t, t0)[0], -1
+            made = [sampled(row, instants) for row in rows]
+            u = dict(zip(u, made, strict=True)) if isinstance(u, Mapping) else made
+        u_samples, inputs = apart(u, inputs, "u", "inputs")
+        us = np.empty((0, ys.shape[1])) if u is None else channels_of(u_samples, "u", u_axis)
         kept = {
             str(name): channels_of(values, f"kept channel {name!r}", -1)
             for name, values in (keep or {}).items()
@@ -201,8 +212,12 @@ class Record(Samples):
                 raise SpecError(
                     f"Record: units names {name!r}, which is not a channel; {nearest(name, known)}"
                 )
-        words, forms = decided(intersample_of(intersample, in_names), us, None if step else times)
-        fields = {
+        declared = intersample_of(intersample, in_names)
+        told = zip(in_names, declared, rows or [None] * len(us), strict=True)
+        functions = {n: row for n, word, row in told if is_function(row) and word in (AUTO, "smooth")}
+        declared = tuple("smooth" if n in functions else w for n, w in zip(in_names, declared, strict=True))
+        words, forms = decided(declared, us, None if step else times)
+        fields: dict[str, Any] = {
             "y": ys,
             "u": us,
             "t": times,
@@ -216,8 +231,12 @@ class Record(Samples):
             "_units": {str(name): str(unit) for name, unit in (units or {}).items()},
             "_keep": {name: values[0] for name, values in kept.items()},
             "_seen": {in_names[k]: form for k, form in forms.items()},
+            "_functions": functions,
         }
-        self._set(**completed(fields))
+        fields = completed(fields)
+        for name, row in functions.items():  # also at times that were missing
+            fields["u"][in_names.index(name)] = sampled(row, fields["t"])
+        self._set(**fields)
 
     def convert(self, units: Mapping[str, str] | None = None, /, **others: str) -> Record:
         """Return a record with channels in other units.

@@ -27,9 +27,10 @@ from ..base.samples import (
 )
 from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_between, pieces_every, pieces_on
+from .functions import known, sampled, shown, warn_of_others
 from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
 
-__all__ = ["Samples", "refuse_own_noise"]
+__all__ = ["Samples"]
 
 Own = TypeVar("Own", bound="Samples")
 
@@ -40,8 +41,8 @@ class Samples(Elsewhere):
     _elsewhere = RECORD
 
     __slots__ = (
-        "_keep", "_lost", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs", "sigma",
-        "source", "t", "u", "y",
+        "_functions", "_keep", "_lost", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs",
+        "sigma", "source", "t", "u", "y",
     )  # fmt: skip
 
     y: F64
@@ -54,6 +55,7 @@ class Samples(Elsewhere):
     mask: Mask | None
     sigma: F64 | None
     source: Origin | None
+    _functions: dict[str, Any]  # text or functions of t, by channel; of inputs and kept channels
     _units: dict[str, str]
     _keep: dict[str, F64]
     _lost: Mask | None  # rows that the times lacked
@@ -68,7 +70,12 @@ class Samples(Elsewhere):
             object.__setattr__(self, name, value)
 
     def _like(self, **changes: Any) -> Self:
-        """Return a record with some fields replaced, without the checks that its samples have passed."""
+        """Return a record with some fields replaced, without the checks that its samples have passed.
+
+        Other inputs than before are known by their samples alone, unless `_functions` says more.
+        """
+        if "u" in changes:
+            changes.setdefault("_functions", {})
         return _restore(type(self), {**self._fields(), **changes})
 
     def _fields(self) -> dict[str, Any]:
@@ -110,6 +117,12 @@ class Samples(Elsewhere):
         return dict(self._units)
 
     @property
+    def functions(self) -> dict[str, Any]:
+        """Inputs that are known at all times, as text or functions of t by name (a copy)."""
+        found = zip(self.inputs, known(self), strict=True)
+        return {name: source for name, source in found if source is not None}
+
+    @property
     def kept(self) -> tuple[str, ...]:
         """Names of further channels, neither outputs nor inputs."""
         return tuple(self._keep)
@@ -145,6 +158,7 @@ class Samples(Elsewhere):
         return (
             (self.dt, self.outputs, self.inputs, self.intersample, self._units, self.kept)
             == (other.dt, other.outputs, other.inputs, other.intersample, other._units, other.kept)
+            and self.functions == other.functions
             and all(
                 np.array_equal(getattr(self, name), getattr(other, name))  # None is equal to None alone
                 for name in ("y", "u", "t", "mask", "sigma")
@@ -191,8 +205,9 @@ class Samples(Elsewhere):
         sigma = None if self.sigma is None else self.sigma[:, part]
         lost = None if self._lost is None or not self._lost[part].any() else self._lost[part]
         return self._like(
-            y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma, _lost=lost
-        )
+            y=self.y[:, part], u=self.u[:, part], t=t, dt=dt, _keep=keep, mask=mask, sigma=sigma, _lost=lost,
+            _functions=self._functions,
+        )  # fmt: skip
 
     def split(
         self, *, every: float | None = None, on: str | None = None, gap: float | None = None
@@ -281,7 +296,8 @@ class Samples(Elsewhere):
         if self.sigma is not None:
             rows = dict(zip(self.outputs, self.sigma, strict=True))
             sigma = np.array([rows.get(name, np.ones(count)) for name in outs])
-        words, forms = self._between(ins, {name: self[name] for name in ins if name not in self.inputs})
+        new = [name for name in ins if name not in self.inputs]
+        words, forms = self._between(ins, {name: self[name] for name in new}, self._functions)
         keep = {name: values for name, values in self._keep.items() if name not in (*outs, *ins)}
         return self._like(
             y=np.reshape([self[name] for name in outs], (len(outs), count)),
@@ -289,6 +305,7 @@ class Samples(Elsewhere):
             outputs=tuple(outs),
             inputs=tuple(ins),
             intersample=words,
+            _functions={name: f for name, f in self._functions.items() if name in (*ins, *keep)},
             _seen=forms,
             mask=None if good.all() else good,
             sigma=sigma,
@@ -305,9 +322,10 @@ class Samples(Elsewhere):
         ----------
         units : mapping of str to str, optional
             Units by channel name, for labels only; those not named stay as they are.
-        **channels : array_like, shape (time,), or callable
+        **channels : array_like, shape (time,), callable or str
             Samples by channel name, or a function of the record that returns them; all functions see
-            the record as it was. A new name becomes a kept channel: `select` makes it an output or
+            the record as it was. Text is a function of the time t, as in `Record`: an input so replaced is
+            known at all times. A new name becomes a kept channel: `select` makes it an output or
             input. The unit of a channel that is replaced is forgotten, unless `units` says the new one;
             what is masked stays masked and may be nan.
 
@@ -317,6 +335,11 @@ class Samples(Elsewhere):
             If samples are missing or not finite.
         SpecError
             If `units` names no channel.
+
+        Warns
+        -----
+        ModfunWarning
+            Where text differs from the samples of the input that it replaces.
 
         Examples
         --------
@@ -350,16 +373,22 @@ class Samples(Elsewhere):
                     f"{nearest(name, (*self.outputs, *self.inputs, *keep))}"
                 )
             labels[str(name)] = str(unit)
+        texts = {name: text for name, text in channels.items() if isinstance(text, str)}
+        warn_of_others(self, texts, u)
         fresh = {name: u[k] for k, name in enumerate(self.inputs) if name in channels and name in self._seen}
-        words, forms = self._between(self.inputs, fresh)
-        return self._like(y=y, u=u, _keep=keep, _units=labels, intersample=words, _seen=forms)
+        words, forms = self._between(self.inputs, fresh, texts)
+        left = {name: f for name, f in self._functions.items() if name not in channels}
+        left |= {name: text for name, text in texts.items() if name not in self.outputs}
+        new = {"y": y, "u": u, "_keep": keep, "_units": labels, "_seen": forms, "_functions": left}
+        return self._like(intersample=words, **new)
 
     def _between(
-        self, inputs: Sequence[str], fresh: Mapping[str, F64]
+        self, inputs: Sequence[str], fresh: Mapping[str, F64], functions: Mapping[str, Any]
     ) -> tuple[tuple[str, ...], dict[str, str]]:
         """Return words and forms of inputs, those of `fresh` by its samples, the others as they are."""
         known = dict(zip(self.inputs, self.intersample, strict=True))
-        words = [AUTO if name in fresh else known[name] for name in inputs]
+        new = {name: "smooth" if name in functions else AUTO for name in fresh}
+        words = [new.get(name) or known[name] for name in inputs]
         rows = [fresh.get(name, self.t) for name in inputs]
         found, forms = decided(words, rows, None if self.dt else self.t)
         kept = {name: form for name, form in self._seen.items() if name in inputs and name not in fresh}
@@ -379,7 +408,7 @@ class Samples(Elsewhere):
 
     def _computed(self, name: str, given: ArrayLike | Callable[[Self], ArrayLike]) -> ArrayLike:
         if not callable(given):
-            return given
+            return sampled(given, self.t)  # type: ignore[no-any-return]
         try:
             return given(self)
         except Exception as error:
@@ -423,10 +452,9 @@ class Samples(Elsewhere):
         """How each input goes between samples, and whether its samples alone say so."""
         told = {BY_FIT: "by the fit", **dict.fromkeys((*DOUBTFUL, CLOSE, LOOP, OPEN), "doubtful")}
         origin = {name: told.get(form, "seen") for name, form in self._seen.items()}
-        return [
-            f"{word} ({origin[name]})" if name in origin else word
-            for name, word in zip(self.inputs, self.intersample, strict=True)
-        ]
+        both = zip(self.inputs, self.intersample, strict=True)
+        words = {n: f"{w} ({origin[n]})" if n in origin else w for n, w in both}
+        return list((words | {name: shown(source) for name, source in self.functions.items()}).values())
 
     def _summary(self) -> tuple[str, list[tuple[str, str, str]]]:
         if self.dt is None:
@@ -463,19 +491,10 @@ class Samples(Elsewhere):
 
 def _restore(kind: type[Own], fields: dict[str, Any]) -> Own:
     made = object.__new__(kind)
-    made._set(**{"_seen": {}, "_lost": None, **fields})  # pickles of old have all words declared
+    of_old: dict[str, Any] = {
+        "_seen": {},
+        "_lost": None,
+        "_functions": {},
+    }  # their pickles have all words declared
+    made._set(**{**of_old, **fields})
     return made
-
-
-def refuse_own_noise(rec: Samples, what: str, cure: str) -> None:
-    """Refuse a record with masked samples or a sigma, for what takes every sample alike.
-
-    Raises
-    ------
-    DataError
-    """
-    if rec.mask is not None or rec.sigma is not None:
-        have = "has samples of unlike sigma"
-        if rec.mask is not None:
-            have = f"has {int((~rec.mask).sum())} masked samples"
-        raise DataError(f"{what}: every sample counts alike here, and the record {have}; {cure}")

@@ -18,8 +18,8 @@ from ..errors import DataError, SpecError
 from ..models.options import MOST, WORDS
 from ..models.transfer_function import TransferFunction
 from ..records.corners import driving
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 
 __all__ = ["Coefficients", "Regressors", "coefficients", "regressors", "spectrum"]
 
@@ -106,7 +106,7 @@ def spectrum(
     late = [d / rec.dt if rec.dt else 0.0 for d in delays or (0.0,) * len(rec.inputs)]
     t = None if rec.dt else rec.t - rec.t[0]
     y = core_coefficients(rec.y, top, [rule] * len(rec.outputs), [0.0] * len(rec.outputs), lead, t)
-    return y, core_coefficients(driving(rec), top, kinds, late, lead, t)
+    return y, core_coefficients(driving(rec, rule), top, kinds, late, lead, t)
 
 
 # Regressors --------------------------------------------------------------------------------------

@@ -434,7 +434,7 @@ def _piece(rec: Record, rule: str, varying: bool, trend: str | None) -> Piece:
         # An input times time, −½ to ½ over the record: report, section 4.8.
         along = np.linspace(-0.5, 0.5, rec.intervals + 1)
         kinds = [rule if kind == "smooth" else kind for kind in rec.intersample]
-        late = np.ascontiguousarray(driving(rec) * along)
+        late = np.ascontiguousarray(driving(rec._like(_functions={})) * along)
         more = coefficients(late, rec.intervals // 2, kinds, [0.0] * len(kinds), 0, None)
         u = np.concatenate([u, more])
     return 2 * np.pi / rec.duration, y, u

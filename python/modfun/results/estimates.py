@@ -25,7 +25,7 @@ from ..models.options import Options
 from ..models.process import with_inputs
 from ..models.transfer_function import system_of
 from ..records.conversion import agreeing
-from ..records.forms import forms_of, in_common
+from ..records.forms import forms_of, functions_alone, in_common
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import named, ss
@@ -380,9 +380,9 @@ class Estimates(Elsewhere):
 
     @property
     def exact_lines(self) -> bool:
-        """Whether no line has a quadrature error: a transfer function, even samples, all inputs held."""
-        held = bool(self.inputs) and {"smooth", MIXED}.isdisjoint(self.intersample)
-        return self.layout.rational and held and None not in self.steps
+        """Whether no line has a quadrature error: a transfer function, even samples, inputs held or known."""
+        held = {"smooth", MIXED}.isdisjoint(self.intersample) or functions_alone(self.records or ())
+        return self.layout.rational and bool(self.inputs) and held and None not in self.steps
 
     @property
     def row_names(self) -> tuple[str, ...]:

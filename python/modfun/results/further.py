@@ -216,7 +216,7 @@ class _Block:
         m = np.arange(lo, hi + 1, dtype=np.float64)
         s = 1j * m * fit.omega0[k]
         delays = np.array(fit.layout.delays(fit.params, i)).reshape(-1)
-        u = _lines(fit, k, driving(rec), rec.intersample, delays / rec.dt)
+        u = _lines(fit, k, driving(rec, fit.options.rule), rec.intersample, delays / rec.dt)
         response, slopes = response_gradients(fit.layout, fit.params, m * fit.omega0[k])
         late = np.exp(s * delays[:, None])  # the delays are in the coefficients of the inputs
         den, _ = fit.layout.polynomials(fit.params, i)

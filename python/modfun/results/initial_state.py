@@ -18,6 +18,7 @@ from ..base.student import root
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
 from ..errors import DataError
+from ..records.functions import drives
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..systems.lti import LTI
@@ -136,8 +137,9 @@ def _linear_state(
     words = (rec.dt, rec.intervals)
 
     late = system.path_delays[0].tolist()  # of each input
-    # Before the record inputs are taken as at its first sample.
-    forced = respond((a, b, c, d), np.zeros(n), list(rec.u), *words, rec.intersample, late, held=True)
+    # Before the record inputs are taken as at its first sample, unless they are known there.
+    driven = drives(rec, rec.t0)
+    forced = respond((a, b, c, d), np.zeros(n), driven, *words, rec.intersample, late, held=True)
     if state is not None:
         forced = forced + respond((a, none, c, np.zeros((outputs, 0))), state, [], *words, (), ())
     columns = _columns(system, rec, terms, algebraic, state is None)
@@ -211,7 +213,7 @@ def find_state(
     z, cost = min(tried, key=lambda one: one[1])
     if not np.isfinite(cost):
         if state is not None:
-            model.respond(list(rec.u), rec.t, state, rec.intersample)  # says when it leaves
+            model.respond(drives(rec, 0.0), rec.t, state, rec.intersample)  # says when it leaves
         raise DataError(
             "simulating the fit: the response leaves all bounds within the first "
             f"{rec.t[lengths[0] - 1] - rec.t[0]:.4g} s from every initial state tried; give "
@@ -251,7 +253,7 @@ def slopes(fit: Estimates, rec: Record, initial: InitialState) -> F64:
             moved = z.copy()
             moved[k] += sign * step
             model = model_of(compiled, np.append(moved[:p], moved[p + n :]))
-            sides.append(model.respond(list(rec.u), rec.t, moved[p : p + n], rec.intersample))
+            sides.append(model.respond(drives(rec, 0.0), rec.t, moved[p : p + n], rec.intersample))
         found.append((sides[0] - sides[1]) / (2 * step))
     return np.array(found)
 
@@ -327,7 +329,7 @@ class _Search:
             same = np.tile(self.params[:, None], moved.shape[1])
             params = np.vstack([same, moved[self.found :]])
         y, _ = self.model.family(
-            list(rec.u), rec.t, np.ascontiguousarray(starts), rec.intersample, self.rtol, length, params
+            drives(rec, 0.0), rec.t, np.ascontiguousarray(starts), rec.intersample, self.rtol, length, params
         )
         w = self.weights[:, None, :length]
         jacobian = (w * (y[:, 1:] - y[:, :1]) / steps[:, None]).transpose(0, 2, 1)

@@ -14,9 +14,9 @@ from ..base.arrays import F64
 from ..base.samples import LARGEST, frozen
 from ..errors import DataError, ModfunError, SpecError
 from ..models.layout import Layout
-from ..records.mask import sample_weights
+from ..records.functions import drives
+from ..records.mask import refuse_own_noise, sample_weights
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 from ..systems.lti import LTI
 from ..systems.making import named
 from ..systems.polynomials import companion, strip
@@ -242,7 +242,8 @@ def _forced(layout: Layout, params: F64, rec: Record, output: int, held: bool = 
         return np.zeros(rec.t.size)
     model = path_model(layout, params, output)
     if rec.dt is not None:
-        response: F64 = model.respond(list(rec.u), rec.dt, rec.intervals, None, rec.intersample, held)[0]
+        driven = drives(rec, rec.t0)
+        response: F64 = model.respond(driven, rec.dt, rec.intervals, None, rec.intersample, held)[0]
         return response
     if any(model.delays):
         raise DataError(

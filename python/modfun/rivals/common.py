@@ -12,8 +12,8 @@ from ..base.words import TRENDS
 from ..errors import DataError, FitError, SpecError
 from ..models.options import MOST
 from ..models.transfer_function import TransferFunction
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 
 __all__ = ["HUGE", "check", "check_record", "joined", "least_squares"]
 

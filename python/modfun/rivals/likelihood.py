@@ -26,8 +26,8 @@ from ..experiments.slopes import Equations, Known, Slopes, States, Transfers
 from ..fitting.fit import fit
 from ..models.free import Free, refuse_priors
 from ..models.transfer_function import TransferFunction
+from ..records.mask import refuse_own_noise
 from ..records.record import Record
-from ..records.samples import refuse_own_noise
 from ..results.initial_state import find_state
 from .common import joined
 

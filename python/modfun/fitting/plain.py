@@ -1,0 +1,36 @@
+"""One fit of transfer functions by the core: from records to its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..base.arrays import F64
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.corners import driving
+from ..records.record import Record
+from ..results.fit import Fit
+from .gaps import across
+from .prepared import prepare, refuse_cut_off, refuse_standing
+
+__all__ = ["fit_plain"]
+
+
+def fit_plain(
+    records: tuple[Record, ...],
+    structure: TransferFunction,
+    options: Options,
+    again: Callable[[tuple[Record, ...], Any, Options], Any],
+) -> Fit:
+    """The fit of the records' samples; `again` makes others like it."""
+    made = prepare(structure, options, records)
+    ys, us = [rec.y for rec in records], [driving(rec, options.rule) for rec in records]
+    refuse_standing(made.layout, ys, us, options.initial_state)
+    refuse_cut_off(made.layout, [rec.t for rec in records], us)
+
+    def fitted(outputs: list[F64]) -> Fit:
+        found = made.core.fit(outputs, us)
+        return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
+
+    return across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
