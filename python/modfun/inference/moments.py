@@ -95,12 +95,15 @@ class Lines:
         top: int,
         unit: float,
     ) -> None:
-        assert record.dt is not None
         self.k, self.record, self.y, self.columns, self.equation = k, record, y, columns, np.asarray(equation)
         self.variances, self.top = variances, top
         n = record.intervals
         omega0 = 2 * np.pi / record.duration
-        self.weights = quadrature_weights("gregory", n, None) / n
+        # Even samples by fast transforms; uneven ones by sums with e^(-iωt), (time, line 0 … 2 top).
+        self.t = None if record.dt is not None else record.t - record.t[0]
+        lines = np.arange(2 * top + 1) * omega0
+        self.waves = None if self.t is None else np.exp(-1j * np.outer(self.t, lines))
+        self.weights = quadrature_weights("gregory", n, self.t) / (n if self.t is None else record.duration)
         scale = unit ** np.arange(columns.parts.shape[1])
         parts = columns.parts * scale[None, :, None]
         count = len(columns.texts) - self.equation.size
@@ -130,7 +133,7 @@ class Lines:
         if not len(rows):
             return np.zeros((0, self.top + 1), dtype=np.complex128)
         return core_coefficients(
-            np.ascontiguousarray(rows), self.top, list(kinds), [0.0] * len(rows), 0, None
+            np.ascontiguousarray(rows), self.top, list(kinds), [0.0] * len(rows), 0, self.t
         )
 
     def _columns(self, parts: F64, lines: C128) -> C128:
@@ -243,7 +246,6 @@ class Lines:
         from scipy.linalg import hankel, toeplitz
 
         count, own, most = 2 * self.top + 1, len(self.orders), through.shape[1]
-        n = self.record.intervals
         top = self.top
         scaled = through * (self.weights * np.sqrt(self.variances))
         full = np.zeros((own * count, own * count))
@@ -255,8 +257,7 @@ class Lines:
                 for p in used[e]:
                     for q in used[f]:
                         product = np.sum(scaled[e, p] * scaled[f, q], axis=0)
-                        product[0] += product[-1]
-                        h = np.fft.rfft(product[:-1], n)
+                        h = self._sums(product)
                         both = self.powers[p][:, None] * self.powers[q][None, :]
                         conj = (-1) ** q * both  # s is imaginary
                         a += conj * toeplitz(h[: top + 1])
@@ -287,7 +288,7 @@ class Lines:
 
     def _noise(self, through: F64, rows: F64) -> F64:
         """Smoothed noise (output, time) of weighted residual rows."""
-        count, n = 2 * self.top + 1, self.record.intervals
+        count = 2 * self.top + 1
         found = np.zeros_like(self.y)
         for e in range(len(self.orders)):
             own = rows[e * count : (e + 1) * count]
@@ -296,12 +297,27 @@ class Lines:
             for p in range(through.shape[1]):
                 if not np.any(through[e, p]):
                     continue
-                padded = np.zeros(n, dtype=complex)
-                padded[: self.top + 1] = self.powers[p].conj() * lines
-                wave = np.fft.ifft(padded).real * n
-                wave = np.append(wave, wave[0])
-                found += through[e, p] * wave
+                found += through[e, p] * self._wave(self.powers[p].conj() * lines)
         return found * self.weights * self.variances
+
+    def _sums(self, values: F64) -> C128:
+        """Σ values e^(-iωt) over the samples, on lines 0 … 2 top and maybe more."""
+        if self.waves is not None:
+            return np.asarray(values @ self.waves)
+        n = self.record.intervals
+        values = values.copy()
+        values[0] += values[-1]
+        return np.fft.rfft(values[:-1], n)
+
+    def _wave(self, lines: C128) -> F64:
+        """Real part of Σ lines e^(iωt) at the samples, over lines 0 … top."""
+        if self.waves is not None:
+            return np.asarray((self.waves[:, : lines.size].conj() @ lines).real)
+        n = self.record.intervals
+        padded = np.zeros(n, dtype=complex)
+        padded[: lines.size] = lines
+        wave = np.fft.ifft(padded).real * n
+        return np.append(wave, wave[0])
 
 
 def _by_line(rows: F64) -> F64:
@@ -377,19 +393,31 @@ def _solve(gram: F64, right: F64) -> F64:
     return np.linalg.lstsq(scaled, right / root, rcond=1e-13)[0] / root
 
 
-def signal_edge(y: F64, variances: F64, order: int, wide: int) -> int:
+def signal_edge(y: F64, variances: F64, order: int, wide: int, t: F64 | None = None) -> int:
     """The highest harmonic up to `wide` at which an output (row of y) shows more than white noise.
 
-    Lines are differenced `order` + 2 times, which takes away what the ends of the record leak.
+    Lines are differenced `order` + 2 times, which takes away what the ends of the record leak. Of uneven
+    samples, at times t from 0, what quadrature by the trapezoidal rule gets wrong counts as noise, too.
     """
     q, n = order + 2, y.shape[1] - 1
     top = min(wide + q + SPREAD, n // 2)
-    lines = core_coefficients(y, top, ["trapezoid"] * len(y), [0.0] * len(y), 0, None)
-    weights = quadrature_weights("trapezoid", n, None)
-    choose = np.prod([(q + i) / i for i in range(1, q + 1)])
-    noise = choose * np.sum(weights**2) / n**2 * variances
-    power = np.abs(np.diff(lines, q, axis=1)) ** 2 / noise[:, None]
-    width = 2 * SPREAD + 1
-    level = np.array([np.convolve(row, np.ones(width) / width, "valid") for row in power])
-    loud = np.flatnonzero(np.any(level > LOUD, axis=0))
+    span, turn = (n, np.arange(n + 1) / n) if t is None else (t[-1], t / t[-1])
+    weights = quadrature_weights("trapezoid", n, t) / span
+    noise = np.sum(weights**2 * (2 - 2 * np.cos(2 * np.pi * turn)) ** q) * variances
+    power = _differenced(y, "trapezoid", top, q, t)
+    quiet = np.broadcast_to(noise[:, None], power.shape)
+    if t is not None:
+        power = _differenced(y, "foh", top, q, t)
+        quiet = quiet + np.abs(_differenced(y, "gregory", top, q, t) - power) ** 2
+    width = np.ones(2 * SPREAD + 1)
+    level = [
+        np.convolve(own, width, "valid") / np.convolve(other, width, "valid")
+        for own, other in zip(np.abs(power) ** 2, quiet, strict=True)
+    ]
+    loud = np.flatnonzero(np.any(np.array(level) > LOUD, axis=0))
     return int(loud[-1]) + q // 2 + 2 * SPREAD if loud.size else 0
+
+
+def _differenced(y: F64, rule: str, top: int, times: int, t: F64 | None) -> C128:
+    lines = core_coefficients(y, top, [rule] * len(y), [0.0] * len(y), 0, t)
+    return np.asarray(np.diff(lines, times, axis=1))

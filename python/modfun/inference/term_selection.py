@@ -219,7 +219,7 @@ def selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        notes=_notes(library, searched),
+        notes=_notes(library, searched, noise),
         records=records,
         options=options,
     )
@@ -322,7 +322,7 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
+def _notes(library: Library, searched: Searched, noise: str | Noise) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
         f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
@@ -330,9 +330,10 @@ def _notes(library: Library, searched: Searched) -> tuple[str, ...]:
     ]
     if searched.coloured:
         signed = ", or a sign is wrong" if any(library.signs) else ""
+        origin = "given" if isinstance(noise, Noise) else "seen in the high band"
         notes.append(
-            f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise seen in the "
-            f"high band: the noise is not white, or a term is missing from the library{signed}. The lines "
+            f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise {origin}: "
+            f"the noise is not white, or a term is missing from the library{signed}. The lines "
             "were weighted by the residuals around them."
         )
     bare = [

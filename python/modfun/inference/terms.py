@@ -60,8 +60,8 @@ def select_terms(
     Parameters
     ----------
     data : Record or sequence of Record
-        Every state that the terms name must be measured, with even samples. Several records are one
-        problem: the same coefficients, end conditions of their own.
+        Every state that the terms name must be measured. Several records are one problem: the same
+        coefficients, end conditions of their own. Uneven samples need `noise` in numbers.
     library : str, Equation, StateSpace, sequence of these, or mapping of left sides to texts
         Candidates: terms, ``"y, y**2, sin(y), y*y', u, u*y, 1"``, and families, ``"polynomials of y, u up to
         3"`` (all monomials, with 1), separated by commas. Each must be a function of channels and time,
@@ -96,7 +96,7 @@ def select_terms(
     SpecError
         A term outside the language or of no use, a name that is not a channel, an empty or too large library.
     DataError
-        Uneven samples, long gaps, or a record too short for the library.
+        Uneven samples without noise levels, long gaps, or a record too short for the library.
     FitError
         No estimate: numbers without a value, or terms of `keep` that contradict `signs`.
 
@@ -123,12 +123,12 @@ def select_terms(
     tests = () if test is None else records_of(test, "select_terms")
     if not isinstance(noise, Noise) and noise != "output":
         raise SpecError(f'select_terms: noise={noise!r} must be "output" or mf.Noise(y=...)')
-    for rec in records:
-        if rec.dt is None:
-            raise DataError(
-                "select_terms: a record is sampled unevenly; interpolate it onto even times, as "
-                "numpy.interp does"
-            )
+    if not isinstance(noise, Noise) and any(rec.dt is None for rec in records):
+        raise DataError(
+            "select_terms: the steps of a record are uneven, and only even samples show the noise level; "
+            "give it, noise=mf.Noise(y=[...]), a standard deviation for each output (of a stretch at rest, "
+            "or of the sensors). Samples interpolated onto even times bias the terms and their errors"
+        )
     found = library_of(library, target, keep, records, signs, hierarchy)
     order = found.order
     levels = [_levels(rec, noise, order) for rec in records]
@@ -206,7 +206,8 @@ def _band(
         omega0 = 2 * np.pi / rec.duration
         wide.append(widest([rec.intervals], [omega0]))
         lines = round(wide[-1] / omega0)
-        own.append(max(signal_edge(y, sd**2, order, lines), most) * omega0)
+        times = rec.t - rec.t[0] if rec.dt is None else None
+        own.append(max(signal_edge(y, sd**2, order, lines, times), most) * omega0)
     edge = min(max(own), *wide)
     tops = [int(edge * rec.duration / (2 * np.pi) + 1e-9) for rec in records]
     rows = sum((2 * top + 1) - order for top in tops)

@@ -271,7 +271,7 @@ def regressors(
         _differences=(re, im),
         _s=s,
         _order=n,
-        _unit=float(np.sum(weights**2)) / intervals**2,
+        _unit=float(np.sum(weights**2) / np.sum(weights) ** 2),
     )
 
 

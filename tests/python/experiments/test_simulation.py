@@ -91,6 +91,17 @@ def test_regressors_solve_the_noise_free_record(num, den, extended):
     np.testing.assert_allclose(np.linalg.lstsq(r.gamma, r.target, rcond=None)[0], truth, rtol=1e-6)
 
 
+def test_the_covariance_of_rows_does_not_depend_on_how_times_are_given():
+    """Steps of 0.04 s but for the last one: quadrature weights of uneven samples are in seconds."""
+    rec = mf.simulate(EQ24, **CHIRP)
+    t = rec.t.copy()
+    t[-1] += 0.004
+    uneven = mf.Record(y=rec.y, u=rec.u, t=t)
+    assert uneven.dt is None
+    even, other = (mf.regressors(one, TF2, harmonics=6).covariance([3.0, 8.0, 5.0]) for one in (rec, uneven))
+    np.testing.assert_allclose(np.diag(other), np.diag(even), rtol=0.01)
+
+
 def test_regressors_with_a_delay_and_held_inputs():
     rng = np.random.default_rng(0)
     u = np.repeat(rng.choice([-1.0, 1.0], 150), 4)[:513]

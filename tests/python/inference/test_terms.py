@@ -9,7 +9,9 @@ from modfun.inference.library import library_of
 from modfun.inference.moments import Lines, estimate
 from modfun.inference.subsets import Subsets
 from modfun.inference.term_search import FALSE_ALARM, penalties
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
+from scipy.stats import binom
 
 INPUT = "2*sin(1.1*t) + 1.5*sin(2.3*t + 1) + sin(0.45*t)"
 DUFFING = mf.Equation("y'' + 0.3*y' + y + 0.5*y**3 = u")
@@ -261,6 +263,48 @@ def test_samples_of_unlike_noise_are_weighed():
     assert set(weighed.terms["y''"]) == {"y", "y**3", "y'", "u"}
     rows = [one.inclusion["se"][1] for one in (weighed, plain)]
     assert rows[0] < 0.6 * rows[1]
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("kind", ["at random", "jittered", "dropped", "two rates"])
+def test_uneven_samples_have_the_true_terms_and_intervals_that_hold(kind):
+    """20 records, 5 % noise: at most one wrong (1.7 %); coverage below its limit in 0.1 %, were it 92.5 %."""
+    clean = solve_ivp(
+        lambda t, x: [x[0] - 0.5 * x[0] * x[1], -0.8 * x[1] + 0.4 * x[0] * x[1]], (0, 20), [2, 1], rtol=1e-10,
+        atol=1e-12, dense_output=True,
+    ).sol  # fmt: skip
+    truth = {"x'": {"x": 1.0, "x*z": -0.5}, "z'": {"z": -0.8, "x*z": 0.4}}
+    right, held = 0, 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        even = np.linspace(0, 20, 401)
+        if kind == "at random":
+            t = np.sort(np.r_[0, 20, rng.uniform(0, 20, 399)])
+        elif kind == "jittered":
+            t = np.r_[0, even[1:-1] + rng.uniform(-0.015, 0.015, 399), 20]
+        elif kind == "dropped":
+            t = np.delete(even, rng.choice(np.arange(1, 400), 150, replace=False))
+        else:
+            t = np.r_[np.linspace(0, 10, 301), np.linspace(10, 20, 101)[1:]]
+        y = clean(t)
+        level = 0.05 * y.std(axis=1)
+        rec = mf.Record(y=y + level[:, None] * rng.standard_normal(y.shape), t=t, outputs=["x", "z"])
+        found = mf.select_terms(rec, "polynomials of x, z up to 2", noise=mf.Noise(y=level))
+        if {left: set(own) for left, own in found.terms.items()} != {k: set(v) for k, v in truth.items()}:
+            continue
+        right += 1
+        value = np.array([truth[left][term] for left, own in found.terms.items() for term in own])
+        interval = found.fit.conf_int()
+        held += int(np.sum((interval[:, 0] < value) & (interval[:, 1] > value)))
+    assert right >= 19
+    assert held >= binom.ppf(1e-3, 4 * right, 0.925)
+
+
+def test_uneven_samples_need_a_noise_level():
+    rng = np.random.default_rng(0)
+    t = np.sort(np.r_[0, 20, rng.uniform(0, 20, 399)])
+    with pytest.raises(mf.DataError, match=r"give it, noise=mf\.Noise\(y=\[\.\.\.\]\)"):
+        mf.select_terms(mf.Record(y=np.sin(t), t=t), "polynomials of y up to 3", target="y''")
 
 
 def test_equations_are_written_as_latex_and_markdown():
