@@ -1,4 +1,4 @@
-"""Products, sums and feedback of systems, which python-control computes."""
+"""Products, quotients, sums and feedback of systems, which python-control computes."""
 
 from __future__ import annotations
 
@@ -45,12 +45,18 @@ class Arithmetic(Elsewhere):
         """In parallel, this one with the opposite sign."""
         return self._connected("-", other, self)
 
-    def __truediv__(self, gain: float) -> Self:
-        """Divided by a number (extra ``control``)."""
-        number = real("LTI", "divisor", gain)
+    def __truediv__(self, other: Any) -> Self:
+        """Divided by a number, or by a system of one input and output (extra ``control``)."""
+        if hasattr(other, "path_delays") or hasattr(other, "ninputs"):
+            return self._connected("/", self, other)
+        number = real("LTI", "divisor", other)
         if number == 0:
             raise SpecError("LTI: the divisor is 0; give another number")
         return self._connected("*", 1 / number, self)
+
+    def __rtruediv__(self, other: Any) -> Self:
+        """The inverse, times a number or a system of python-control (extra ``control``)."""
+        return self._connected("/", other, self)
 
     def __neg__(self) -> Self:
         """The opposite sign (extra ``control``)."""

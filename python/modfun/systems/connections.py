@@ -1,8 +1,9 @@
-"""Systems in series, in parallel and in feedback, by python-control; delays where they commute."""
+"""Systems in series, in parallel, in feedback and divided, by python-control; delays where they commute."""
 
 from __future__ import annotations
 
 import numbers
+import operator
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,11 +14,13 @@ from ..base.arrays import F64
 from ..base.optional import optional
 from ..base.samples import frozen
 from ..errors import SpecError
+from .interop import polynomials_to_control
 from .polynomials import Polynomials, strip
 
 __all__ = ["Parts", "connected"]
 
-WORDS = {"*": "series", "+": "sum", "-": "difference", "feedback": "feedback"}
+WORDS = {"*": "series", "/": "quotient", "+": "sum", "-": "difference", "feedback": "feedback"}
+OPERATORS = {"*": operator.mul, "/": operator.truediv, "+": operator.add, "-": operator.sub}
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ def connected(how: str, first: Any, second: Any, sign: int = -1) -> Parts:
 
     Parameters
     ----------
-    how : {"*", "+", "-", "feedback"}
+    how : {"*", "/", "+", "-", "feedback"}
+        Quotients are transfer functions.
     first, second : LTI, or a system of python-control, or a number or matrix
     sign : {-1, 1}
         Of the feedback.
@@ -53,18 +57,21 @@ def connected(how: str, first: Any, second: Any, sign: int = -1) -> Parts:
     if sign not in (-1, 1):
         raise SpecError(f"feedback: sign={sign!r} must be -1 (negative feedback) or 1")
     late = _delay(how, first, second)
-    states = any(_has_states(one) for one in (first, second))
+    states = how != "/" and any(_has_states(one) for one in (first, second))
     one, two = (_to_control(given, states) for given in (first, second))
     try:
         if how == "feedback":
             made = control.feedback(one, two, sign)
         else:
-            made = one * two if how == "*" else one + two if how == "+" else one - two
+            made = OPERATORS[how](one, two)
     except (ValueError, TypeError, NotImplementedError) as error:
         raise SpecError(f"the {WORDS[how]} of these systems does not exist: {error}") from None
     before = second if isinstance(first, numbers.Number) else first
     after = first if how == "feedback" or isinstance(second, numbers.Number) else second
     outputs, inputs = getattr(before, "outputs", None), getattr(after, "inputs", None)
+    if how == "/":  # the inverse goes from outputs to inputs
+        inputs = getattr(second, "outputs", None)
+        outputs = getattr(second, "inputs", None) if before is second else outputs
     if how in "+-" and getattr(second, "outputs", outputs) != outputs:
         outputs = None
     if how in "+-" and getattr(first, "inputs", inputs) != inputs:
@@ -77,6 +84,13 @@ def connected(how: str, first: Any, second: Any, sign: int = -1) -> Parts:
         [(strip(n), strip(d)) for n, d in zip(nums, dens, strict=True)]
         for nums, dens in zip(made.num_list, made.den_list, strict=True)
     ]
+    if how == "/" and (wrong := [(n, d) for row in pairs for n, d in row if n.size > d.size]):
+        n, d = wrong[0]
+        raise SpecError(
+            f"the quotient of these systems is improper, with {n.size - 1} zeros and {d.size - 1} poles, and "
+            "an improper system has no response to samples: multiply the numerator by fast poles, as "
+            "mf.tf([1], [0.001, 1])"
+        )
     numerators = tuple(tuple(frozen(n / d[0]) for n, d in row) for row in pairs)
     denominators = tuple(tuple(frozen(d / d[0]) for _, d in row) for row in pairs)
     return Parts(numerators, denominators, None, delays, inputs, outputs)
@@ -92,7 +106,10 @@ def _to_control(given: Any, states: bool) -> Any:
     if not hasattr(given, "path_delays"):
         return given
     plain = given.without_delays()
-    return (plain.to_ss() if states else plain).to_control()
+    if states:
+        return plain.to_ss().to_control()
+    nums, dens = plain.polynomials()
+    return polynomials_to_control(nums, dens, plain.delays, None)
 
 
 def _delay(how: str, first: Any, second: Any) -> float:
@@ -102,6 +119,8 @@ def _delay(how: str, first: Any, second: Any) -> float:
         return 0.0
     if how == "*" and all(np.ptp(own) == 0 for own in found):
         return float(found[0][0] + found[1][0])
+    if how == "/" and all(np.ptp(own) == 0 for own in found) and found[0][0] >= found[1][0]:
+        return float(found[0][0] - found[1][0])
     if how in "+-" and np.ptp(np.concatenate(found)) == 0:
         return float(found[0][0])
     raise SpecError(

@@ -38,6 +38,8 @@ class LTI(Arithmetic):
 
     It is either a transfer function matrix or a state space x' = Ax + Bu(t − delay), y = Cx + Du(t − delay).
     A transfer function may have a delay per path; a state space has one per input.
+    Systems are equal if they have the same form, numbers and names; a state space does not equal its transfer
+    function. Equal systems have equal hashes.
 
     Attributes
     ----------
@@ -78,6 +80,20 @@ class LTI(Arithmetic):
     outputs: tuple[str, ...] | None = None
 
     # What it is ------------------------------------------------------------------------------
+
+    def __eq__(self, other: object) -> bool:
+        return self._value == other._value if isinstance(other, LTI) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._value)
+
+    @property
+    def _value(self) -> tuple[Any, ...]:
+        """All of it in tuples."""
+        parts = []
+        for table in (self.numerators, self.denominators, self.matrices and (self.matrices,)):
+            parts += [(m.shape, *m.ravel().tolist()) for row in table or () for m in row]
+        return self.shape, tuple(parts), self.delays, self.inputs, self.outputs
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -17,6 +17,7 @@ from .making import linear, ss, tf
 __all__ = ["c2d", "d2c"]
 
 METHODS = {"zoh": "zoh", "foh": "foh", "tustin": "bilinear", "impulse": "impulse"}  # here, and in SciPy
+WHOLE = 1e-9  # of a delay, or of a sample: how near it is to a whole number of samples
 
 
 @public
@@ -35,12 +36,13 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
     -------
     scipy.signal.dlti
         With one input and one output the class of `system`, transfer function or state space; else a state
-        space.
+        space. Each sample of delay is a pole at 0; in a state space it is a state, behind those of `system`.
 
     Raises
     ------
     SpecError
-        Something else than a continuous-time system, a system with delays, or an unknown method.
+        Something else than a continuous-time system, a delay that is no whole number of samples or differs
+        from output to output, or an unknown method.
 
     See Also
     --------
@@ -66,15 +68,52 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
         raise SpecError(f"c2d: give a linear system (mf.tf, mf.ss, fit.model), not {type(system).__name__!r}")
     if method not in METHODS:
         raise SpecError(f"c2d: method={method!r} is not available; {nearest(method, list(METHODS))}")
-    if np.any(system.path_delays):
-        raise SpecError(
-            f"c2d: the system has delays {system.delays} s; sample system.without_delays(), and delay the "
-            "input by samples"
-        )
-    plain = system.to_scipy()
+    step = _step("c2d", dt)
+    late = _samples(system.input_delays("c2d"), step)
+    plain = system.without_delays().to_scipy()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BadCoefficients)  # numerators that begin with a zero
-        return plain.to_discrete(_step("c2d", dt), method=METHODS[method])
+        return _delayed(plain.to_discrete(step, method=METHODS[method]), late)
+
+
+def _samples(delays: tuple[float, ...], dt: float) -> list[int]:
+    """Delays of the inputs in samples."""
+    found = [round(delay / dt) for delay in delays]
+    for delay, samples in zip(delays, found, strict=True):
+        if abs(delay - samples * dt) > WHOLE * max(delay, dt):
+            raise SpecError(
+                f"c2d: the delay of {delay:g} s is {delay / dt:.6g} samples of {dt:g} s, not a whole number; "
+                f"take a dt that divides it, as {delay / max(samples, 1):.6g}, or a Padé form, "
+                "mf.ss(system.to_control(pade=3))"
+            )
+    return found
+
+
+def _delayed(system: Any, late: list[int]) -> Any:
+    """A sampled system whose inputs are late by so many samples."""
+    from scipy.signal import StateSpace, TransferFunction
+
+    if not any(late):
+        return system
+    if isinstance(system, TransferFunction):
+        return TransferFunction(system.num, np.append(system.den, np.zeros(late[0])), dt=system.dt)
+    n, size, at = len(system.A), len(system.A) + sum(late), len(system.A)
+    a, b, c, d = (
+        np.zeros((size, size)),
+        np.zeros((size, len(late))),
+        np.zeros((len(system.C), size)),
+        system.D.copy(),
+    )
+    a[:n, :n], b[:n], c[:, :n] = system.A, system.B, system.C
+    for k, count in enumerate(late):
+        if not count:
+            continue
+        # Each state of this row is the sample before it; the last one acts.
+        b[:, k], d[:, k], b[at, k] = 0.0, 0.0, 1.0
+        a[range(at + 1, at + count), range(at, at + count - 1)] = 1.0
+        at += count
+        a[:n, at - 1], c[:, at - 1] = system.B[:, k], system.D[:, k]
+    return StateSpace(a, b, c, d, dt=system.dt)
 
 
 @public

@@ -22,6 +22,13 @@ CONNECTED = {
     "difference": (lambda: 1 - G, 1 - g),
     "sign": (lambda: -G, -g),
     "quotient by a number": (lambda: G / 2, g / 2),
+    "quotient": (lambda: G / mf.tf([1, 2], [1, 1]), g * (S + 1) / (S + 2)),
+    "quotient with delays": (lambda: (H * H) / H, h),
+    "quotient of state spaces": (lambda: G.to_ss() / mf.tf([1], [1, 3]).to_ss(), g * (S + 3)),
+    "inverse": (lambda: 2 / mf.tf([1, 2], [1, 1]), 2 * (S + 1) / (S + 2)),
+    "over one of python-control": (lambda: G / control.tf([1], [1, 1]), g * (S + 1)),
+    "gain on the right": (lambda: G * 2, 2 * g),
+    "number added on the right": (lambda: G + 3, 3 + g),
     "feedback": (lambda: G.feedback(), g / (1 + g)),
     "positive feedback": (lambda: G.feedback(G, 1), g / (1 - g * g)),
     "of python-control": (lambda: control.tf([1], [1, 1]) * G, g / (S + 1)),
@@ -40,6 +47,21 @@ def test_several_channels_are_connected_as_matrices():
     np.testing.assert_allclose((TWO * TWO)(S), np.einsum("ijw,jkw->ikw", TWO(S), TWO(S)), rtol=1e-9)
 
 
+def test_systems_of_the_same_numbers_are_equal():
+    assert mf.tf([5], [1, 3, 8]) == G
+    assert {G: "one"}[mf.tf([10], [2, 6, 16])] == "one"
+    assert G.to_ss() == mf.ss(G)
+    for other in (
+        mf.tf([5], [1, 3, 8], delay=0.1),
+        mf.tf([5], [1, 3, 9]),
+        mf.tf([0.5, 5], [1, 3, 8]),
+        G.to_ss(),
+        5,
+    ):
+        assert other != G
+    assert G in [H, TWO, mf.tf([5], [1, 3, 8])]
+
+
 def test_names_of_channels_stay():
     first = mf.tf(control.tf([1], [1, 1], inputs=["de"], outputs=["q"]))
     second = mf.tf(control.tf([2], [1, 2], inputs=["q"], outputs=["theta"]))
@@ -47,6 +69,9 @@ def test_names_of_channels_stay():
     assert (chain.inputs, chain.outputs) == (("de",), ("theta",))
     assert (2 * first).outputs == first.feedback().outputs == ("q",)
     assert (first + second).outputs is None
+    level = mf.tf(control.tf([1, 2], [1, 1], inputs=["de"], outputs=["q"]))
+    assert ((1 / level).inputs, (1 / level).outputs) == (("q",), ("de",))
+    assert ((second / level).inputs, (second / level).outputs) == (("q",), ("theta",))
 
 
 @pytest.mark.parametrize(
@@ -56,6 +81,9 @@ def test_names_of_channels_stay():
         (lambda: G + H, "sum of systems with delays"),
         (lambda: G.feedback(sign=2), "sign=2 must be -1"),
         (lambda: G / 0, "divisor is 0"),
+        (lambda: 1 / G, "quotient of these systems is improper, with 2 zeros and 0 poles"),
+        (lambda: 1 / H, r"quotient of systems with delays \[0\.0\] and \[0\.2\]"),
+        (lambda: 1 / TWO, "quotient of these systems does not exist"),
         (lambda: G / "2", "divisor='2' must be a number"),
         (lambda: mf.tf([[[1]], [[1]]], [1, 1]) * TWO, "series of these systems does not exist"),
     ],
@@ -105,10 +133,36 @@ def test_sampling_and_back(system, method):
         np.testing.assert_allclose(mf.d2c(given, method)(S), system(S), rtol=1e-8)
 
 
+LATE = mf.tf([[[5], [1, 2]], [[1], [3]]], [1, 3, 8], delay=[0.3, 0.1])
+
+
+@pytest.mark.parametrize("system", [H, H.to_ss(), G, LATE], ids=["tf", "ss", "none", "several inputs"])
+@pytest.mark.parametrize("method", ["zoh", "tustin"])
+def test_delays_of_whole_samples_are_sampled(system, method):
+    sampled, plain = (mf.c2d(one, 0.1, method) for one in (system, system.without_delays()))
+    for z in (np.exp(0.7j), 1.3 + 0.2j):
+        late = z ** -np.round(np.asarray(system.input_delays("")) / 0.1)
+        np.testing.assert_allclose(_gain(sampled, z), _gain(plain, z) * late, rtol=1e-9)
+
+
+def test_a_sampled_system_responds_as_the_late_one_does():
+    """To an input that a computer holds; SciPy runs the difference equation."""
+    u = np.random.default_rng(0).standard_normal((2, 60))
+    want = LATE.simulate(u=u, dt=0.1, intersample="zoh")
+    found = signal.dlsim(mf.c2d(LATE, 0.1), u.T)[1]
+    np.testing.assert_allclose(found.T, want, atol=1e-12)
+
+
+def _gain(sampled, z):
+    if hasattr(sampled, "num"):
+        return np.array([[np.polyval(sampled.num, z) / np.polyval(sampled.den, z)]])
+    return sampled.C @ np.linalg.inv(z * np.eye(len(sampled.A)) - sampled.A) @ sampled.B + sampled.D
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: mf.c2d(H, 0.1), r"delays \(0\.2,\) s; sample system\.without_delays\(\)"),
+        (lambda: mf.c2d(H, 0.15), r"delay of 0\.2 s is 1\.33333 samples of 0\.15 s.* as 0\.2, or"),
         (lambda: mf.c2d(G, 0.1, "zho"), "method='zho' .* did you mean 'zoh'"),
         (lambda: mf.c2d(G, -1), "dt=-1; give the sampling interval"),
         (lambda: mf.c2d("G", 1), "give a linear system .* not 'str'"),
