@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import public
+from ..base.arrays import F64
 from ..base.tables import Table
+from ..base.words import TRENDS
 from ..errors import DataError, FitError, SpecError
 from ..fitting.fit import Estimator, fit_quietly, records_of
 from ..fitting.undeclared import fit_as_read
@@ -16,7 +18,10 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import again, bic_beside, on_band
 from ..results.fit import Fit
-from ..results.scores import UNITS
+from ..results.prediction import simulate_system
+from ..results.scores import UNITS, of_response
+from ..systems.lti import LTI
+from ..systems.making import linear
 from . import drawing
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
@@ -26,17 +31,18 @@ SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 
 @public
 class Comparison(Table):
-    """Scores of several fits on one record, one row per fit and output; see `compare`.
+    """Scores of several models on one record, one row per model and output; see `compare`.
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
     each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
     own band, and does not compare. `bic` is nan in every row where the fits are not of the same records and
     outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row of a
-    model that cannot be fitted over that band.
+    model that cannot be fitted over that band, or has no parameters: a linear system was not fitted to this
+    record, so that no criterion of fits holds for it.
 
     Parameters
     ----------
-    fits : dict of str to Fit
+    fits : dict of str to Fit or LTI
     record : Record
 
     See Also
@@ -63,34 +69,72 @@ class Comparison(Table):
 
     __slots__ = ("fits", "record")
 
-    fits: dict[str, Fit]
+    fits: dict[str, Fit | LTI]
     record: Record
 
-    def __init__(self, fits: dict[str, Fit], record: Record) -> None:
+    def __init__(self, fits: dict[str, Fit | LTI], record: Record) -> None:
         columns: dict[str, list[Any]] = {"model": [], "parameters": [], "output": []}
         columns |= {score: [] for score in (*SCORES, "bic")}
-        for (name, fit), bic in zip(fits.items(), _bics(list(fits.values())), strict=True):
-            for row in fit.score(record):
+        fitted = _fitted(fits)
+        bics = dict(zip(fitted, _bics(list(fitted.values())), strict=True))
+        for name, model in fits.items():
+            for row in (
+                model.score(record) if isinstance(model, Fit) else of_response(*_beside(name, fits, record))
+            ):
                 columns["model"].append(name)
-                columns["parameters"].append(fit.params.size)
+                columns["parameters"].append(model.params.size if isinstance(model, Fit) else 0)
                 for key in ("output", *SCORES):
                     columns[key].append(row[key])
-                columns["bic"].append(bic)
+                columns["bic"].append(bics.get(name, float("nan")))
         super().__init__(columns, units=UNITS)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "record", record)
 
     def plot(self, *, ax: Any = None) -> Any:
         """Measured and simulated outputs; see `modfun.plot.comparison`."""
-        simulated = {name: fit.predict(self.record) for name, fit in self.fits.items()}
+        simulated = {}
+        for name, model in self.fits.items():
+            if isinstance(model, Fit):
+                simulated[name] = model.predict(self.record)
+            else:
+                rec, y = _beside(name, self.fits, self.record)
+                simulated[name] = rec._like(y=y, mask=None, sigma=None)
         return drawing.comparison(self.record, simulated, self, ax)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Comparison, (self.fits, self.record)
 
 
+def _fitted(models: Mapping[str, Fit | LTI]) -> dict[str, Fit]:
+    return {name: model for name, model in models.items() if isinstance(model, Fit)}
+
+
+def _beside(name: str, models: Mapping[str, Fit | LTI], record: Record) -> tuple[Record, F64]:
+    """The channels of the record that a linear system among models has, and its response, (output, time).
+
+    Channels without names are those of the first fit; the trend is the most general of the fits'.
+    """
+    system, fits = models[name], list(_fitted(models).values())
+    assert isinstance(system, LTI)
+    first = fits[0] if fits else record
+    outputs, inputs = system.outputs or first.outputs, system.inputs or first.inputs
+    if system.shape != (len(outputs), len(inputs)):
+        raise SpecError(
+            f"compare: {name!r} has {system.shape[0]} output(s) and {system.shape[1]} input(s), beside "
+            f"outputs {list(outputs)} and inputs {list(inputs)}; take the channels of the record that the "
+            "system has, rec.select(outputs=[...], inputs=[...])"
+        )
+    rec = record if (record.outputs, record.inputs) == (outputs, inputs) else record.select(outputs, inputs)
+    if fits and fits[0].inputs == inputs and fits[0].intersample:
+        rec = rec._read_like(fits[0].intersample)
+    trend = max((fit.trend for fit in fits), key=TRENDS.index, default="constant")
+    return rec, simulate_system(system, trend, rec)
+
+
 def _bics(fits: list[Fit]) -> list[float]:
     """BIC of each model over the widest band of all, as if all had as many equations."""
+    if not fits:
+        return []
     first, alike = fits[0], {(fit.options.noise, fit.options.output_weights, fit.outputs) for fit in fits}
     if len(alike) > 1 or any(fit.again is None or fit.records != first.records for fit in fits):
         return [float("nan")] * len(fits)
@@ -158,15 +202,17 @@ class CrossValidation(Table):
 
 
 @public
-def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None) -> Comparison:
-    """Score several fits on one record: simulations, initial state and trend fitted, as `Fit.score`.
+def compare(models: Mapping[str, Fit | LTI] | Sequence[Fit | LTI], rec: Record | None = None) -> Comparison:
+    """Score several models on one record: simulations, initial state and trend fitted, as `Fit.score`.
 
     Parameters
     ----------
-    models : mapping of str to Fit, or sequence of Fit
-        By name; in a sequence each is named by its poles and zeros.
+    models : mapping of str to Fit or LTI, or sequence of these
+        By name; in a sequence each is named by its poles and zeros. A linear system (`mf.tf`, `mf.ss`, or of
+        python-control or SciPy), such as a published model, has the channels of its names, or those of the
+        first fit, and the most general trend of the fits ("constant" without fits).
     rec : Record, optional
-        With the channels of the fits; default: the one that the fits have in common.
+        With the channels of the models; default: the one that the fits have in common.
 
     Returns
     -------
@@ -176,7 +222,7 @@ def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None
     Raises
     ------
     SpecError
-        No fit, or things that are no fits.
+        No model, things that are no models, or a system with other numbers of channels.
     DataError
         A record with other channels, or none that is common.
 
@@ -201,10 +247,11 @@ def compare(models: Mapping[str, Fit] | Sequence[Fit], rec: Record | None = None
     >>> table["model"].tolist()
     ['no zero', 'one zero']
     """
-    fits = _named(models, Fit, "compare")
+    fits = {name: linear(model, "compare") for name, model in _named(models, "compare").items()}
+    _refuse_others(fits, (Fit, LTI), "compare", "a Fit or a linear system")
     if rec is None:
-        own = [fit.records for fit in fits.values()]
-        rec = own[0][0] if own[0] is not None else None
+        own = [fit.records for fit in _fitted(fits).values()]
+        rec = own[0][0] if own and own[0] is not None else None
         if rec is None or any(r is None or len(r) != 1 or r[0] is not rec for r in own):
             raise DataError("compare: the fits do not share one record of their own; give compare(fits, rec)")
     if not isinstance(rec, Record):
@@ -263,9 +310,11 @@ def cross_validate(
             "cross_validate: one record leaves nothing to fit when it is left out; "
             "give several, or pieces of it: rec.split(every=...)"
         )
+    named = _named(estimators, "cross_validate")
+    _refuse_others(named, (Estimator, TransferFunction), "cross_validate", "an Estimator")
     made = {
         name: Estimator(given) if isinstance(given, TransferFunction) else given
-        for name, given in _named(estimators, (Estimator, TransferFunction), "cross_validate").items()
+        for name, given in named.items()
     }
     names = ("model", "record", "output", *SCORES, "status")
     columns: dict[str, list[Any]] = {name: [] for name in names}
@@ -288,8 +337,8 @@ def cross_validate(
     return CrossValidation(columns, units=UNITS)
 
 
-def _named(given: Any, kind: Any, what: str) -> dict[str, Any]:
-    """Fits or estimators by name."""
+def _named(given: Any, what: str) -> dict[str, Any]:
+    """Models or estimators by name."""
     if isinstance(given, Mapping):
         named = {str(name): value for name, value in given.items()}
     elif isinstance(given, Sequence) and not isinstance(given, str):
@@ -302,11 +351,13 @@ def _named(given: Any, kind: Any, what: str) -> dict[str, Any]:
         raise SpecError(f'{what}: give them by name, {what}({{"n=2": ...}}), or as a list')
     if not named:
         raise SpecError(f"{what}: nothing was given")
-    word = "a Fit" if kind is Fit else "an Estimator"
-    for name, value in named.items():
-        if not isinstance(value, kind):
-            raise SpecError(f"{what}: {name!r} is {type(value).__name__!r}, not {word}")
     return named
+
+
+def _refuse_others(named: Mapping[str, Any], kinds: tuple[type, ...], what: str, word: str) -> None:
+    for name, value in named.items():
+        if not isinstance(value, kinds):
+            raise SpecError(f"{what}: {name!r} is {type(value).__name__!r}, not {word}")
 
 
 def _label(value: Any) -> str:

@@ -30,6 +30,7 @@ __all__ = [
     "path_columns",
     "path_model",
     "simulate_paths",
+    "simulate_system",
     "unexplained",
 ]
 
@@ -149,12 +150,35 @@ def simulate_paths(
             fitted = start + found.fitted
         simulated[i] = forced + fitted
         first += n
+    _refuse_overflow(simulated, rec)
+    return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets), trend_cov)
+
+
+def simulate_system(system: LTI, trend: str | None, rec: Record) -> F64:
+    """Outputs (output, time) of a system with numbers for a record with its channels; as `simulate_paths`."""
+    if rec.dt is not None:
+        forced = system.respond(drives(rec, rec.t0), rec.dt, rec.intervals, None, rec.intersample, held=True)
+    else:
+        forced = _forced_uneven(system, rec)
+    drift, weights = trend_columns(rec.t, trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    simulated = np.empty_like(rec.y)
+    for i, dens in enumerate(system.polynomials()[1]):
+        den = np.ones(1)
+        for own in {d.tobytes(): d for d in dens}.values():  # each of the paths' once
+            den = np.asarray(np.polymul(den, own))
+        free = free_response(den, rec.t)
+        found = regress(rec.y[i] - forced[i], np.vstack([free, drift]), weights[i])
+        simulated[i] = forced[i] + found.fitted
+    _refuse_overflow(simulated, rec)
+    return simulated
+
+
+def _refuse_overflow(simulated: F64, rec: Record) -> None:
     if not np.all(np.isfinite(simulated)):
         raise DataError(
             f"simulating the fit: the output overflows within {rec.duration:g} s, the model is unstable; "
             "predict a shorter piece with rec.window(start, stop)"
         )
-    return simulated, InitialState(np.concatenate(states), cov, np.concatenate(offsets), trend_cov)
 
 
 def path_columns(layout: Layout, params: F64, trend: str | None, rec: Record, free: bool) -> F64:
@@ -245,19 +269,19 @@ def _forced(layout: Layout, params: F64, rec: Record, output: int, held: bool = 
         driven = drives(rec, rec.t0)
         response: F64 = model.respond(driven, rec.dt, rec.intervals, None, rec.intersample, held)[0]
         return response
-    if any(model.delays):
+    return np.asarray(_forced_uneven(model, rec)[0])
+
+
+def _forced_uneven(model: LTI, rec: Record) -> F64:
+    """Exact at uneven instants, (output, time); smooth inputs are treated as straight between samples."""
+    if np.any(model.path_delays):
         raise DataError(
             f"simulating the fit: delays of {model.delays} s need even sampling and this record's steps are "
             "uneven; resample it first"
         )
-    return _forced_uneven(model, rec)
-
-
-def _forced_uneven(model: LTI, rec: Record) -> F64:
-    """Exact at uneven instants; smooth inputs are treated as straight between samples."""
     a, b, c, d, _ = model.scaled()
     held = [kind == "zoh" for kind in rec.intersample]
-    return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(-1)
+    return simulate_uneven(a, b, c, d, np.zeros(len(a)), rec.u, held, rec.t).reshape(len(c), -1)
 
 
 def unexplained(fit: Any, rec: Record) -> F64:

@@ -13,7 +13,7 @@ from ..records.record import Record
 from .estimates import Estimates
 from .regression import rms
 
-__all__ = ["UNITS", "fit_percent", "r2", "score", "signal_to_error", "theil"]
+__all__ = ["UNITS", "fit_percent", "of_response", "r2", "score", "signal_to_error", "theil"]
 
 UNITS = {"signal_to_error": "dB", "fit_percent": "%"}
 
@@ -83,7 +83,11 @@ def score(fit: Estimates, rec: Record | int | None = None) -> Table:
             columns[name] = [value for _, part in parts for value in part[name].tolist()]
         return Table(columns, units=UNITS)
     record = fit.record_of(rec, "score")
-    simulated, _ = fit.simulate(record)
+    return of_response(record, fit.simulate(record)[0])
+
+
+def of_response(record: Record, simulated: F64) -> Table:
+    """Scores of simulated outputs (output, time) of a record, masked samples left out."""
     pairs = list(zip(record.y, simulated, strict=True))
     if record.mask is not None:
         pairs = [(y[good], own[good]) for (y, own), good in zip(pairs, record.mask, strict=True)]

@@ -44,6 +44,51 @@ def test_without_a_record_the_common_one_is_taken(fits):
         mf.compare([fits[1].without_samples()])
 
 
+def test_a_linear_system_stands_beside_fits(fits):
+    """With the numbers of a fit it has the scores of that fit, and no BIC; its name may be another."""
+    table = mf.compare(
+        {"two": fits[1], "its numbers": fits[1].model, "published": mf.tf([5], [1, 3, 8])}, record(1)
+    )
+    assert table["parameters"].tolist() == [3, 0, 0]
+    for score in ("signal_to_error", "fit_percent", "r2", "theil"):
+        assert table[score][1] == pytest.approx(table[score][0], rel=1e-9)
+    assert table["fit_percent"][2] > 85
+    assert np.isfinite(table["bic"][0])
+    assert np.all(np.isnan(table["bic"][1:]))
+    assert pickle.loads(pickle.dumps(table)) == table
+
+
+def test_systems_alone_are_compared_on_a_record():
+    """An offset and a start that is not at rest belong to the record; a static gain has an offset alone."""
+    rec = record(1, nsr=0.0).assign(y=lambda r: r["y"] + 3.0).window(1.0, 10.0)
+    table = mf.compare([mf.tf([5], [1, 3, 8]), mf.ss([[-1]], [[1]], [[1]]), mf.tf([0.5], [1])], rec)
+    assert table["model"].tolist() == ["LTI", "LTI (2)", "LTI (3)"]
+    assert table["fit_percent"][0] == pytest.approx(100, abs=1e-3)
+    left = rec.y[0] - 0.5 * rec.u[0]
+    assert table["fit_percent"][2] == pytest.approx(100 * (1 - left.std() / rec.y[0].std()))
+    with pytest.raises(mf.DataError, match="do not share"):
+        mf.compare([mf.tf([5], [1, 3, 8])])
+
+
+def test_a_system_of_several_channels_is_matched_by_names_or_refused(fits):
+    control = pytest.importorskip("control")
+    plant = mf.tf([[[5]], [[5, 0]]], [1, 3, 8])
+    rec = mf.simulate(plant, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    rec = mf.Record(rec.y, u=rec.u, dt=rec.dt, outputs=["q", "a"], inputs=["de"])
+    swapped = control.tf([[[5, 0]], [[5]]], [[[1, 3, 8]]] * 2, inputs=["de"], outputs=["a", "q"])
+    table = mf.compare({"by name": swapped}, rec)
+    assert table["output"].tolist() == ["a", "q"]
+    assert np.all(table["fit_percent"] > 85)
+    with pytest.raises(mf.SpecError, match=r"'one' has 1 output\(s\) and 1 input\(s\).*rec\.select"):
+        mf.compare({"one": mf.tf([5], [1, 3, 8])}, rec)
+
+
+def test_uneven_samples_are_simulated_too():
+    t = np.sort(np.r_[0, 10, np.random.default_rng(0).uniform(0, 10, 400)])
+    rec = mf.Record(np.exp(-t) + 2, u=np.zeros(t.size), t=t)
+    assert mf.compare({"lag": mf.tf([1], [1, 1])}, rec)["fit_percent"][0] == pytest.approx(100, abs=1e-6)
+
+
 def test_a_list_is_named_by_poles_and_zeros(fits):
     table = mf.compare([*fits, fits[1]], record(1))
     assert table["model"].tolist() == ["1 pole, 0 zeros", "2 poles, 0 zeros", "2 poles, 0 zeros (2)"]
@@ -98,6 +143,8 @@ def test_plots(fits):
     table = mf.compare({"one": fits[0], "two": fits[1]}, record(1))
     ax = table.plot()
     drawn = ax.get_lines()
+    (_, *others) = mf.compare({"numbers": fits[1].model, "two": fits[1]}, record(1)).plot().get_lines()
+    np.testing.assert_allclose(others[0].get_ydata(), others[1].get_ydata(), rtol=1e-9)
     np.testing.assert_array_equal(drawn[0].get_ydata(), record(1).y[0])
     np.testing.assert_array_equal(drawn[2].get_ydata(), fits[1].predict(record(1)).y[0])
     assert drawn[2].get_label() == f"two: {table['fit_percent'][1]:.1f} %"
