@@ -28,7 +28,7 @@ FIT: Mapping[str, str] = {
     **dict.fromkeys(("resid", "residual"), "residuals (lines), or errors() (samples)"),
     **dict.fromkeys(("fittedvalues", "fitted", "y_hat", "yhat", "best_fit"), "predict()"),
     **dict.fromkeys(("rsquared", "r2", "fit_percent", "nrmse"), "score()"),
-    **dict.fromkeys(("bode", "bode_plot"), "plot_bode()"),
+    **dict.fromkeys(("bode_plot",), "plot_bode(), or bode()"),
     **dict.fromkeys(("step", "step_response"), "model.step()"),
     **dict.fromkeys(("x0", "initial_conditions"), "initial_state()"),
     **dict.fromkeys(("warnings", "doubts"), "check()"),

@@ -54,6 +54,9 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
         """Names, so that ``dict(vector)`` and ``function(**vector)`` take it as a mapping."""
         return self.names
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
     def __contains__(self, key: object) -> bool:
         return key in self.names if isinstance(key, str) else super().__contains__(key)
 

@@ -6,8 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..base.arrays import C128, F64
+from ..base.samples import frequencies
 from ..base.student import root
 from ..base.tables import Table
 from ..errors import SpecError
@@ -16,12 +18,13 @@ from ..systems.polynomials import roots
 from .estimates import Estimates
 from .gradients import differences, root_gradients
 
-__all__ = ["cancelling", "damp", "derived", "stable"]
+__all__ = ["bode", "cancelling", "damp", "derived", "gain_errors", "stable"]
 
 UNITS = dict.fromkeys(("pole", "omega", "omega_bse"), "rad/s") | dict.fromkeys(
     ("time_constant", "time_constant_bse"), "s"
 )
 
+FREQUENCIES, LOWEST = 50, 1e3  # of a Bode diagram, and the highest one over the lowest, at most
 Roots = tuple[C128, C128]  # and their derivatives (root, parameter)
 
 
@@ -126,6 +129,49 @@ def _nearest(poles: Roots, zeros: Roots, cov: F64) -> F64:
     known = np.where(real, xx > 0, det > 0) & np.isfinite(xx + xy + yy)
     squares = np.where(known, np.maximum(np.where(real, axis, plane), 0.0), np.inf)
     return np.asarray(np.sqrt(np.min(squares, axis=1, initial=np.inf)))
+
+
+def gain_errors(fit: Estimates, omega: F64) -> tuple[C128, F64, F64]:
+    """Gains (output, input, omega), relative standard errors of their size, and those of their angle."""
+    fit.need_numbers("frequency_response")
+    response, gradient = fit.response_gradients(omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = gradient / response
+        size, angle = (
+            root(np.einsum("piku,pq,qiku->iku", part, fit.cov_params(), part, optimize=True))
+            for part in (relative.real, relative.imag)
+        )
+    return response, size, angle
+
+
+def bode(fit: Estimates, omega: ArrayLike | None) -> Table:
+    """Table of a Bode diagram; see `Fit.bode`."""
+    if omega is None:
+        low, high = fit.band
+        omega = np.geomspace(max(low, min(fit.omega0, default=low), high / LOWEST), high, FREQUENCIES)
+    at = frequencies(omega, "bode")
+    response, size, angle = gain_errors(fit, at)
+    paths = [(int(i), int(k)) for i, k in np.argwhere(np.any(response != 0, axis=2))]
+    columns: dict[str, Any] = {}
+    if response.shape[:2] != (1, 1):
+        columns["output"] = [fit.outputs[i] for i, _ in paths for _ in at]
+        columns["input"] = [fit.inputs[k] for _, k in paths for _ in at]
+    columns["omega"] = np.tile(at, len(paths))
+    where = tuple(np.array(paths, dtype=int).reshape(-1, 2).T)
+    gains = response[where]
+    with np.errstate(divide="ignore"):
+        columns["magnitude_db"] = 20 * np.log10(np.abs(gains)).ravel()
+    columns["magnitude_bse"] = 20 / np.log(10) * size[where].ravel()
+    columns["phase_deg"] = np.degrees(np.unwrap(np.angle(gains), axis=1)).ravel()
+    columns["phase_bse"] = np.degrees(angle[where]).ravel()
+    units = {
+        "omega": "rad/s",
+        "magnitude_db": "dB",
+        "magnitude_bse": "dB",
+        "phase_deg": "°",
+        "phase_bse": "°",
+    }
+    return Table(columns, units=units)
 
 
 def damp(fit: Estimates) -> Table:

@@ -25,6 +25,7 @@ from ..systems.drawing import Curve, curves_of, draw_bode, draw_bode_grid, span
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.making import linear
 from .bands import both
+from .derived import gain_errors
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .scores import score
 
@@ -207,20 +208,13 @@ def _curves(system: Any, omega: F64) -> list[Curve]:
     if not isinstance(system, Fit):
         found = system if isinstance(system, FrequencyResponse) else system.frequency_response(omega)
         return curves_of(found.omega, found.response, found.radius(), found.outputs, found.inputs)
-    system.need_numbers("frequency_response")
-    response, gradient = system.response_gradients(omega)
-    cov = system.cov_params()
+    response, size, angle = gain_errors(system, omega)
     inside = (omega >= system.band[0]) & (omega <= system.band[1])
     half = system.interval(np.zeros(omega.size), np.ones(omega.size))[1]
     curves = []
     for i, k in np.argwhere(np.any(response != 0, axis=2)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = gradient[:, i, k] / response[i, k]
-        size, angle = (
-            root(np.einsum("pf,pq,qf->f", part, cov, part)) for part in (relative.real, relative.imag)
-        )
         path = f"{system.inputs[k]} → {system.outputs[i]}"
-        decibels, degrees = 20 / np.log(10) * half * size, np.degrees(half * angle)
+        decibels, degrees = 20 / np.log(10) * half * size[i, k], np.degrees(half * angle[i, k])
         curves.append(Curve(path, omega, response[i, k], decibels, degrees, inside, (int(i), int(k))))
     return curves
 

@@ -1,18 +1,71 @@
-"""The plots of a fit as methods."""
+"""What a fit shows of itself: plots as methods, the numbers of a Bode diagram, names for completion."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from numpy.typing import ArrayLike
+
+from ..base.tables import Table
 from ..records.record import Record
-from . import drawing, drawing_lines, drawing_sheet
+from . import derived, drawing, drawing_lines, drawing_sheet
 from .estimates import Estimates
 
 __all__ = ["Drawn"]
 
 
+# Attributes that other files of the package read, and users need not see.
+INSIDE = (
+    "again", "band_rule", "condition_bound", "content", "denominators", "exact_lines", "facts",
+    "free_cost", "gram", "has_poles", "high_band_levels", "instrumented", "interval", "known_level",
+    "layout", "level_ratios", "need_numbers", "of_core", "own_values", "pieces", "pole_gradients",
+    "process_levels", "record_levels", "record_of", "remarks", "response_gradients", "row_names", "rows",
+    "seen", "simulate", "spectrum", "window_weights", "with_past", "without_samples",
+)  # fmt: skip
+
+
 class Drawn(Estimates):
     """Estimates that draw themselves."""
+
+    def __dir__(self) -> list[str]:
+        return sorted(set(super().__dir__()).difference(INSIDE))
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.param_names)
+
+    def bode(self, omega: ArrayLike | None = None) -> Table:
+        """Magnitude in dB and phase in degrees of every path, with standard errors by the delta method.
+
+        Parameters
+        ----------
+        omega : (f,) array_like, optional
+            rad/s; default: 50 frequencies over the fit's band.
+
+        Returns
+        -------
+        Table
+            Columns output and input (with several paths), omega, magnitude_db, magnitude_bse, phase_deg and
+            phase_bse, one path after the other. The phase has no jumps of 360 degrees.
+
+        See Also
+        --------
+        modfun.plot.bode : Draws it.
+
+        References
+        ----------
+        L. Ljung, System Identification: Theory for the User, Prentice-Hall, 1999, section 9.4.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> system = mf.tf([5], [1, 3, 8])
+        >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+        >>> fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+        >>> table = fit.bode([1.0, 2.0])
+        >>> table["magnitude_db"].round(1), table["magnitude_bse"].round(2)
+        (array([-3.7, -3.3]), array([0.07, 0.07]))
+        """
+        return derived.bode(self, omega)
 
     def plot(self, rec: Record | int | None = None, *, hz: bool = False, figure: Any = None) -> Any:
         """Response, Bode plot, residual spectrum and poles on one sheet; see `modfun.plot.fit`."""
