@@ -204,10 +204,12 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.plain_layout(records[0].inputs, "select_order")
-    structures, too_large = _determined(records, structures, checked)
+    structures, largest, too_large = _determined(records, structures, checked)
     words = decided_by_fit([records], structures, checked, best_of)
     records = read_as(records, words)
-    fits = tuple(fit_quietly(records, structure, checked) for structure in structures)
+    others = structures if words else structures[:-1]  # the largest has been fitted as it looks
+    fits = tuple(fit_quietly(records, structure, checked) for structure in others)
+    fits += () if words else (largest,)
     race = _Race(records, checked, structures, fits)
     if checked.band is None and checked.harmonics is None:
         band, least = race.wide(), race.guideline()
@@ -221,8 +223,8 @@ def select_order(
 
 def _determined(
     records: tuple[Record, ...], structures: list[TransferFunction], options: Options
-) -> tuple[list[TransferFunction], tuple[str, ...]]:
-    """Candidates of orders of which the record determines the largest, and a sentence about the others.
+) -> tuple[list[TransferFunction], Fit, tuple[str, ...]]:
+    """Candidates of orders of which the record determines the largest, its fit, a sentence about the others.
 
     Raises
     ------
@@ -233,18 +235,18 @@ def _determined(
     largest = list({structure.poles: structure for structure in structures}.values())
     for structure in reversed(largest):
         try:
-            fit_quietly(records, structure, options)
+            fit = fit_quietly(records, structure, options)
         except DataError as error:
             if FEW_LINES not in str(error) or structure is largest[0]:
                 raise
             said = str(error)
             continue
         if not said:
-            return structures, ()
+            return structures, fit, ()
         kept = structures[: structures.index(structure) + 1]
         what = said.removeprefix("fitting: ").split(";")[0]
-        return kept, (f"Candidates of more than {structure.poles} poles are left out: {what}.",)
-    return structures, ()
+        return kept, fit, (f"Candidates of more than {structure.poles} poles are left out: {what}.",)
+    raise AssertionError("the smallest order is fitted or refused")
 
 
 def candidates(
@@ -296,7 +298,12 @@ class _Race:
     structures: list[TransferFunction]
     fits: tuple[Fit, ...]
 
-    @property
+    @cached_property
+    def channels(self) -> tuple[list[F64], list[F64]]:
+        """Outputs and inputs of the records, as they are summed."""
+        return [rec.y for rec in self.records], [driving(rec) for rec in self.records]
+
+    @cached_property
     def transient(self) -> int:
         return max(fit.order for fit in self.fits)
 
@@ -319,7 +326,6 @@ class _Race:
         """Every candidate on the band, each from several starts: larger ones have many minima."""
         edges = (band[0], band[1] * (1 + 1e-9))
         options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
-        ys, us = [rec.y for rec in self.records], [driving(rec) for rec in self.records]
         rows: list[dict[str, Any]] = []
         core = None
         for own in self.fits:
@@ -332,7 +338,7 @@ class _Race:
             )
             starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
-            row = core.fit(ys, us, starts=[s.tolist() for s in starts])
+            row = core.fit(*self.channels, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})
         return _Judged(self, rows, band)
 
@@ -397,7 +403,10 @@ class _Judged:
     def apart(self, k: int) -> float:
         """Standard errors between the pole and the zero of a candidate that are nearest to cancelling."""
         row = self.rows[k]
-        return cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if row["usable"] else nan
+        if "apart" not in row:
+            known = row["usable"]
+            row["apart"] = cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if known else nan
+        return row["apart"]  # type: ignore[no-any-return]
 
     def selection(self, notes: tuple[str, ...]) -> OrderSelection:
         from scipy.special import fdtrc

@@ -49,10 +49,11 @@ class Realisation:
 
     def minus(self, other: Realisation) -> Realisation:
         """The difference of two systems."""
-        from scipy.linalg import block_diag
-
+        n = self.order
+        a = np.zeros((n + other.order, n + other.order))
+        a[:n, :n], a[n:, n:] = self.a, other.a
         return Realisation(
-            block_diag(self.a, other.a),
+            a,
             np.vstack([self.b, other.b]),
             np.hstack([self.c, -other.c]),
             self.d - other.d,

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,35 +59,43 @@ def grid_for(response: Response, low: float, high: float, below: bool = True, ab
     panels = [(a, b, False) for a, b in pairwise(edges)]
     panels += [(0.0, low, False)] if below else []
     panels += [(0.0, 1 / high, True)] if above else []
-    kept: list[tuple[F64, F64, C128]] = []
+    kept: list[_Part] = []
     total = 0.0
-    current = [(panel, *_panel(response, panel)) for panel in panels]
+    current = _parts(response, panels)
     for depth in range(FINEST + 1):
-        total = max(
-            total, sum(_power(w, g) for _, _, w, g in current) + sum(_power(k[1], k[2]) for k in kept)
-        )
+        total = max(total, sum(one.power for one in current) + sum(one.power for one in kept))
         halves = []
-        for (a, b, inverse), omega, share, gains in current:
+        for one in current:
             # The nodes of one rule tell little of themselves; the rule of every other node is coarser.
-            own, coarse = _power(share, gains), _coarse(share, gains)
-            error = abs(own - coarse)
-            settled = error <= 1e-8 * total and error <= max(1e-3 * own, FAINT * total)
+            error = abs(one.power - one.coarse)
+            settled = error <= 1e-8 * total and error <= max(1e-3 * one.power, FAINT * total)
             if settled or depth == FINEST or len(kept) + len(current) > MOST:
-                kept.append((omega, share, gains))
+                kept.append(one)
             else:
+                a, b, inverse = one.panel
                 middle = (a + b) / 2
                 halves += [(a, middle, inverse), (middle, b, inverse)]
         if not halves:
             break
-        current = _panels(response, halves)
-    omega = np.concatenate([k[0] for k in kept])
+        current = _parts(response, halves)
+    omega = np.concatenate([one.omega for one in kept])
     order = np.argsort(omega)
-    return Grid(
-        omega[order], np.concatenate([k[1] for k in kept])[order], np.concatenate([k[2] for k in kept])[order]
-    )
+    share, gains = (np.concatenate(parts)[order] for parts in zip(*[one[2:4] for one in kept], strict=True))
+    return Grid(omega[order], share, gains)
 
 
 Panel = tuple[float, float, bool]
+
+
+class _Part(NamedTuple):
+    """A panel with its nodes, and the integral over it by all of them and by every other one."""
+
+    panel: Panel
+    omega: F64
+    share: F64
+    gains: C128
+    power: float
+    coarse: float
 
 
 def _nodes(panel: Panel) -> tuple[F64, F64]:
@@ -96,20 +105,16 @@ def _nodes(panel: Panel) -> tuple[F64, F64]:
     return (1 / x, share / x**2) if inverse else (x, share)
 
 
-def _panel(response: Response, panel: Panel) -> tuple[F64, F64, C128]:
-    omega, share = _nodes(panel)
-    return omega, share, response(omega)
-
-
-def _panels(response: Response, panels: list[Panel]) -> list[tuple[Panel, F64, F64, C128]]:
+def _parts(response: Response, panels: list[Panel]) -> list[_Part]:
     nodes = [_nodes(panel) for panel in panels]
     gains = response(np.concatenate([omega for omega, _ in nodes]))
-    own = np.split(gains, len(panels))
-    return [(p, omega, share, g) for p, (omega, share), g in zip(panels, nodes, own, strict=True)]
-
-
-def _power(share: F64, gains: C128) -> float:
-    return float(share @ np.sum(np.abs(gains) ** 2, axis=(1, 2)))
+    squares = np.sum(np.abs(gains) ** 2, axis=(1, 2)).reshape(len(panels), -1)
+    share = np.array([own for _, own in nodes])
+    power, coarse = ((weights * squares).sum(axis=1).tolist() for weights in (share, share * COARSE))
+    return [
+        _Part(panel, *own, *rest)
+        for panel, own, *rest in zip(panels, nodes, np.split(gains, len(panels)), power, coarse, strict=True)
+    ]
 
 
 def _coarse_weights() -> F64:
@@ -123,10 +128,6 @@ def _coarse_weights() -> F64:
 
 
 COARSE = _coarse_weights()
-
-
-def _coarse(share: F64, gains: C128) -> float:
-    return float((share * COARSE) @ np.sum(np.abs(gains) ** 2, axis=(1, 2)))
 
 
 def h2_norm(system: Realisation) -> float:
