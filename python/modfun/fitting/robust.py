@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.gamma_regression import smooth_level
 from ..errors import FitError, ModfunError, SpecError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -17,12 +18,15 @@ from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.estimates import COVARIANCES
 from ..results.priors import shares
+from ..results.slopes import response_slopes
+from ..results.uneven_noise import SHORTEST, level_in_time, unforeseen
 
 __all__ = ["robust_fit"]
 
 ROUNDS = 20
 SETTLED = 0.02  # of a standard error: change of a parameter that ends the rounds
 TAILS = (1.0, 60.0)  # degrees of freedom that are tried; beyond, noise is normal
+SAME = 1e-9  # singular values below are rounding
 GAIN = 3.0  # of log likelihood over normal noise, without which noise is taken as normal
 
 
@@ -79,7 +83,75 @@ def robust_fit(
     lost = _lost_nearer(tail, weights) if equations else _lost(fit, tail, weights, errors)
     _, told = shares(fit)
     wider = {name: told + lost * (getattr(fit, name) - told) for name in COVARIANCES}
+    if not equations:
+        wider["cov_spectral"] = _of_scores(fit, records, tail, errors, weights, wider)
     return replace(fit, options=asked, tail=tail, records=weighed if equations else fit.records, **wider)
+
+
+def _of_scores(
+    fit: Any,
+    records: Sequence[Record],
+    tail: float,
+    errors: Sequence[F64],
+    weights: Sequence[F64],
+    wider: dict[str, F64],
+) -> F64:
+    """Covariance where the scores of the samples have a colour, or a level that changes.
+
+    To first order an estimate is off by H⁻¹ Σ J ψ over the samples, J the slopes of the response, those to
+    initial state and trend among them, ψ = w z the score of an error z in units of the scale, H = Σ ψ' J Jᵀ.
+    Scores of a smooth spectrum and a smooth level in time make other errors of it than independent ones of
+    one distribution do, Eψ²/(Eψ')² (Σ J Jᵀ)⁻¹: by that, classical covariances grow. On weighted lines no
+    spectrum shows, as the weights mix them.
+    """
+    p = fit.params.size
+    if any([rec.dt is None or rec.mask is not None or rec.intervals < SHORTEST for rec in records]):
+        return wider["cov_spectral"]
+    try:
+        each = [response_slopes(fit, rec, fit.simulate(rec)[1])[:2] for rec in fit.records]
+    except (ModfunError, np.linalg.LinAlgError):
+        return wider["cov_spectral"]
+    # Initial states and trends are each record's own.
+    counts = [len(columns) for _, columns in each]
+    pieces, at = [], p
+    for (moved, columns), own, count in zip(each, weights, counts, strict=True):
+        rows = np.zeros((p + sum(counts), *own.shape))
+        rows[:p], rows[at : at + count] = moved, columns
+        pieces.append(rows)
+        at += count
+    joined = np.concatenate(pieces, axis=2)
+    w = np.concatenate(weights, axis=1)
+    square = np.maximum((tail + 1) / w - tail, 0.0)
+    levels = np.sqrt(np.sum(np.concatenate(errors, axis=1) ** 2, axis=1) / np.sum(square, axis=1))
+    joined /= levels[:, None]
+    slope = w**2 * (tail - square) / (tail + 1)
+    inverse, even = (_inverse(np.einsum("aot,ot,bot->ab", joined, own, joined)) for own in (slope, 0 * w + 1))
+    coloured, white, at = np.zeros(p), np.diag(even)[:p] * np.mean(w**2 * square) / np.mean(slope) ** 2, 0
+    for e, own in zip(errors, weights, strict=True):
+        filters = np.einsum("ab,bot->aot", inverse[:p], joined[:, :, at : at + own.shape[1]])
+        at += own.shape[1]
+        for i, level in enumerate(levels):
+            score = own[i] * e[i] / level
+            run = level_in_time(unforeseen(score[None])[0])
+            noise = score / run
+            m = np.arange(noise.size // 2 + 1)
+            freedom = np.where((m == 0) | (2 * m == noise.size), 1.0, 2.0)
+            spectrum = smooth_level(np.abs(np.fft.rfft(noise)) ** 2 / noise.size, np.log1p(m), freedom)
+            waves = np.abs(np.fft.rfft(filters[:, i] * run)) ** 2 * freedom * spectrum
+            coloured += waves.sum(axis=1) / noise.size
+    # What the fit takes of the noise on its lines, the scores lack.
+    rows = len(fit.outputs) * sum(fit.rows)
+    coloured *= rows / max(rows - len(joined), 1)
+    more = np.sqrt(np.maximum(np.divide(coloured, white, out=np.ones(p), where=white > 0), 1.0))
+    _, told = shares(fit)
+    return np.asarray(np.outer(more, more) * (wider["cov_nonrobust"] - told) + told)
+
+
+def _inverse(information: F64) -> F64:
+    size = np.sqrt(np.abs(np.diag(information)))
+    size[size == 0] = 1.0
+    scale = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(information / scale, rcond=SAME, hermitian=True) / scale)
 
 
 def _lost(fit: Any, tail: float, weights: Sequence[F64], errors: Sequence[F64]) -> float:

@@ -26,6 +26,7 @@ __all__ = [
     "Uneven",
     "allows",
     "covariance",
+    "level_in_time",
     "of_time",
     "p_values",
     "uneven",
@@ -63,7 +64,7 @@ class Uneven(NamedTuple):
 
     def levels(self) -> list[F64]:
         """Smooth standard deviation of what is new in each record, (output, time)."""
-        return [np.array([_level(own) for own in new]) for new in self.new]
+        return [np.array([level_in_time(own) for own in new]) for new in self.new]
 
 
 def uneven(fit: Estimates) -> Uneven | None:
@@ -145,7 +146,8 @@ def _times(count: int) -> F64:
     return np.linspace(-1.0, 1.0, count + ORDER)[ORDER:]
 
 
-def _level(new: F64) -> F64:
+def level_in_time(new: F64) -> F64:
+    """The smooth level of what `unforeseen` leaves of a row, also over the samples before it."""
     size = float(np.abs(new).max()) or 1.0
     squares = np.append(np.zeros(ORDER), (new / size) ** 2)
     counted = np.append(np.zeros(ORDER), np.ones(new.size))

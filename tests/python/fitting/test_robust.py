@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from modfun.fitting.robust import student
 from scipy import stats
+from scipy.signal import lfilter
 
 SYSTEM = mf.tf([5], [1, 3, 8])
 TRUTH = np.array([3.0, 8.0, 5.0])
@@ -182,3 +183,27 @@ def test_powers_of_wrong_samples_bend_no_equation():
         assert np.array_equal(fit.records[0].y[0], y + noise)
         assert fit.records[0].sigma.max() > 3
     assert np.mean(np.square(scores)) < 1.9
+
+
+def coloured(rng, size):
+    """Unit noise of AR(0.8) with 3 % spikes."""
+    noise = lfilter([0.6], [1, -0.8], rng.standard_normal(size + 200))[200:]
+    return noise + (rng.random(size) < 0.03) * rng.normal(size=size) * 8
+
+
+def changing(rng, size):
+    return rng.standard_normal(size) * np.where(np.arange(size) < size / 2, 0.4, 1.8)
+
+
+@pytest.mark.parametrize("noise", [coloured, changing])
+def test_standard_errors_allow_for_colour_and_for_a_level_that_changes(noise):
+    """Intervals covered 70 to 78 %; with 85 % of 180 one set of 60 records in 1,000 has fewer than 135."""
+    plant, truth = mf.tf([5], [1, 3, 8]), np.array([3.0, 8.0, 5.0])
+    clean = mf.simulate(plant, input="sin(t**2/5)", duration=10, intervals=256)
+    inside = []
+    for seed in range(60):
+        rng = np.random.default_rng(20000 + seed)
+        rec = clean.assign(y=clean["y"] + 0.04 * noise(rng, 257))
+        low, high = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0), robust=True).conf_int().T
+        inside.append((low < truth) & (truth < high))
+    assert np.sum(inside) >= 135, np.mean(inside, axis=0)
