@@ -30,7 +30,7 @@ def without_corners(u: F64, kinds: Sequence[str]) -> F64:
     for channel, kind in enumerate(kinds):
         if kind != "smooth":
             continue
-        for place in np.ndindex(u.shape[:-2]):
+        for place in np.ndindex(u.shape[:-2]) if u.ndim > 2 else ((),):
             row = u[(*place, channel)]
             for at, jump in corners(np.ascontiguousarray(row)):
                 if found is u:

@@ -235,6 +235,8 @@ def twin(fit: Estimates) -> Doubt | None:
 
 def noise_bends(fit: Estimates) -> Doubt | None:
     """That noise does to a signal what its slope does not tell, so that a low criterion proves nothing."""
+    if fit.layout.rational:
+        return None
     bend = getattr(fit, "bend", 0.0)  # of equations
     if not bend > BENT:
         return None
