@@ -119,9 +119,7 @@ class Samples(Elsewhere):
     @property
     def functions(self) -> dict[str, Any]:
         """Inputs that are known at all times, as text or functions of t by name (a copy)."""
-        if not self._functions:
-            return {}
-        found = zip(self.inputs, known(self), strict=True)
+        found = zip(self.inputs, known(self), strict=True) if self._functions else ()
         return {name: source for name, source in found if source is not None}
 
     @property
