@@ -28,7 +28,7 @@ from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
 from .instruments import referenced_fit
 from .kinks import bent, without_kinks
-from .known_inputs import fit_known_inputs, refuse_uneven
+from .known_inputs import fit_known_inputs, held_closely, refuse_uneven
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
@@ -416,7 +416,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
-    return fit_plain(records, structure, options, fit_quietly)
+    return held_closely(fit_plain(records, structure, options, fit_quietly), fit_quietly)
 
 
 # What users give ----------------------------------------------------------------------------------

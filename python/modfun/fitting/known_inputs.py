@@ -15,19 +15,23 @@ from ..base.arrays import C128
 from ..errors import DataError, ModfunError
 from ..models.options import Options
 from ..records.corners import driving
-from ..records.functions import integrals, known, sampled, samples_of
+from ..records.functions import Held, integrals, known, sampled, samples_of
 from ..records.record import Record
 from ..results.fit import Fit
 from .kinks import between
 from .plain import fit_plain
 
-__all__ = ["fit_known_inputs", "refuse_uneven"]
+__all__ = ["fit_known_inputs", "held_closely", "refuse_uneven"]
 
 PARTS = 16  # of a sampling interval, in which the response is summed
 ROUNDS = 12
 FAR = 4.0  # standard errors
 SETTLED = 0.01  # of a standard error: the last step
 WIDE = 0.8  # of all lines: those of the first fit
+FEW = 8.5  # samples per period of the highest line
+FAST = 1.0  # steps: the inverse of a pole for which two rounds of what sampling folds are few
+UNSURE = 0.5  # standard errors over values: the lines may not hold what there is to see
+LONG = 4096  # samples of a record for which rounds take too long
 
 
 def refuse_uneven(records: Sequence[Record]) -> None:
@@ -65,7 +69,7 @@ def fit_known_inputs(
     longer = tuple([_earlier(rec, layout.longest_delay, late) if free else rec for rec in records])
     leads = [more.intervals - rec.intervals for more, rec in zip(longer, records, strict=True)]
     rounds = _Rounds(records, longer, leads, structure, again)
-    if options.band is None and options.harmonics is None and options.method in ("ml", "awls"):
+    if _sought(options):
         # The default band is chosen without the errors of sums, which may lead astray on few lines.
         steps = [rec.dt for rec in records if rec.dt]
         wide = rounds.settle(options.replace(band=(0.0, WIDE * pi / max(steps))))
@@ -78,6 +82,46 @@ def fit_known_inputs(
         return replace(fit, records=records)
     both = zip(longer, leads, strict=True)
     return replace(fit, records=records, instrumented=tuple([_unseen(rec, lead) for rec, lead in both]))
+
+
+def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], Any]) -> Fit:
+    """A fit under held inputs by rounds like these where its lines have few samples per period; else itself.
+
+    Held inputs are known at all times, too. What the core takes out of the sums in two rounds is next to all
+    that lines of eight samples per period fold, and too little with four where poles are as fast. Where these
+    rounds do not settle, a default band goes no further than that.
+    """
+    records, o = fit.records or (), fit.options
+    steps = [rec.dt for rec in records if rec.dt and rec.mask is None and rec.sigma is None]
+    if len(steps) < len(records) or fit.band[1] * max(steps, default=0.0) * FEW < 2 * pi:
+        return fit
+    held = all([set(rec.intersample) == {"zoh"} and rec.intervals < LONG for rec in records])
+    plain = (o.initial_state, o.noise) == ("unknown", "output") and o.trend in ("auto", "constant")
+    each = zip(fit.layout.orders, fit.layout.numerators, strict=True)
+    at_once = any([degree == order for order, row in each for degree in row])
+    if not (held and plain and fit.usable) or at_once or fit.layout.longest_delay:
+        return fit
+    unsure = np.max(fit.bse / np.maximum(np.abs(fit.params), 1e-300), initial=0.0) > UNSURE
+    dens = [fit.layout.polynomials(fit.params, k)[0] for k in range(len(fit.outputs))]
+    if not (unsure or any([np.max(np.abs(np.roots(den))) * max(steps) > FAST for den in dens])):
+        return fit
+    closer = fit_known_inputs(tuple([_as_functions(rec) for rec in records]), fit.structure, o, again)
+    if not closer.success and _sought(o):
+        eight = o.replace(band=(0.0, 2 * pi / 8 / max(steps)))
+        closer = replace(fit_plain(records, fit.structure, eight, again), options=o)
+    return replace(closer, records=records, intersample=fit.intersample) if closer.success else fit
+
+
+def _sought(options: Options) -> bool:
+    """Whether the lines are chosen by the default rule."""
+    return options.band is None and options.harmonics is None and options.method in ("ml", "awls")
+
+
+def _as_functions(rec: Record) -> Record:
+    """The record with its held inputs as functions."""
+    start, dt = float(rec.t[0]), float(rec.dt or 0)
+    functions = {name: Held(row, start, dt) for name, row in zip(rec.inputs, rec.u, strict=True)}
+    return rec._like(intersample=("smooth",) * len(rec.inputs), _functions=functions)
 
 
 def _unseen(rec: Record, lead: int) -> Record:

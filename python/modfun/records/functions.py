@@ -16,13 +16,14 @@ from ..errors import ModfunWarning
 from ..signals.sources import Source, evaluate
 
 __all__ = [
-    "drives", "functions_of", "integrals", "is_function", "known", "sampled", "samples_of", "shown",
+    "Held", "drives", "functions_of", "integrals", "is_function", "known", "sampled", "samples_of", "shown",
     "summable", "warn_of_others",
 ]  # fmt: skip
 
 PARTS = 16  # of a sampling interval, at first: twice as many until integrals stand
 MOST_PARTS = 1 << 19  # of a record
 SETTLED = 1e-8  # of the largest line
+HELD = 1e-9  # of a step: a time that is a sample's by rounding
 HALVED = 48  # times a part is halved around a jump
 STEEP = 3.0  # times the steps beside it: one that may be a jump
 SHOWN = 40  # characters of a text
@@ -82,6 +83,17 @@ class _Later:
 
     def __call__(self, t: F64) -> F64:
         return evaluate(self.source, np.asarray(t) + self.start)
+
+
+class Held:
+    """Samples that are held, as a function."""
+
+    def __init__(self, samples: F64, start: float, dt: float) -> None:
+        self.samples, self.start, self.dt = samples, start, dt
+
+    def __call__(self, t: F64) -> F64:
+        at = np.floor((np.asarray(t) - self.start) / self.dt + HELD).astype(int)
+        return np.asarray(self.samples[np.clip(at, 0, self.samples.size - 1)])
 
 
 def summable(source: Source, t: F64, dt: float, rule: str) -> F64:
