@@ -412,9 +412,8 @@ class Samples(Elsewhere):
         try:
             return given(self)
         except Exception as error:
-            raise DataError(
-                f"assign({name}=...): the function raised {type(error).__name__}: {error}"
-            ) from error
+            told = f"assign({name}=...): the function raised {type(error).__name__}: {error}"
+            raise DataError(told) from error
 
     def weigh(self, mask: ArrayLike | None = None, sigma: ArrayLike | None = None) -> Self:
         """Return a record with samples of its outputs left out, or trusted less.
@@ -426,7 +425,6 @@ class Samples(Elsewhere):
 
         Examples
         --------
-        >>> import numpy as np
         >>> rec = Record(y=[0.0, 1, 2, 3, 99, 5, 6, 7, 8], dt=0.1, outputs="q")
         >>> rec.weigh(mask=rec["q"] < 50)["q"][4]
         np.float64(4.0)
