@@ -18,6 +18,7 @@ from ..records.corners import driving
 from ..records.functions import Held, integrals, known, sampled, samples_of
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.prediction import unexplained
 from .kinks import between
 from .plain import fit_plain
 
@@ -31,6 +32,7 @@ WIDE = 0.8  # of all lines: those of the first fit
 FEW = 8.5  # samples per period of the highest line
 FAST = 1.0  # steps: the inverse of a pole for which two rounds of what sampling folds are few
 UNSURE = 0.5  # standard errors over values: the lines may not hold what there is to see
+WORSE = 1.02  # times the squares that a response leaves of the outputs: those of another minimum
 LONG = 4096  # samples of a record for which rounds take too long
 
 
@@ -106,10 +108,21 @@ def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], A
     if not (unsure or any([np.max(np.abs(np.roots(den))) * max(steps) > FAST for den in dens])):
         return fit
     closer = fit_known_inputs(tuple([_as_functions(rec) for rec in records]), fit.structure, o, again)
+    if closer.success and _misses(closer) > WORSE * _misses(fit):  # in another minimum
+        return fit
     if not closer.success and _sought(o):
         eight = o.replace(band=(0.0, 2 * pi / 8 / max(steps)))
         closer = replace(fit_plain(records, fit.structure, eight, again), options=o)
     return replace(closer, records=records, intersample=fit.intersample) if closer.success else fit
+
+
+def _misses(fit: Fit) -> float:
+    """Squares of what the response leaves of the outputs, relative to these; sampling folds nothing there."""
+    left = [
+        np.sum((unexplained(fit, rec) / np.std(rec.y, axis=1, keepdims=True)) ** 2)
+        for rec in fit.records or ()
+    ]
+    return float(np.sum(left))
 
 
 def _sought(options: Options) -> bool:
