@@ -118,11 +118,10 @@ def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], A
 
 def _misses(fit: Fit) -> float:
     """Squares of what the response leaves of the outputs, relative to these; sampling folds nothing there."""
-    left = [
-        np.sum((unexplained(fit, rec) / np.std(rec.y, axis=1, keepdims=True)) ** 2)
-        for rec in fit.records or ()
-    ]
-    return float(np.sum(left))
+    records = fit.records or ()
+    with np.errstate(over="ignore"):  # of an unstable estimate
+        each = [unexplained(fit, rec) / np.std(rec.y, axis=1, keepdims=True) for rec in records]
+        return float(sum([np.sum(left**2) for left in each]))
 
 
 def _sought(options: Options) -> bool:
