@@ -97,4 +97,4 @@ def test_quick_run_writes_the_page(tmp_path):
     assert "pysid (left out by --quick)" in text
     for who in ("modfun ml", "SciPy output error", "SRIVC, NumPy"):
         assert f"| {who} |" in text
-    assert "## Time a fit" in text
+    assert "## Time per fit" in text
