@@ -40,7 +40,10 @@ def late(seed):
 
 @pytest.mark.parametrize("period", [6.3, 4.5])
 def test_a_fast_light_mode_has_the_errors_of_all_lines(period):
-    """Standard errors within 5 % of those over nine tenths of all lines; estimates within 4 of them."""
+    """Standard errors within 5 % of those over nine tenths of all lines; estimates within 4 of them.
+
+    A batch takes out in two rounds what sampling folds, a single fit in as many as it takes.
+    """
     rec, truth = light(1, period)
     fit, wide, before = mf.fit(rec, TF20), *(mf.fit(rec, TF20, band=e) for e in (0.9 * np.pi, np.pi / 4))
     assert fit.band_rule["k_max"] == 248
@@ -49,7 +52,7 @@ def test_a_fast_light_mode_has_the_errors_of_all_lines(period):
     assert fit.bse["a1"] < before.bse["a1"] / 50
     assert np.all(np.abs(np.asarray(fit.params) - truth) < 4 * np.asarray(fit.bse))
     batch = mf.fit_many([rec, rec], TF20)
-    np.testing.assert_allclose(batch.params[0], fit.params, rtol=1e-6)
+    assert np.all(np.abs(batch.params[0] - fit.params) < 0.01 * np.asarray(fit.bse))
 
 
 @pytest.mark.statistics
