@@ -303,32 +303,43 @@ fn cubic_interval(t: &[f64], k: usize, weights: &mut [f64]) {
 }
 
 /// What each node has of the integral of the cubic that is closest to them in the least squares, by polynomials
-/// that are orthogonal on the nodes (Stieltjes' recurrence).
+/// that are orthogonal on the nodes.
 fn integrate_cubic(nodes: &[f64], (low, high): (f64, f64), out: &mut [f64]) {
     let (places, gauss) = gauss_legendre::<2>();
     let (middle, half) =
         (0.5 * (nodes[0] + nodes[nodes.len() - 1]), 0.5 * (nodes[nodes.len() - 1] - nodes[0]));
     let scaled = |t: f64| (t - middle) / half;
     let at = places.map(|p| scaled(low + (high - low) * p));
-    // Values of the last two polynomials on the nodes, then at both places.
-    let mut before = [0.0; MOST + 2];
-    let mut now = [1.0; MOST + 2];
+    // Values of the polynomials on the nodes, then at both places.
     let count = nodes.len();
     let x = |i: usize| if i < count { scaled(nodes[i]) } else { at[i - count] };
-    let mut last = 0.0;
+    let mut all = [([1.0; MOST + 2], 0.0); 4];
     for degree in 0..4 {
-        let power: f64 = now[..count].iter().map(|p| p * p).sum();
+        let (lower, rest) = all.split_at_mut(degree);
+        let (now, power) = &mut rest[0];
+        if let Some((before, _)) = lower.last() {
+            for (i, value) in now[..count + 2].iter_mut().enumerate() {
+                *value = x(i) * before[i];
+            }
+        }
+        // Twice: on two clusters of nodes a square nearly vanishes, and once would leave rounding of its size.
+        for _ in 0..2 {
+            for (p, power) in lower.iter() {
+                let along = dot(&now[..count], &p[..count]) / power;
+                now[..count + 2].iter_mut().zip(p).for_each(|(value, p)| *value -= along * p);
+            }
+        }
+        *power = dot(&now[..count], &now[..count]);
         let mean = gauss[0] * now[count] + gauss[1] * now[count + 1];
         for (to, p) in out.iter_mut().zip(&now[..count]) {
-            *to += p * (high - low) * mean / power;
+            *to += p * (high - low) * mean / *power;
         }
-        let middle = (0..count).map(|i| x(i) * now[i] * now[i]).sum::<f64>() / power;
-        let back = if degree == 0 { 0.0 } else { power / last };
-        for i in 0..count + 2 {
-            (before[i], now[i]) = (now[i], (x(i) - middle) * now[i] - back * before[i]);
-        }
-        last = power;
     }
+}
+
+/// Σ aᵢ bᵢ.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// ∫ from `low` to `high` of the Lagrange polynomial `i` on up to four nodes: two Gauss nodes are exact.

@@ -64,6 +64,11 @@ def structure_of(
         own = {name: matrix_rows(text) for name, text in matrices.items()}
         inputs = first.inputs if "B" in own else None
         outputs = first.outputs if "C" in own else None
+        if bounded := [word for word in delay or () if ":" in word]:
+            raise SpecError(
+                f"fit: --delay {bounded[0]}: of a state space give seconds or a name, and the bounds of the name "
+                f"by --param, as --delay h --param h={bounded[0]}"
+            )
         late = one_or_all(delay) or 0.0
         return StateSpace(**own, states=names, inputs=inputs, outputs=outputs, params=params, delay=late)
     if len(first.outputs) > 1 and denominator is None:

@@ -96,7 +96,7 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
         best = found.after - CLOSE if found else before - WORTH
         for words, structure in group:
             other = again(fit, fit.records, structure, options)
-            if other is None:
+            if other is None or EXTRA in other.at_bound:  # a lag of nothing is no cure
                 continue
             after = bic_beside(other, fit)
             if not (isfinite(after) and after < best):

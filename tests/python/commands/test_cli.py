@@ -458,6 +458,7 @@ def test_equations_and_state_spaces_are_fitted_from_text(table, tmp_path, capsys
     ("words", "said"),
     [
         (["--A", "a", "--poles", "2"], "--A beside --poles, --zeros and --denominator"),
+        (["--A", "a", "--B", "b", "--delay", "0:0.3"], "as --delay h --param h=0:0.3"),
         (["--B", "b"], "--B without --A; give the matrix of the states as well"),
         (["--window", "3"], "--window 3: give FROM:TO in s, such as 2:10"),
         (["--units", "q"], "--units q: give NAME=UNIT, such as q=deg/s"),
