@@ -66,7 +66,7 @@ def structure_of(
         outputs = first.outputs if "C" in own else None
         if bounded := [word for word in delay or () if ":" in word]:
             raise SpecError(
-                f"fit: --delay {bounded[0]}: of a state space give seconds or a name, and the bounds of the name "
+                f"fit: --delay {bounded[0]}: of a state space give seconds or a name, and its bounds "
                 f"by --param, as --delay h --param h={bounded[0]}"
             )
         late = one_or_all(delay) or 0.0
