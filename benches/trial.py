@@ -198,6 +198,29 @@ def flown(lag: float = 0.0, lever: float = 0.0, force: bool = False, **words: An
     return lambda seed: noisy(seen, seed, **words)
 
 
+def turned(*, used: tuple[str, ...] = ("da", "dr"), **scales: float) -> tuple[Any, Any]:
+    """Records by seed of a lateral motion, channels times `scales`, and its model of these inputs."""
+    columns = {"da": [0, "La", "Na", 0], "dr": ["Yr", "Lr", "Nr", 0]}
+    model = mf.StateSpace(
+        [["Yb", 0.03, -0.99, "9.81/60"], ["Lb", "Lp", "Lq", 0], ["Nb", "Np", "Nq", 0], [0, 1, 0.03, 0]],
+        np.transpose([columns[name] for name in used]).tolist(),
+        states=["beta", "p", "r", "phi"],
+        inputs=list(used),
+    )
+    a = [[-0.25, 0.03, -0.99, 9.81 / 60], [-12, -3, 0.9, 0], [5, -0.2, -0.6, 0], [0, 1, 0.03, 0]]
+    plant = mf.ss(a, [[0, 0.05], [-8, 2], [-0.4, -3], [0, 0]], np.eye(4), np.zeros((4, 2)))
+    t = 0.02 * np.arange(600)
+    u = 0.1 * np.array([(1.0 * (t > s) - 2 * (t > s + 0.6) + (t > s + 1.2)) for s in (1, 5)])
+    y = plant.simulate(u=u, dt=0.02, intersample="zoh")
+    clean = mf.Record(y=y, u=u, dt=0.02, outputs=model.states, inputs=["da", "dr"], intersample="zoh")
+
+    def record(seed: int) -> mf.Record:
+        rec = noisy(clean, seed, nsr=0.02)
+        return rec.assign(**{name: size * rec[name] for name, size in scales.items()})
+
+    return record, by(model)
+
+
 FIRST = mf.Equation("y' + a1*y = b0*u + c")
 LINEAR = mf.Equation("y'' + a1*y' + a2*y = b0*u + c")
 DUFFING = mf.Equation("y'' + a1*y' + a2*y + a3*y**3 = b0*u + c")
@@ -327,6 +350,11 @@ WRONG = [
         "lever|sensor of az",
     ),
     Setup(
+        "one of four outputs in degrees, a state space", *turned(p=180 / np.pi), None, r"p=rec\['p'\]/57.3\)"
+    ),
+    Setup("a sideslip of the other sign", *turned(beta=-1.0), None, r"beta=-rec\['beta'\]\)"),
+    Setup("an input of the record left out of a state space", *turned(used=("da",)), None, "Input 'dr'"),
+    Setup(
         "an equation without the delay",
         of(DELAYED),
         by(LINEAR),
@@ -388,6 +416,7 @@ RIGHT = [
     Setup("a state space, both states", flown(), by(STATES)),
     Setup("a state space, rate and accelerometer", flown(force=True, nsr=0.02), by(FORCES)),
     Setup("a state space in coloured noise, AR(0.9)", flown(pole=0.9), by(STATES)),
+    Setup("a state space of four outputs and two held inputs", *turned()),
     Setup("an equation in coloured noise, AR(0.9)", of(PLANT, pole=0.9), by(LINEAR)),
     Setup("a Duffing oscillator", nonlinear(spring), by(DUFFING)),
     Setup("two outputs, a band given", of(TWO), by(SEPARATE, harmonics=20)),
@@ -467,7 +496,8 @@ every record, and rightly: classical standard errors do not hold then.
 * A chirp passes each frequency once, so that a system that changes in time cannot be told from one of higher
   order. The set-ups with changing stiffness are driven by seven sines.
 * Equations and state spaces are tested for events, neighbouring lines, colour and level. Where the level
-  speaks, the fit tries lags, delays, levers, missing terms and a drift, of one parameter each.
+  speaks, the fit tries lags, delays, levers, missing terms and a drift, of one parameter each, and estimates
+  the numbers in the equations.
 """
 
 Rows = list[tuple[str, dict[str, Any]]]

@@ -187,15 +187,13 @@ class Equation(Written):
         SpecError
             Names that are no outputs, or no output left.
         """
-        left = outputs_left(self, names)
-        return Equation(
-            self.texts,
-            outputs=left,
-            inputs=self.inputs,
-            hidden=(*self.hidden, *names),
-            varying=dict(self.varying),
-            params=dict(self.params),
-        )
+        return self._like(outputs=outputs_left(self, names), hidden=(*self.hidden, *names))
+
+    def _like(self, **changes: Any) -> Equation:
+        """The same equations with some words of the constructor changed."""
+        own: dict[str, Any] = {name: getattr(self, name) for name in ("outputs", "inputs", "hidden")}
+        own |= {"text": self.texts, "varying": dict(self.varying), "params": dict(self.params)}
+        return Equation(**own | changes)
 
     def model(self, params: Mapping[str, float]) -> NonlinearModel:
         """The equations with numbers: a system to simulate.

@@ -6,6 +6,7 @@ import math
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Never, Unpack
 
 from numpy.typing import ArrayLike
@@ -413,7 +414,8 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        return without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
+        made = without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
+        return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
     return held_closely(fit_plain(records, structure, options, fit_quietly), fit_quietly)

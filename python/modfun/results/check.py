@@ -34,10 +34,12 @@ from .doubts import (
 )  # fmt: skip
 from .estimates import Estimates
 from .feedback import feedback
+from .held_numbers import contradicted_numbers
 from .known_start import gain_of_start
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
 from .undeclared import undeclared
 from .uneven_noise import of_time
+from .unnamed_inputs import missing_input
 
 __all__ = ["check", "warnings_of"]
 
@@ -57,6 +59,13 @@ def _message(fit: Estimates) -> str:
         return fit.message
     said = repr(start) if isinstance(start, str) else "..."
     return f'First try initial_state="unknown": the record may not begin as {said} says. {fit.message}'
+
+
+def _failed(fit: Estimates) -> str:
+    """Why there is no estimate."""
+    with np.errstate(all="ignore"):
+        doubt = contradicted_numbers(fit)
+    return doubt.text if doubt else _message(fit)
 
 
 def fed_back(fit: Estimates) -> Doubt | None:
@@ -81,15 +90,15 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units, unexplained,
-    fed_back, unsettled, unstable, condition, undeclared,
+    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units,
+    contradicted_numbers, missing_input, unexplained, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
 def warnings_of(fit: Estimates) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
     if not fit.usable:
-        return [f"fit: {_message(fit)}"]
+        return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
         found = (look(fit) for look in LOOKS)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
@@ -99,7 +108,7 @@ def check(fit: Estimates, line: str) -> Findings:
     """What is wrong or doubtful about a fit, `line` in words; see `Fit.check`."""
     title = f"Check of {line}"
     if not fit.usable:
-        return Findings(title, [_message(fit)])
+        return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         found = [look(fit) for look in LOOKS if look is not unexplained]
         note = noise_free(fit)

@@ -20,6 +20,8 @@ from .estimates import Estimates
 from .neighbours import EXTRA, neighbours, with_offset
 
 __all__ = [
+    "CLOSE",
+    "ENOUGH",
     "Cure",
     "again",
     "best_cure",
@@ -96,33 +98,25 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
         best = found.after - CLOSE if found else before - WORTH
         for words, structure in group:
             other = again(fit, fit.records, structure, options)
-            if other is None or EXTRA in other.at_bound:  # a lag of nothing is no cure
+            if other is None or EXTRA in other.at_bound or _odd_time(fit, words, other[EXTRA]):
                 continue
             after = bic_beside(other, fit)
             if not (isfinite(after) and after < best):
                 continue
-            try:
-                unstable = growth(other) > 0 >= growth(fit)
-            except ModfunError:  # a lag of 0 s, of which the model is not finite
+            if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
                 continue
-            if unstable:
-                continue
-            words = _with_time(fit, words, other[EXTRA]).replace("{}", f"{other[EXTRA]:.3g}")
-            found = Cure(words, before, after, level_p(other))
+            found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
             best = after
         if found is not None and found.level_p > ENOUGH:
             break
     return found
 
 
-def _with_time(fit: Estimates, words: str, seconds: float) -> str:
-    """Words with the value of a lag or delay, and what it means where no record could show such a one."""
-    step = min(float(np.min(np.diff(rec.t))) for rec in fit.records or ())
-    odd = f"far below the step of {step:.3g} s" if seconds < step / 10 else ""
-    if seconds > max(rec.duration for rec in fit.records or ()):
-        odd = "longer than the record"
-    doubt = f", {odd}: first look for a wrong unit or sign of a channel" if odd else ""
-    return words.replace("{} s)", f"{seconds:.3g} s{doubt})")
+def _odd_time(fit: Estimates, words: str, value: float) -> bool:
+    """Whether a lag or delay is one that no record could show: far below its step, or longer than it is."""
+    records = fit.records or ()
+    step = min(float(np.min(np.diff(rec.t))) for rec in records)
+    return "{} s)" in words and not step / 10 < value < max(rec.duration for rec in records)
 
 
 def convincing(fit: Estimates, cure: Cure) -> bool:

@@ -184,10 +184,7 @@ def _tried(
 ) -> Changed:
     """The equation with these texts; nothing where they make none."""
     try:
-        made = Equation(
-            texts, outputs=model.outputs, inputs=model.inputs, hidden=model.hidden,
-            varying=dict(model.varying), params=_more(model, extra) | (more or {}),
-        )  # fmt: skip
+        made = model._like(text=texts, params=_more(model, extra) | (more or {}))
     except ModfunError:
         return
     yield words, made

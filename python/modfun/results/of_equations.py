@@ -46,12 +46,15 @@ class EquationFit(Fit):
     bend : float
         How far noise bends signals with parameters inside, such as sin(k*y): second differences over a
         standard deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these.
+    unnamed : tuple of Record
+        The records where they have inputs that the equations do not name; else none.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
     levels: F64 = field(default_factory=lambda: np.empty((0, 0)))
     seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
     bend: float = 0.0
+    unnamed: tuple[Record, ...] = ()
 
     @property
     def trend(self) -> str | None:

@@ -230,6 +230,14 @@ TROUBLES = {
         "The estimate is unstable",
     ),
     "units": (
+        lambda runs, m: mf.fit([spoiled(run, q=np.rad2deg) for run in runs[:3]], m).check(),
+        "seems to be in degrees and not in radians",
+    ),
+    "signs": (
+        lambda runs, m: mf.fit([spoiled(run, q=np.negative) for run in runs[:3]], m).check(),
+        "of the opposite sign",
+    ),
+    "unsettled": (
         lambda runs, m: mf.fit([spoiled(run, q=np.rad2deg) for run in runs[:3]], m).message,
         "Not settled after # iterations",
     ),

@@ -1,6 +1,5 @@
 """What fits of equations and state spaces warn of where the model lacks something, with the first cure."""
 
-import re
 import warnings
 
 import modfun as mf
@@ -45,20 +44,6 @@ def test_a_late_vane_is_named_and_right_models_are_not_warned_of():
     for seed in range(10):
         assert warned(flown(0.0, seed)[0], model)[1] == ""
         assert warned(flown(0.0, seed, pole=0.8)[0], model)[1] == ""
-
-
-def test_a_lag_longer_than_the_record_is_a_wrong_unit_or_sign():
-    """The vane in degrees, everything else in radians, and no lift of the elevator in the model."""
-    values = {"Za": -1.2, "Ma": -4.0, "Mq": -1.6, "Zd": -0.1, "Md": -6.0}
-    rec = mf.simulate(
-        mf.StateSpace(**FREE).model(values), input="0.04*(sign(sin(0.9*t)) + sign(sin(1.7*t + 1)))",
-        duration=15.0, intervals=750, nsr=0.02, seed=1,
-    )  # fmt: skip
-    model = mf.StateSpace(FREE["A"], [[0], ["Md"]], states=FREE["states"], inputs=FREE["inputs"])
-    _, text = warned(rec.assign(alpha=np.rad2deg(rec["alpha"])), model)
-    assert re.search(
-        r"lag of the sensor of q \([\d.]+ s, longer than the record: first look for a wrong unit", text
-    )
 
 
 def test_an_accelerometer_ahead_of_the_reference_point_is_named():

@@ -1,0 +1,273 @@
+"""Numbers that equations hold and records contradict: units and signs of channels, and coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from math import inf, isfinite, log, pi
+from typing import Any
+
+import numpy as np
+
+from ..equations.equation import Equation
+from ..equations.matrices import names_in, state_of
+from ..equations.state_space import StateSpace
+from ..errors import ModfunError
+from ..models.free import Free
+from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, convincing, of_written, on_band
+from .diagnosis import level_p
+from .doubts import Doubt
+from .estimates import Estimates
+from .misfit import suspicious
+
+__all__ = ["contradicted_numbers"]
+
+PRIME = "'"
+FREED = "freed_"  # names of the parameters in the place of numbers
+SIGMAS = 4.0  # standard errors within which a number agrees
+ROUGH = 0.05  # relative, the same: kinematics are often rounded
+MOST = 2  # channels that are in another unit at once
+# What a factor of a channel is, as size and words.
+UNITS = (
+    (180 / pi, "in degrees and not in radians"),
+    (pi / 180, "in radians and not in degrees"),
+    (1 / 9.80665, "in g and not in m/s²"),
+    (9.80665, "in m/s² and not in g"),
+    (1 / 0.3048, "in feet and not in metres"),
+    (0.3048, "in metres and not in feet"),
+    (3600 / 1852, "in knots and not in m/s"),
+    (1852 / 3600, "in m/s and not in knots"),
+    (2 * pi, "in radians and not in turns"),
+    (1 / (2 * pi), "in turns and not in radians"),
+    (1000.0, "as milli- beside the whole unit"),
+    (0.001, "as kilo- beside the whole unit"),
+)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number in an equation, beside its estimate.
+
+    `powers`: of the scale of each channel in estimate over number.
+    """
+
+    words: str
+    held: float
+    powers: dict[str, int]
+    found: float = 0.0
+    error: float = 0.0
+
+    @property
+    def off(self) -> float:
+        """Standard errors between both."""
+        return abs(self.found - self.held) / self.error
+
+    @property
+    def slack(self) -> float:
+        """By how much the logarithm of their ratio may be off."""
+        return max(SIGMAS * self.error / abs(self.found), ROUGH) if self.found else inf
+
+    def __str__(self) -> str:
+        return f"the record has {self.found:.4g} ± {self.error:.2g} times {self.words}"
+
+
+def contradicted_numbers(fit: Estimates) -> Doubt | None:
+    """That channels are in another unit or of another sign than equations need, or that a number is wrong.
+
+    All numbers are estimated in one fit more; a channel whose scale explains their estimates has that scale.
+    """
+    made = _read(fit)
+    return _of_scales(made[0]) or _of_one(fit, *made) if made else None
+
+
+def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
+    """The numbers in the equations with their estimates, where these explain residuals beyond doubt."""
+    if fit.again is None or fit.records is None or fit.layout.rational or fit.options.drives:
+        return None
+    if fit.usable and fit.success and not suspicious(fit):
+        return None
+    made = _freed(fit.structure)
+    if made is None:
+        return None
+    structure, held = made
+    options = (on_band(fit, fit.band) if fit.usable else fit.options).replace(trend=fit.trend)
+    other = again(fit, fit.records, structure, options)
+    if other is None or not other.success:
+        return None
+    cure = Cure("", bic_beside(fit, fit) if fit.usable else inf, bic_beside(other, fit), level_p(other))
+    if fit.success and not convincing(fit, cure):
+        return None
+    at = [other.param_names.index(f"{FREED}{k}") for k in range(len(held))]
+    return [
+        replace(number, found=number.held + float(other.params[k]), error=float(other.bse[k]))
+        for number, k in zip(held, at, strict=True)
+    ], cure
+
+
+def _of_scales(numbers: Sequence[Number]) -> Doubt | None:
+    """That one or two channels have another scale, by which all numbers are explained."""
+    channels = list(dict.fromkeys(name for number in numbers for name in number.powers))
+    for count in range(1, MOST + 1):
+        found = [
+            scales
+            for chosen in combinations(channels, count)
+            for scales in _scales(numbers, chosen)
+            if all(_turned(factor) or _unit(factor) for factor in scales.values())
+        ]
+        if found:
+            # Degrees are what people read, and an angle's sign is what they take otherwise.
+            best = max(found, key=lambda scales: round(sum(scales.values()), 1))
+            return Doubt(_told(best, [other for other in found if other is not best], numbers))
+    return None
+
+
+def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | None:
+    """That the record contradicts one number most, where with other numbers only the noise is left."""
+    worst = max(numbers, key=lambda number: number.off)
+    if not (cure.level_p > ENOUGH and worst.off > SIGMAS):
+        return None
+    beside = of_written(fit, first_only=True) if fit.usable else None
+    if beside is not None and beside.after < cure.after + CLOSE:
+        return None  # a sensor, of which numbers take up what they can
+    fallen = f" BIC falls from {cure.before:.4g} to {cure.after:.4g}." if isfinite(cure.before) else ""
+    return Doubt(
+        f"A number in the equations contradicts the record: {worst}. First write a parameter in its place, "
+        f"or look for the unit or sign of a channel.{fallen}"
+    )
+
+
+def _scales(numbers: Sequence[Number], chosen: Sequence[str]) -> Iterator[dict[str, float]]:
+    """Factors of these channels by which every number is explained."""
+    sure = [number for number in numbers if number.slack < 1]
+    powers = np.array([[number.powers.get(name, 0) for name in chosen] for number in sure], dtype=float)
+    if not sure or np.linalg.matrix_rank(powers) < len(chosen):
+        return
+    ratios = np.array([number.found / number.held for number in sure])
+    sizes, weights = np.log(np.abs(ratios)), np.array([abs(number.found) / number.error for number in sure])
+    logs = np.linalg.lstsq(powers * weights[:, None], sizes * weights, rcond=None)[0]
+    if np.any(np.abs(sizes - powers @ logs) > [number.slack for number in sure]):
+        return
+    for signs in product((1, -1), repeat=len(chosen)):
+        turned = np.prod(np.where(powers % 2 == 1, signs, 1), axis=1)
+        if np.all(turned == np.sign(ratios)):
+            yield dict(zip(chosen, (signs * np.exp(logs)).tolist(), strict=True))
+
+
+def _turned(factor: float) -> bool:
+    """Whether a factor is that of a sign."""
+    return abs(factor + 1) < 2 * ROUGH
+
+
+def _unit(factor: float) -> tuple[float, str] | None:
+    """The size and words of a unit."""
+    return next((unit for unit in UNITS if abs(log(abs(factor) / unit[0])) < 2 * ROUGH), None)
+
+
+def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:
+    """What is off, by which number, and the change of the record."""
+    seen = max((own for own in numbers if not scales.keys().isdisjoint(own.powers)), key=lambda own: own.off)
+    parts, changes = [], []
+    for name, factor in scales.items():
+        minus, unit = "-" if factor < 0 else "", _unit(factor)
+        turned = "of the opposite sign" if factor < 0 else ""
+        words = f"{unit[1]}, {unit[0]:.3g} times what the equations need" if unit else ""
+        parts.append(f"{name} seems to be " + " and ".join(filter(None, (turned, words))))
+        size = unit[0] if unit else 1.0
+        scaled = "" if size == 1 else f"/{size:.4g}" if size > 1 else f"*{1 / size:.4g}"
+        changes.append(f"{name}={minus}rec[{name!r}]{scaled}")
+    also = [" and ".join(other) for other in others]
+    text = f"{'; '.join(parts)}: {seen}. First try rec.assign({', '.join(changes)})"
+    return text + (f"; the inverse change of {', or of '.join(also)} would do the same." if also else ".")
+
+
+def _freed(model: Any) -> tuple[Any, list[Number]] | None:
+    """The model with a parameter beside each number that records can tell, and what these numbers are."""
+    found = list[Number]()
+    if isinstance(model, StateSpace):
+        words = _of_matrices(model, found)
+    elif isinstance(model, Equation) and not model.hidden:
+        words = _of_texts(model, found)
+    else:
+        return None
+    if not found:
+        return None
+    params = {**dict(model.params), **{f"{FREED}{k}": Free() for k in range(len(found))}}
+    try:
+        return model._like(**words, params=params), found
+    except ModfunError:  # a parameter of that name, say
+        return None
+
+
+def _of_matrices(model: StateSpace, found: list[Number]) -> dict[str, Any]:
+    """Matrices with a parameter beside each number between measured channels, and for scales of sensors."""
+    from ..equations.symbolic.linear import numbers
+
+    shown = [state_of(c, d) for c, d in zip(model.C, model.D, strict=True)]
+    measured = {j: model.outputs[i] for i, j in enumerate(shown) if j is not None}
+    a, b, c, d = ([list(row) for row in matrix] for matrix in (model.A, model.B, model.C, model.D))
+    held = {name: value for name, value in model.params if not isinstance(value, Free)}
+    for i, y in measured.items():
+        for row, columns in ((a[i], measured), (b[i], dict(enumerate(model.inputs)))):
+            for j, x in columns.items():
+                if (i == j and row is a[i]) or not {*names_in(((row[j],),))} <= held.keys():
+                    continue
+                value = float(numbers(((row[j],),), model.params, {})[0][0])
+                if value != 0:
+                    row[j] = f"{row[j]} + {FREED}{len(found)}"
+                    words = f"{x} in the equation of {y}', which holds {value:.4g}"
+                    found.append(Number(words, value, {y: 1, x: -1}))
+    inner = {*names_in(model.A, model.B), *held}
+    for i, y in enumerate(model.outputs):
+        if shown[i] is None and {*names_in((model.C[i], model.D[i]))} <= inner:
+            for row in (c[i], d[i]):
+                row[:] = [f"(1 + {FREED}{len(found)})*({own})" for own in row]
+            found.append(Number(f"what the equations make of {y}", 1.0, {y: 1}))
+    return {"A": a, "B": b, "C": c, "D": d}
+
+
+def _of_texts(model: Equation, found: list[Number]) -> dict[str, Any]:
+    """Texts with a parameter beside each number but the first of each equation."""
+    texts, terms = list(model.texts), model.compiled().terms
+    if len(texts) != 1 + max(term.equation for term in terms):
+        return {}
+    for e, text in enumerate(model.texts):
+        own = [(t, powers) for t in terms if t.equation == e and (powers := _powers(t)) is not None]
+        first, base = max(own, key=lambda pair: pair[0].order, default=(None, {}))
+        for t, powers in own:
+            if t is not first:
+                # On the right of the equation, where the parameter stands.
+                value, shown = -float(t.coefficient), _shown(t)
+                texts[e] += f" + {FREED}{len(found)}*{shown}"
+                words = (
+                    f"{shown} in the equation of {text.partition('=')[0].strip()}, which holds {value:.4g}"
+                )
+                both = {x: base.get(x, 0) - powers.get(x, 0) for x in (*base, *powers)}
+                found.append(Number(words, value, {x: p for x, p in both.items() if p}))
+    return {"text": texts}
+
+
+def _shown(term: Any) -> str:
+    """A signal with its derivatives, as an equation has it."""
+    from ..equations.symbolic.words import said
+
+    name: str = said(term.signal)
+    if term.signal.is_Symbol:
+        return f"{name}{PRIME * term.order}"
+    return f"D({name}, {term.order})" if term.order else name
+
+
+def _powers(term: Any) -> dict[str, int] | None:
+    """Of a number times a product of channels and derivatives: how often each channel stands in it."""
+    from ..equations.symbolic.compiled import time
+
+    signal = term.signal
+    if term.factor is not None or not term.coefficient.is_number or signal.is_number:
+        return None
+    powers: dict[str, int] = {}
+    for base, power in signal.as_powers_dict().items():
+        if not base.is_Symbol or base == time or not power.is_Integer:
+            return None
+        name = str(base).rstrip("'")
+        powers[name] = powers.get(name, 0) + int(power)
+    return powers

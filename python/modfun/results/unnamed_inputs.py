@@ -1,0 +1,61 @@
+"""Inputs of a record that equations do not name, where these explain the residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..equations.equation import Equation
+from ..equations.state_space import StateSpace
+from ..errors import ModfunError
+from ..models.free import Free
+from .cures import Cure, again, bic_beside, convincing, on_band
+from .diagnosis import level_p
+from .doubts import Doubt
+from .estimates import Estimates
+from .misfit import suspicious
+
+__all__ = ["missing_input"]
+
+EXTRA = "extra_"  # names of the parameters of one input more
+
+
+def missing_input(fit: Estimates) -> Doubt | None:
+    """That an input which the record has explains residuals, once it enters each equation."""
+    given = getattr(fit, "unnamed", ())
+    if not given or fit.again is None or not fit.usable or not suspicious(fit):
+        return None
+    best: tuple[str, Cure] | None = None
+    for name, structure in _with_one_more(fit.structure, given[0].inputs):
+        other = again(fit, given, structure, on_band(fit, fit.band))
+        if other is None or not other.success:
+            continue
+        cure = Cure(name, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
+        if convincing(fit, cure) and (best is None or cure.after < best[1].after):
+            best = name, cure
+    if best is None:
+        return None
+    name, cure = best
+    return Doubt(
+        f"Input {name!r} is in the record and not in the model, and explains most of the residuals: with it "
+        f"in each equation, BIC falls from {cure.before:.4g} to {cure.after:.4g}. First write it into "
+        "the model."
+    )
+
+
+def _with_one_more(model: Any, inputs: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    """The model with one more of these inputs, with a coefficient of its own in each equation."""
+    for name in inputs:
+        if name in model.inputs:
+            continue
+        try:
+            if isinstance(model, StateSpace):
+                b = [[*row, f"{EXTRA}{i}"] for i, row in enumerate(model.B)]
+                d = [[*row, 0] for row in model.D]
+                yield name, model._like(B=b, D=d, inputs=[*model.inputs, name], delay=[*model.delay, 0.0])
+            elif isinstance(model, Equation):
+                texts = [f"{own} + {EXTRA}{i}*{name}" for i, own in enumerate(model.texts)]
+                params = {**dict(model.params), **{f"{EXTRA}{i}": Free() for i in range(len(texts))}}
+                yield name, model._like(text=texts, inputs=[*model.inputs, name], params=params)
+        except ModfunError:  # a channel with the name of a parameter, say
+            continue

@@ -1,0 +1,144 @@
+"""What fits say where a channel is in another unit or sign, a number is wrong, or an input was left out."""
+
+import warnings
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+PITCH = (np.array([[-1.2, 1], [-9, -1.8]]), np.array([[-0.1], [-12]]))
+LATERAL = (
+    np.array([[-0.25, 0.03, -0.99, 0.1635], [-12, -3, 0.9, 0], [5, -0.2, -0.6, 0], [0, 1, 0.03, 0]]),
+    np.array([[0, 0.05], [-8, 2], [-0.4, -3], [0, 0]]),
+)
+SHORT = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
+WRITTEN = mf.Equation(
+    ["alpha' = Za*alpha + q + Zd*de + c1", "q' = Ma*alpha + Mq*q + Md*de + c2"],
+    outputs=["alpha", "q"],
+    inputs=["de"],
+)
+
+
+def lateral(*inputs, gravity="9.81/60"):
+    """The lateral motion with some of its inputs."""
+    rows = {"da": [0, "Lda", "Nda", 0], "dr": ["Ydr", "Ldr", "Ndr", 0]}
+    return mf.StateSpace(
+        [["Yb", 0.03, -0.99, gravity], ["Lb", "Lp", "Lr", 0], ["Nb", "Np", "Nr", 0], [0, 1, 0.03, 0]],
+        [list(row) for row in zip(*[rows[name] for name in inputs], strict=True)],
+        states=["beta", "p", "r", "phi"],
+        inputs=list(inputs),
+    )
+
+
+def flown(system, outputs, inputs, seed, **scales):
+    """Doublets held by a computer, 2 % noise, channels times `scales`."""
+    a, b = system
+    t, n = np.arange(600) * 0.02, len(a)
+    u = np.array([
+        sum(
+            size * ((t > at) & (t < at + width))
+            for at, width, size in ((1 + 3 * k, 0.6, 0.1), (1.6 + 3 * k, 0.6, -0.1), (7 + k, 0.5, 0.08))
+        )
+        for k in range(len(inputs))
+    ])  # fmt: skip
+    step, drive, *_ = cont2discrete((a, b, np.eye(n), np.zeros(b.shape)), 0.02)
+    x = np.zeros((n, t.size))
+    x[:, 0] = 0.02
+    for k in range(t.size - 1):
+        x[:, k + 1] = step @ x[:, k] + drive @ u[:, k]
+    y = x + 0.02 * x.std(axis=1, keepdims=True) * np.random.default_rng(seed).normal(size=x.shape)
+    ys = {name: scales.get(name, 1) * row for name, row in zip(outputs, y, strict=True)}
+    us = {name: scales.get(name, 1) * row for name, row in zip(inputs, u, strict=True)}
+    return mf.Record(ys, us, dt=0.02, intersample="zoh")
+
+
+def warned(rec, model):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", mf.ModfunWarning)
+        fit = mf.fit(rec, model)
+    return fit, " ".join(str(one.message) for one in caught)
+
+
+@pytest.mark.parametrize("channel", ["beta", "p", "r", "phi"])
+@pytest.mark.parametrize(
+    ("scale", "said", "cure"),
+    [
+        (180 / np.pi, "{} seems to be in degrees and not in radians", "{0}=rec['{0}']/57.3)"),
+        (-1, "{} seems to be of the opposite sign", "{0}=-rec['{0}'])"),
+    ],
+)
+def test_the_channel_in_another_unit_or_sign_is_named(channel, scale, said, cure):
+    """Kinematics and gravity tell which of four outputs it is; every fit says so."""
+    for seed in range(2):
+        rec = flown(LATERAL, ("beta", "p", "r", "phi"), ("da", "dr"), seed, **{channel: scale})
+        text = warned(rec, lateral("da", "dr"))[1]
+        assert said.format(channel) in text
+        assert "rec.assign(" + cure.format(channel) in text
+
+
+def test_two_channels_in_degrees_are_named_together():
+    scales = {"p": 180 / np.pi, "phi": 180 / np.pi}
+    rec = flown(LATERAL, ("beta", "p", "r", "phi"), ("da", "dr"), 1, **scales)
+    text = warned(rec, lateral("da", "dr"))[1]
+    assert "rec.assign(p=rec['p']/57.3, phi=rec['phi']/57.3); the inverse change of beta and r" in text
+
+
+@pytest.mark.parametrize("model", [SHORT, WRITTEN])
+def test_either_of_two_channels_is_named_with_the_other(model):
+    for seed in range(3):
+        text = warned(flown(PITCH, ("alpha", "q"), ("de",), seed, q=180 / np.pi), model)[1]
+        assert "the record has 0.017" in text
+        assert "times q in the equation of alpha', which holds 1." in text
+        assert "rec.assign(q=rec['q']/57.3); the inverse change of alpha would do the same." in text
+
+
+def test_what_the_parameters_take_up_is_not_warned_of():
+    """All angles in degrees, and the elevator the other way round: other numbers, and no wrong ones."""
+    for scales in ({"alpha": 57.3, "q": 57.3, "de": 57.3}, {"de": -1}):
+        fit, text = warned(flown(PITCH, ("alpha", "q"), ("de",), 2, **scales), SHORT)
+        assert text == ""
+        assert abs(fit["Za"] + 1.2) < 4 * fit.bse["Za"]
+
+
+def test_an_accelerometer_in_g_is_named_where_a_state_is_not_measured():
+    (a, b), rec = PITCH, flown(PITCH, ("alpha", "q"), ("de",), 3)
+    az = 60 * (a[0, 0] * rec["alpha"] + b[0, 0] * rec["de"]) / 9.80665
+    both = mf.Record({"q": rec["q"], "az": az}, {"de": rec["de"]}, dt=0.02, intersample="zoh")
+    model = SHORT._like(C=[[0, 1], ["60*Za", 0]], D=[[0], ["60*Zd"]], outputs=["q", "az"])
+    text = warned(both, model)[1]
+    assert "az seems to be in g and not in m/s², 0.102 times what the equations need" in text
+    assert text.endswith("First try rec.assign(az=rec['az']*9.807).")
+    assert warned(both.assign(az=az * 9.80665), model)[1] == ""
+
+
+def test_outputs_with_names_of_their_own_are_named():
+    model = SHORT._like(outputs=["vane", "gyro"])
+    text = warned(flown(PITCH, ("vane", "gyro"), ("de",), 1, gyro=180 / np.pi), model)[1]
+    assert "rec.assign(gyro=rec['gyro']/57.3); the inverse change of vane would do the same." in text
+
+
+def test_a_number_that_no_unit_explains_is_named():
+    """Gravity over the speed is three times too large in the model."""
+    rec = flown(LATERAL, ("beta", "p", "r", "phi"), ("da", "dr"), 1)
+    fit, text = warned(rec, lateral("da", "dr", gravity="9.81/20"))
+    assert "A number in the equations contradicts the record: the record has 0.16" in text
+    assert "times phi in the equation of beta', which holds 0.4905" in text
+    assert any(text.removeprefix("fit: ") == one for one in fit.check())
+
+
+def test_an_input_of_the_record_that_the_model_lacks_is_named():
+    """With the aileron alone, and all else right."""
+    for seed in range(3):
+        rec = flown(LATERAL, ("beta", "p", "r", "phi"), ("da", "dr"), seed)
+        fit, text = warned(rec, lateral("da"))
+        assert "Input 'dr' is in the record and not in the model" in text
+        assert fit.inputs == ("da",)
+    assert warned(rec.select(inputs=["da", "dr"]), lateral("da", "dr"))[1] == ""
+
+
+def test_an_input_that_an_equation_lacks_is_named():
+    a, b = PITCH
+    rec = flown((a, np.hstack([b, [[0.0], [4.0]]])), ("alpha", "q"), ("de", "dc"), 1)
+    text = warned(rec, WRITTEN)[1]
+    assert "Input 'dc' is in the record and not in the model" in text
