@@ -28,6 +28,7 @@ FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
 ROUGH = 0.05  # relative, the same: kinematics are often rounded
 MOST = 2  # channels that are in another unit at once
+NEAR = 0.03  # relative, the same of a unit
 # What a factor of a channel is, as size and words.
 UNITS = (
     (180 / pi, "in degrees and not in radians"),
@@ -36,12 +37,6 @@ UNITS = (
     (9.80665, "in m/s² and not in g"),
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
-    (3600 / 1852, "in knots and not in m/s"),
-    (1852 / 3600, "in m/s and not in knots"),
-    (2 * pi, "in radians and not in turns"),
-    (1 / (2 * pi), "in turns and not in radians"),
-    (1000.0, "as milli- beside the whole unit"),
-    (0.001, "as kilo- beside the whole unit"),
 )
 
 
@@ -156,12 +151,12 @@ def _scales(numbers: Sequence[Number], chosen: Sequence[str]) -> Iterator[dict[s
 
 def _turned(factor: float) -> bool:
     """Whether a factor is that of a sign."""
-    return abs(factor + 1) < 2 * ROUGH
+    return abs(factor + 1) < ROUGH
 
 
 def _unit(factor: float) -> tuple[float, str] | None:
     """The size and words of a unit."""
-    return next((unit for unit in UNITS if abs(log(abs(factor) / unit[0])) < 2 * ROUGH), None)
+    return next((unit for unit in UNITS if abs(log(abs(factor) / unit[0])) < NEAR), None)
 
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:
@@ -215,7 +210,7 @@ def _of_matrices(model: StateSpace, found: list[Number]) -> dict[str, Any]:
                 value = float(numbers(((row[j],),), model.params, {})[0][0])
                 if value != 0:
                     row[j] = f"{row[j]} + {FREED}{len(found)}"
-                    words = f"{x} in the equation of {y}', which holds {value:.4g}"
+                    words = f"{x} in the equation of {y}', where the model has {value:.4g}"
                     found.append(Number(words, value, {y: 1, x: -1}))
     inner = {*names_in(model.A, model.B), *held}
     for i, y in enumerate(model.outputs):
@@ -239,9 +234,7 @@ def _of_texts(model: Equation, found: list[Number]) -> dict[str, Any]:
                 # On the right of the equation, where the parameter stands.
                 value, shown = -float(t.coefficient), _shown(t)
                 texts[e] += f" + {FREED}{len(found)}*{shown}"
-                words = (
-                    f"{shown} in the equation of {text.partition('=')[0].strip()}, which holds {value:.4g}"
-                )
+                words = f"{shown} on the right of {text!r}, where the model has {value:.4g}"
                 both = {x: base.get(x, 0) - powers.get(x, 0) for x in (*base, *powers)}
                 found.append(Number(words, value, {x: p for x, p in both.items() if p}))
     return {"text": texts}

@@ -13,12 +13,20 @@
 //! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
 //! is the report's guideline (eq. 20).
 
-use super::band::{BandRule, Choice, Range, SAME, fewest_lines, lower_ends};
+use super::band::{BandRule, Choice, MANY, Range, SAME, fewest_lines, lower_ends};
 use super::fitter::{Desk, Fitter, Problem};
+use super::options::Start;
 use super::pass::prepare;
+use super::routh::unstable_poles;
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
+use crate::simd::LANES;
 use crate::structure::{Method, Noise};
+
+/// Costs of two ways that differ by more, in parts of themselves, are of two minima: they come close to their ends only.
+const APART: f64 = 1e-6;
+/// By which an end from a filter has to be lower, in parts of the cost: noise alone chooses between closer ones.
+const LOWER: f64 = 0.005;
 
 impl Fitter {
     /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
@@ -44,17 +52,68 @@ impl Fitter {
         if costs[2] < costs[lane] * (1.0 - SAME) {
             lane = 2;
         }
-        let theta = costs[lane].is_finite().then(|| all.space.theta(&all.design, lane).collect());
+        let mut cost = costs[lane];
+        let astray = self.may_have_gone_astray(&all, &costs[..=starts.len()], lane);
+        if astray {
+            (lane, cost) = self.go_from_filters(&mut all, lane, cost);
+        }
+        let mut theta: Option<Vec<f64>> =
+            cost.is_finite().then(|| all.space.theta(&all.design, lane).collect());
         let (most, few) = (last(&wide), last(&narrow));
         let ranges = match theta {
             Some(_) => self.narrowest(&mut all, &wide, lane),
             None => wide,
         };
         desk.keep(all);
+        if let Some(theta) = theta.as_mut().filter(|_| astray) {
+            // Another minimum may be the lowest on fewer lines.
+            let mut few = self.problem(desk, &ranges)?;
+            let cost = few.trial_from(self, Start::Theta(theta))[0];
+            let (lane, _) = self.go_from_filters(&mut few, 0, cost);
+            *theta = few.space.theta(&few.design, lane).collect();
+            desk.keep(few);
+        }
         let [first, second, ..] = costs;
         let chosen = last(&ranges);
         let rule = BandRule { wide: most, narrow: few, costs: [first, second], chosen };
         Ok(Choice { ranges, rule: Some(rule), theta })
+    }
+
+    /// Whether ways to these costs, in the first lanes, were so long or their ends so far apart that all may have led
+    /// astray; or the best of them, to an unstable system.
+    fn may_have_gone_astray(&self, problem: &Problem, costs: &[f64], best: usize) -> bool {
+        let at = &problem.space.progress;
+        let long = |lane: usize| at.active.0[lane] > 0.0 || at.nit.0[lane] > f64::from(MANY);
+        let same = |cost: &f64| (cost - costs[0]).abs() <= APART * costs[0];
+        self.o.method == Method::Ml
+            && ((0..costs.len()).any(long)
+                || !costs.iter().all(same)
+                || self.unstable(problem, best) > 0)
+    }
+
+    /// Unstable poles of the estimate in a lane.
+    fn unstable(&self, problem: &Problem, lane: usize) -> usize {
+        let denominator = &problem.space.iterates.theta.now[..self.o.structure.order];
+        unstable_poles(&denominator.iter().map(|a| a.0[lane]).collect::<Vec<_>>())
+    }
+
+    /// Goes again from regressions behind filters and says which lane is best then, and its cost: one of these, if its cost
+    /// is lower and no more of its poles are unstable. Else all stays as it was.
+    fn go_from_filters(&self, problem: &mut Problem, lane: usize, cost: f64) -> (usize, f64) {
+        let most = self.unstable(problem, lane);
+        problem.space.before.copy(&problem.space.iterates, [true; LANES]);
+        let costs = problem.trial_from(self, Start::Filtered);
+        let lower =
+            |k: &usize| costs[*k] < cost * (1.0 - LOWER) && self.unstable(problem, *k) <= most;
+        let best = (0..LANES).filter(lower).min_by(|a, b| costs[*a].total_cmp(&costs[*b]));
+        match best {
+            Some(best) => (best, costs[best]),
+            None => {
+                let w = &mut problem.space;
+                w.iterates.copy(&w.before, [true; LANES]);
+                (lane, cost)
+            }
+        }
     }
 
     /// Few lines at the lower end of each range.

@@ -12,6 +12,7 @@ mod default_band;
 mod design;
 mod driven;
 mod each_record;
+mod filtered;
 mod fit;
 pub(crate) mod fitter;
 mod iterate;

@@ -33,12 +33,18 @@ pub enum Start<'a> {
     Theta(&'a [f64]),
     /// Lane 0 from `wls`, one lane after the other from each of these; all lanes hold the same data.
     Each(&'a [Vec<f64>]),
+    /// Each lane from the regression behind a filter of its own; all lanes hold the same data.
+    Filtered,
 }
 
 impl Start<'_> {
     /// Lanes of a single fit that iterate: the first, and one a start behind it.
     pub(crate) fn lanes(&self) -> [bool; LANES] {
-        let last = if let Start::Each(starts) = self { starts.len() } else { 0 };
+        let last = match self {
+            Start::Each(starts) => starts.len(),
+            Start::Filtered => LANES - 1,
+            Start::Wls | Start::Theta(_) => 0,
+        };
         std::array::from_fn(|lane| lane <= last)
     }
 }

@@ -5,6 +5,7 @@ use super::aliasing::ROUNDS;
 use super::band::SAME;
 use super::completion::{complete, status};
 use super::design::Design;
+use super::filtered::begin_filtered;
 use super::iterate::iterate;
 use super::options::{Options, Start, Wanted};
 use super::outcome::Outcome;
@@ -47,6 +48,7 @@ pub fn estimate(
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
             Start::Each(starts) => begin_each(isa, d, w, starts, o),
+            Start::Filtered => begin_filtered(isa, d, w, o),
         }
     }
     let rule = match d.method {

@@ -251,7 +251,7 @@ def test_bounds_and_held_parameters():
     assert fit.at_bound == ("d",)
     assert fit.bse[0] == 0.0
     held = mf.Equation("y'' + d*y' + a*y + b*y**3 = u", params={"d": 0.4})
-    with pytest.warns(mf.ModfunWarning, match=r"First try a term in y' \(coefficient 0\.0"):
+    with pytest.warns(mf.ModfunWarning, match="times y' on the right of .*, where the model has -0.4"):
         assert mf.fit(rec, held, harmonics=11).params == pytest.approx(fit.params[1:], rel=1e-9)
 
 
@@ -516,11 +516,12 @@ def test_another_set_of_parameters_with_the_same_equation_is_named():
     assert other.cost == pytest.approx(fit.cost, rel=1e-8)
     # Bounds leave one; a sign alone is no other set, nor is there one of what is linear or not to be found.
     assert not any("are the same" in own for own in other.check())
-    for text in ("x1'' + d*x1' + w**2*x1 = 6*u", "x1'' + d*x1' + k*x1 = 6*u"):
+    for text in ("x1'' + d*x1' + w**2*x1 = 2*u", "x1'' + d*x1' + k*x1 = 2*u"):
         plain = mf.fit(rec, mf.Equation(text, outputs=["x1"]))
         assert not any("are the same" in own for own in plain.check())
 
 
+@pytest.mark.filterwarnings("ignore:fit. Input .* is in the record and not in the model")
 @pytest.mark.filterwarnings("ignore:fit. Part of the response is missing")  # of free motion, there is none
 @pytest.mark.parametrize(("channel", "name", "refused"), [
     ("u", "U", True), ("elev", "elve", True), ("elev", "eleva", True), ("alpha", "alpha0", False),

@@ -89,7 +89,8 @@ def test_either_of_two_channels_is_named_with_the_other(model):
     for seed in range(3):
         text = warned(flown(PITCH, ("alpha", "q"), ("de",), seed, q=180 / np.pi), model)[1]
         assert "the record has 0.017" in text
-        assert "times q in the equation of alpha', which holds 1." in text
+        place = "in the equation of alpha'" if model is SHORT else f"on the right of {model.texts[0]!r}"
+        assert f"times q {place}, where the model has 1." in text
         assert "rec.assign(q=rec['q']/57.3); the inverse change of alpha would do the same." in text
 
 
@@ -123,7 +124,7 @@ def test_a_number_that_no_unit_explains_is_named():
     rec = flown(LATERAL, ("beta", "p", "r", "phi"), ("da", "dr"), 1)
     fit, text = warned(rec, lateral("da", "dr", gravity="9.81/20"))
     assert "A number in the equations contradicts the record: the record has 0.16" in text
-    assert "times phi in the equation of beta', which holds 0.4905" in text
+    assert "times phi in the equation of beta', where the model has 0.4905" in text
     assert any(text.removeprefix("fit: ") == one for one in fit.check())
 
 

@@ -173,10 +173,15 @@ impl Problem {
 
     /// Runs without covariance from `wls` and from these parameters, a lane each, close to the end: costs.
     pub(crate) fn trial(&mut self, fitter: &Fitter, starts: &[Vec<f64>]) -> [f64; LANES] {
+        let start = if starts.is_empty() { Start::Wls } else { Start::Each(starts) };
+        self.trial_from(fitter, start)
+    }
+
+    /// The same from where it is said.
+    pub(crate) fn trial_from(&mut self, fitter: &Fitter, start: Start<'_>) -> [f64; LANES] {
         let (d, w) = (&self.design, &mut self.space);
         let given = fitter.o.options;
         let options = Options { wanted: Wanted::Cost, tol: given.tol.max(CLOSE), ..given };
-        let start = if starts.is_empty() { Start::Wls } else { Start::Each(starts) };
         let live = start.lanes();
         let outcome = estimate(fitter.isa, d, w, live, start, &options);
         let unit = d.cost_unit() * d.cost_unit();

@@ -11,7 +11,7 @@ use super::iterate::TermsProblem;
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::Worker;
 use super::sigma::{Sigma, root};
-use crate::error::Error;
+use crate::error::{Error, Status};
 use crate::estimate::normal_equations::RowWeights;
 use crate::math::ln_1;
 
@@ -22,6 +22,8 @@ const FAR: f64 = 4.0;
 /// Rounds of levels and parameters, and the relative change of variances that ends them.
 const ROUNDS: usize = 20;
 const SETTLED: f64 = 1e-3;
+/// Rounds one after the other whose parameters did not settle: no more of them would.
+const UNSETTLED: usize = 6;
 /// A variance changes by no more than this factor a round.
 const MOST: f64 = 1e4;
 /// A level is at least this part of its channel's size: rows of channels that share an equation would drown in
@@ -82,6 +84,7 @@ impl TermsFitter {
         let (seen, least) = (problem.sigmas.clone(), problem.least_variances());
         let raised = seen.iter().zip(&least).map(|(own, least)| own.at_least(least)).collect();
         problem.set_sigmas(raised);
+        let mut unsettled = 0;
         for round in 0..ROUNDS {
             let learnt = problem.learnt(&ended.theta, &least)?;
             let none =
@@ -101,6 +104,10 @@ impl TermsFitter {
                 break;
             }
             ended = Ended { nit: ended.nit + next.nit, ..next };
+            unsettled = if ended.status == Status::Ok { 0 } else { unsettled + 1 };
+            if unsettled == UNSETTLED {
+                break;
+            }
         }
         Ok(ended)
     }
