@@ -41,7 +41,8 @@ class Bootstrap(FitMany):
 
     Figures are those of the `usable` replicates, status "ok" or "maxiter", as in studies; `failures` counts
     all that are not "ok". `*_mcse` is the Monte Carlo standard error of a figure: what another
-    seed would change.
+    seed would change. The bootstrap's standard errors are `sd`; `bse`, as in `FitMany`, holds those that each
+    refit states of itself.
 
     Attributes
     ----------

@@ -344,6 +344,12 @@ def _simulated(
             f"MonteCarlo: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; give it, or "
             "generate=, a function that makes the records"
         )
+    for name, value in (("duration", duration), ("intervals", intervals)):
+        if np.ndim(value):
+            raise SpecError(
+                f"MonteCarlo: {name}={value!r} must be one number; a study varies system, input, "
+                f"initial_state and nsr, so make one for each {name}"
+            )
     if not (noise is None or (isinstance(noise, str) and noise == "white") or callable(noise)):
         raise SpecError(
             f"MonteCarlo: noise={noise!r} is not available; use 'white', or a function of (rng, y, dt) that "

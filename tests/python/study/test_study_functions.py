@@ -406,6 +406,7 @@ def _quadratic(cell: Any, rng: Any) -> mf.Record:
         (lambda: simulated(truth=TRUTH), mf.SpecError, "truth= belongs to generate="),
         (lambda: simulated(grid={"df": [3]}), mf.SpecError, "grid= belongs"),
         (lambda: simulated(system=None, input=None), mf.SpecError, "system=, input= are missing"),
+        (lambda: simulated(duration=[10.0, 20.0]), mf.SpecError, "make one for each duration"),
         (lambda: simulated(noise="pink"), mf.SpecError, r"function of \(rng, y, dt\)"),
         (lambda: simulated(metrics={"a": 3}), mf.SpecError, "metric 'a' is a int"),
         (lambda: simulated(metrics=[kit.gain]), mf.SpecError, "dict from names"),
