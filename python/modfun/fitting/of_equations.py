@@ -230,8 +230,9 @@ def _correlations(found: dict[str, Any], outputs: int) -> F64:
 
 
 def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:
-    """Noise levels of masked records, which only their good samples show; None where none is masked."""
-    if all(rec.mask is None for rec in records):
+    """Noise levels that the core cannot see: of masked records, and of uneven ones where they matter."""
+    uneven = layout.formulas.needs_levels and any(rec.dt is None for rec in records)
+    if not uneven and all(rec.mask is None for rec in records):
         return None
     order = max(layout.orders)
     tables = [

@@ -123,12 +123,6 @@ def select_terms(
     tests = () if test is None else records_of(test, "select_terms")
     if not isinstance(noise, Noise) and noise != "output":
         raise SpecError(f'select_terms: noise={noise!r} must be "output" or mf.Noise(y=...)')
-    if not isinstance(noise, Noise) and any(rec.dt is None for rec in records):
-        raise DataError(
-            "select_terms: the steps of a record are uneven, and only even samples show the noise level; "
-            "give it, noise=mf.Noise(y=[...]), a standard deviation for each output (of a stretch at rest, "
-            "or of the sensors). Samples interpolated onto even times bias the terms and their errors"
-        )
     found = library_of(library, target, keep, records, signs, hierarchy)
     order = found.order
     levels = [_levels(rec, noise, order) for rec in records]

@@ -6,13 +6,18 @@ import numpy as np
 
 from .._core import noise_level
 from ..base.arguments import whole
+from ..base.arrays import F64
 from ..base.samples import frozen
 from ..base.tables import Table
-from ..errors import DataError
 from ..signals.spectrum import Spectrum
 from .samples import Samples
 
 __all__ = ["noise_table", "spectrum_of"]
+
+NEIGHBOURS = (2, 3)  # on each side of a sample; what is smaller holds less of a fast signal
+MEDIAN = 0.4549364231195727  # of chi-square with one degree of freedom
+LARGE, CLIPPED = 9.0, 0.99501  # beyond which one counts no more, and its mean then
+ENOUGH = 20_000  # samples that are looked at
 
 
 def spectrum_of(record: Samples) -> Spectrum:
@@ -38,14 +43,36 @@ def spectrum_of(record: Samples) -> Spectrum:
     return Spectrum(frozen(omega), frozen(lines), names, units)
 
 
+def _beside_neighbours(t: F64, rows: F64, count: int) -> F64:
+    """Noise levels from what each sample is beside the polynomial through as many neighbours on each side.
+
+    Squares are clipped beside their median, so that gaps and spikes count little.
+    """
+    some = slice(None, None, 1 + t.size // ENOUGH)
+    windows = np.lib.stride_tricks.sliding_window_view(t, 2 * count + 1)[some]
+    middle = windows[:, count]
+    nodes = np.delete(windows, count, axis=1)
+    apart = nodes[:, :, None] - nodes[:, None, :]
+    there = middle[:, None] - nodes
+    own = np.eye(2 * count, dtype=bool)
+    # Of Lagrange's polynomials: each node's product over the others.
+    weights = np.prod(np.where(own, 1.0, there[:, None, :] / np.where(own, 1.0, apart)), axis=2)
+    seen = np.lib.stride_tricks.sliding_window_view(rows, 2 * count + 1, axis=1)[:, some]
+    around = np.delete(seen, count, axis=2)
+    left = seen[:, :, count] - np.einsum("ij,kij->ki", weights, around)
+    squares = left**2 / (1 + np.sum(weights**2, axis=1))
+    most = LARGE * np.median(squares, axis=1, keepdims=True) / MEDIAN
+    return np.asarray(np.sqrt(np.mean(np.minimum(squares, most), axis=1) / CLIPPED))
+
+
 def noise_table(record: Samples, order: int) -> Table:
     """Return what `Record.noise_level` promises."""
-    if record.dt is None:
-        raise DataError(
-            "noise_level needs evenly spaced samples; resample the record, or give dt= if it is even"
-        )
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
-    level = np.asarray(noise_level(both, whole("noise_level", "order", order, 1, 100)))
+    whole("noise_level", "order", order, 1, 100)
+    if record.dt is None:
+        level = np.min([_beside_neighbours(record.t, both, count) for count in NEIGHBOURS], axis=0)
+    else:
+        level = np.asarray(noise_level(both, order))
     rms = both.std(axis=1)
     names = (*record.outputs, *record.inputs)
     with np.errstate(divide="ignore", invalid="ignore"):

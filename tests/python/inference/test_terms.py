@@ -289,7 +289,7 @@ def test_uneven_samples_have_the_true_terms_and_intervals_that_hold(kind):
         y = clean(t)
         level = 0.05 * y.std(axis=1)
         rec = mf.Record(y=y + level[:, None] * rng.standard_normal(y.shape), t=t, outputs=["x", "z"])
-        found = mf.select_terms(rec, "polynomials of x, z up to 2", noise=mf.Noise(y=level))
+        found = mf.select_terms(rec, "polynomials of x, z up to 2")
         if {left: set(own) for left, own in found.terms.items()} != {k: set(v) for k, v in truth.items()}:
             continue
         right += 1
@@ -298,13 +298,6 @@ def test_uneven_samples_have_the_true_terms_and_intervals_that_hold(kind):
         held += int(np.sum((interval[:, 0] < value) & (interval[:, 1] > value)))
     assert right >= 19
     assert held >= binom.ppf(1e-3, 4 * right, 0.925)
-
-
-def test_uneven_samples_need_a_noise_level():
-    rng = np.random.default_rng(0)
-    t = np.sort(np.r_[0, 20, rng.uniform(0, 20, 399)])
-    with pytest.raises(mf.DataError, match=r"give it, noise=mf\.Noise\(y=\[\.\.\.\]\)"):
-        mf.select_terms(mf.Record(y=np.sin(t), t=t), "polynomials of y up to 3", target="y''")
 
 
 def test_equations_are_written_as_latex_and_markdown():

@@ -656,7 +656,6 @@ REFUSED = {
     "select wrong": (lambda: Record(y=Y, dt=1).select(outputs="Y"), SpecError, "did you mean 'y'"),
     "assign length": (lambda: Record(y=Y, dt=1).assign(z=Y[1:]), DataError, r"shape \(500,\) where \(501,\)"),
     "assign nan": (lambda: Record(y=Y, dt=1).assign(z=BAD), DataError, "channel 'z' has 484"),
-    "noise uneven": (lambda: Record(y=Y, t=T**1.1).noise_level(), DataError, "evenly spaced .*resample"),
     "batch 1-D": (lambda: Batch(y=Y, dt=1), DataError, r"must be \(replicate, channel, time\)"),
     "batch no dt": (lambda: Batch(y=[Y]), SpecError, "give dt="),
     "batch u": (lambda: Batch(y=[Y], u=U[1:], dt=1), DataError, "as many samples as y"),
