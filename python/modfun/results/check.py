@@ -110,9 +110,11 @@ def check(fit: Estimates, line: str) -> Findings:
     if not fit.usable:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
-        found = [look(fit) for look in LOOKS if look is not unexplained]
+        said = {look: look(fit) for look in LOOKS if look is not unexplained}
+        found = list(said.values())
         note = noise_free(fit)
-        if note is None:
+        told = any(said[look] for look in (contradicted_numbers, missing_input))
+        if note is None and not told:  # residuals of another model than the record has say no more
             d = diagnose(fit)
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
