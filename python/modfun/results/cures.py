@@ -98,10 +98,10 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
         best = found.after - CLOSE if found else before - WORTH
         for words, structure in group:
             other = again(fit, fit.records, structure, options)
-            if other is None or EXTRA in other.at_bound or _odd_time(fit, words, other[EXTRA]):
+            if other is None or EXTRA in other.at_bound:
                 continue
             after = bic_beside(other, fit)
-            if not (isfinite(after) and after < best):
+            if not (isfinite(after) and after < best) or _odd_time(fit, words, other[EXTRA]):
                 continue
             if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
                 continue
