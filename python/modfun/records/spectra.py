@@ -68,7 +68,7 @@ def _beside_neighbours(t: F64, rows: F64, count: int) -> F64:
 def noise_table(record: Samples, order: int) -> Table:
     """Return what `Record.noise_level` promises."""
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
-    whole("noise_level", "order", order, 1, 100)
+    order = whole("noise_level", "order", order, 1, 100)
     if record.dt is None:
         level = np.min([_beside_neighbours(record.t, both, count) for count in NEIGHBOURS], axis=0)
     else:

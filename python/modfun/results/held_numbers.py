@@ -23,12 +23,11 @@ from .misfit import suspicious
 
 __all__ = ["contradicted_numbers"]
 
-PRIME = "'"
 FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
 ROUGH = 0.05  # relative, the same: kinematics are often rounded
-MOST = 2  # channels that are in another unit at once
 NEAR = 0.03  # relative, the same of a unit
+MOST = 2  # channels that are in another unit at once
 # What a factor of a channel is, as size and words.
 UNITS = (
     (180 / pi, "in degrees and not in radians"),
@@ -94,6 +93,8 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
     if fit.success and not convincing(fit, cure):
         return None
     at = [other.param_names.index(f"{FREED}{k}") for k in range(len(held))]
+    if not np.all(other.bse[at] > 0):  # exact fits tell no errors
+        return None
     return [
         replace(number, found=number.held + float(other.params[k]), error=float(other.bse[k]))
         for number, k in zip(held, at, strict=True)
@@ -246,7 +247,7 @@ def _shown(term: Any) -> str:
 
     name: str = said(term.signal)
     if term.signal.is_Symbol:
-        return f"{name}{PRIME * term.order}"
+        return name + "'" * int(term.order)
     return f"D({name}, {term.order})" if term.order else name
 
 

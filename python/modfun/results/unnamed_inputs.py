@@ -9,6 +9,7 @@ from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
+from ..records.record import Record
 from .cures import Cure, again, bic_beside, convincing, on_band
 from .diagnosis import level_p
 from .doubts import Doubt
@@ -25,27 +26,26 @@ def missing_input(fit: Estimates) -> Doubt | None:
     given = getattr(fit, "unnamed", ())
     if not given or fit.again is None or not fit.usable or not suspicious(fit):
         return None
-    best: tuple[str, Cure] | None = None
-    for name, structure in _with_one_more(fit.structure, given[0].inputs):
-        other = again(fit, given, structure, on_band(fit, fit.band))
-        if other is None or not other.success:
-            continue
-        cure = Cure(name, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
-        if convincing(fit, cure) and (best is None or cure.after < best[1].after):
-            best = name, cure
-    if best is None:
+    before, options = bic_beside(fit, fit), on_band(fit, fit.band)
+    made = ((name, again(fit, given, own, options)) for name, own in _with_one_more(fit.structure, given[0]))
+    cures = [
+        Cure(name, before, bic_beside(other, fit), level_p(other))
+        for name, other in made
+        if other is not None and other.success
+    ]
+    cure = min((one for one in cures if convincing(fit, one)), key=lambda one: one.after, default=None)
+    if cure is None:
         return None
-    name, cure = best
     return Doubt(
-        f"Input {name!r} is in the record and not in the model, and explains most of the residuals: with it "
-        f"in each equation, BIC falls from {cure.before:.4g} to {cure.after:.4g}. First write it into "
-        "the model."
+        f"Input {cure.words!r} is in the record and not in the model, and explains most of the residuals: "
+        f"with it in each equation, BIC falls from {cure.before:.4g} to {cure.after:.4g}. First write it "
+        "into the model."
     )
 
 
-def _with_one_more(model: Any, inputs: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    """The model with one more of these inputs, with a coefficient of its own in each equation."""
-    for name in inputs:
+def _with_one_more(model: Any, rec: Record) -> Iterator[tuple[str, Any]]:
+    """The model with one more input of the record, with a coefficient of its own in each equation."""
+    for name in rec.inputs:
         if name in model.inputs:
             continue
         try:

@@ -94,6 +94,13 @@ def test_either_of_two_channels_is_named_with_the_other(model):
         assert "rec.assign(q=rec['q']/57.3); the inverse change of alpha would do the same." in text
 
 
+def test_a_vane_in_degrees_is_named_though_a_term_is_missing():
+    """No lift of the elevator in the model, which was called a lag longer than the record."""
+    rec = flown(PITCH, ("alpha", "q"), ("de",), 1, alpha=180 / np.pi)
+    text = warned(rec, SHORT._like(B=[[0], ["Md"]]))[1]
+    assert "rec.assign(alpha=rec['alpha']/57.3); the inverse change of q would do the same." in text
+
+
 def test_what_the_parameters_take_up_is_not_warned_of():
     """All angles in degrees, and the elevator the other way round: other numbers, and no wrong ones."""
     for scales in ({"alpha": 57.3, "q": 57.3, "de": 57.3}, {"de": -1}):
