@@ -142,7 +142,10 @@ class _Cell:
         if isinstance(answer, Fit):
             self.status[row] = STATUS.index(answer.status)
             self.fits, self.iterations = self.fits + 1, self.iterations + answer.nit
-            self._cover(np.array([row]), answer.bse[None], answer.degrees)
+            # It may have more parameters, in another order.
+            own = [answer.param_names.index(name) for name in self.names]
+            degrees = np.broadcast_to(answer.degrees, answer.bse.shape)
+            self._cover(np.array([row]), answer.bse[None, own], degrees[own])
         if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
             self.status[row] = STATUS.index("nonfinite")
         if self.status[row] < USED:

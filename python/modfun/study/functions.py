@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.named import Named
 from ..errors import SpecError
 from ..records.record import Record
 from ..results.fit import Fit
@@ -132,6 +133,8 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
     """
     if isinstance(answer, Fit):
         answer = answer.estimates()
+    if isinstance(answer, Named) and answer.names:
+        answer = dict(answer)
     if isinstance(answer, Mapping):
         missing = [name for name in names if name not in answer]
         if missing:

@@ -9,22 +9,23 @@ from .polynomials import Polynomials, all_equal, companion, strip, time_unit
 
 __all__ = ["observable", "transfer"]
 
+ROUNDING = 1e-13  # what two coefficients leave that cancel, over their size
+
 
 def transfer(a: F64, b: F64, c: F64, d: F64) -> tuple[Polynomials, Polynomials]:
     """Numerators and monic denominators (output, input) of a state space, in descending powers of s."""
     outputs, inputs = d.shape
     den = np.atleast_1d(np.poly(a)).real if a.size else np.ones(1)
-    # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
-    num = tuple(
-        tuple(
-            strip(
-                (np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1)) + (d[i, j] - 1.0) * den,
-                relative=1e-12,
-            )
-            for j in range(inputs)
-        )
-        for i in range(outputs)
-    )
+
+    def numerator(i: int, j: int) -> F64:
+        # det(sI − A + bc) = det(sI − A)(1 + c(sI − A)⁻¹b), so the path's numerator is a difference.
+        first = np.poly(a - np.outer(b[:, j], c[i])).real if a.size else np.ones(1)
+        second = (d[i, j] - 1.0) * den
+        found = first + second
+        found[np.abs(found) < ROUNDING * np.maximum(np.abs(first), np.abs(second))] = 0.0
+        return strip(found, relative=1e-12)
+
+    num = tuple(tuple(numerator(i, j) for j in range(inputs)) for i in range(outputs))
     return num, ((den,) * inputs,) * outputs
 
 
