@@ -376,6 +376,7 @@ fn oscillator(isa: Isa, harmonics: usize) -> Work {
         levels: Some(vec![0.2]),
         levels_matter: true,
         learn: false,
+        coloured: false,
         priors: vec![],
         options: SETTLED,
     };

@@ -65,6 +65,8 @@ struct GivenTerms {
     #[pyo3(item)]
     learn: bool,
     #[pyo3(item)]
+    coloured: bool,
+    #[pyo3(item)]
     priors: Vec<GivenPrior>,
 }
 
@@ -106,6 +108,7 @@ impl GivenTerms {
             levels: self.levels,
             levels_matter: self.levels_matter,
             learn: self.learn,
+            coloured: self.coloured,
             priors: priors(self.priors),
             options: words.iteration(Wanted::Covariance),
         })

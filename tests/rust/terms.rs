@@ -43,6 +43,7 @@ fn options(band: Band, level: Option<f64>) -> TermsOptions {
         levels: level.map(|s| vec![s]),
         levels_matter: true,
         learn: false,
+        coloured: false,
         priors: vec![],
         options,
     }

@@ -120,11 +120,6 @@ def layout_of(
     """The equations for the channels of records or of a batch; `forms`: of all records, or of each."""
     for name, plain, why in (
         (
-            "noise",
-            options.noise != "coloured",
-            "is for transfer functions; the standard errors are spectral, which hold whatever the colour",
-        ),
-        (
             "output_weights",
             options.output_weights is None,
             "is for transfer functions; give noise=mf.Noise(y=...)",

@@ -112,8 +112,9 @@ def fit(
         transfer functions of one output with known delays and for linear equations and state spaces of which
         every state is measured, by "ml"); "equation": white in the equations alone;
         "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
-        alternation; "errors-in-variables": white on outputs and inputs, levels from the harmonics that the
-        signals leave empty; "log-normal": white on the logarithms of the outputs (equations only);
+        alternation (not for nonlinear equations); "errors-in-variables": white on outputs and inputs, levels
+        from the harmonics that the signals leave empty; "log-normal": white on the logarithms of the outputs
+        (equations only);
         `Noise`: known up to a common factor. Equations take the levels of several outputs, and of what noise
         adds to nonlinear signals, from the unused harmonics or from `Noise`.
     cov_type : {"spectral", "HC3", "nonrobust"}

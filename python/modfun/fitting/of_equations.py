@@ -91,8 +91,10 @@ def prepare_equation(
     words = options.core() | {"trend": trend, "intersample": ()}
     words["noise"] = "process" if options.drives else "equation" if options.noise == "equation" else "output"
     words["shapes"] = tuple(own for _, own in getattr(options.noise, "filters", ()))
+    words["coloured"] = options.noise == "coloured"
     # Noise of inputs and outputs cannot be told apart by how large the residuals are.
-    words["learn"] = learn and options.noise == "output" and len(layout.formulas.noisy) == len(layout.outputs)
+    own = len(layout.formulas.noisy) == len(layout.outputs)
+    words["learn"] = learn and own and options.noise in ("output", "coloured")
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))
@@ -146,7 +148,7 @@ def fit_equation(
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
-    learns = options.noise == "output" and len(layout.outputs) * len(records) > 1
+    learns = options.noise in ("output", "coloured") and len(layout.outputs) * len(records) > 1
     spread = [_all_noisy(layout, v) for v in capped]
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:

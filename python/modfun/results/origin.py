@@ -86,7 +86,7 @@ def gain_of_colour(fit: Estimates) -> float | None:
 
     Geometric mean over the parameters, over the band of the fit.
     """
-    if fit.options.noise != "output" or fit.again is None or fit.records is None or not fit.layout.rational:
+    if fit.options.noise != "output" or fit.again is None or fit.records is None:
         return None
     if hum(fit):  # the lines beside it would count as known
         return None

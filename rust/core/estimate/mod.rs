@@ -4,6 +4,7 @@ mod again;
 mod aliasing;
 mod answer;
 mod at_once;
+mod autoregression;
 mod awls;
 mod band;
 pub(crate) mod batch;

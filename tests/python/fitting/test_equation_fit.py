@@ -403,7 +403,7 @@ def test_a_linear_state_space_has_poles():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"noise": "coloured"}, "spectral, which hold whatever the colour"),
+        ({"noise": "coloured"}, "hold for noise of any colour"),
         ({"output_weights": [1.0]}, r"give noise=mf.Noise"),
         ({"extended": False}, "equations use all indices"),
         ({"noise": mf.Noise(y=[0.1, 0.2])}, r"one or one per channel \(1\)"),

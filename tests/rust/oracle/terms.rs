@@ -28,6 +28,7 @@ fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> 
         levels: Some(levels.to_vec()),
         levels_matter: true,
         learn: false,
+        coloured: false,
         priors: vec![],
         options: OPTIONS,
     }

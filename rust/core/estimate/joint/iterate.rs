@@ -8,23 +8,19 @@ use super::unalias::unalias;
 use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
-use crate::estimate::aliasing;
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
 use crate::estimate::rule::Rule;
 use crate::estimate::{Options, Wanted};
+use crate::estimate::{aliasing, autoregression};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
 
-/// Alternations of θ with the colour.
-pub(super) const ROUNDS: usize = 40;
 /// Steps with Σ from the residuals, over those with Σ = 1.
 pub(super) const LONGER: usize = 4;
-/// Largest change of the colour's root after which nothing is left to do.
-pub(super) const COLOUR_SETTLED: f64 = 1e-4;
 /// Smallest variance of an output, and of what the others leave of it.
 pub(super) const FLOOR: f64 = 1e-14;
 const OWN: f64 = 1e-8;
@@ -259,10 +255,11 @@ fn settle_noise(
         iterate(isa, d, w, Run { most, ..run }, refresh)?;
         going = w.progress.active.0.map(|active| active > 0.0);
     } else {
-        for round in 0..ROUNDS.min(run.most) {
+        for round in 0..autoregression::ROUNDS.min(run.most) {
             let recoloured = colour::refit(isa, d, w, round, going);
             for k in 0..LANES {
-                let still = recoloured[k] <= COLOUR_SETTLED && w.progress.active.0[k] == 0.0;
+                let still =
+                    recoloured[k] <= autoregression::SETTLED && w.progress.active.0[k] == 0.0;
                 going[k] &= round == 0 || !(still || w.dependent[k]);
             }
             if !going.contains(&true) {

@@ -66,6 +66,7 @@ impl TermsFitter {
             && self.driven().is_none()
             && !self.o.equations.moves()
             && !self.learns()
+            && !self.o.coloured
             && chosen.ranges.iter().all(|(first, last)| last - first < MOST_LINES)
     }
 

@@ -92,6 +92,7 @@ impl TermsFitter {
             ended = problem.better(ended, second);
         }
         let ended = self.learn(&mut problem, ended)?;
+        let ended = self.colour(&mut problem, &chosen.ranges, ended)?;
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, chosen.rule)?;
         Ok((fit, problem.into_worker()))
@@ -242,7 +243,7 @@ impl TermsFitter {
         for (plan, (first, last)) in self.records.iter().zip(ranges) {
             let lines = plan.lines(*first, *last);
             let spot = match old.next() {
-                Some(spot) if spot.of(lines) => spot,
+                Some(spot) if spot.of(lines) => spot.uncoloured(),
                 _ => Spot::new(self.isa, e, lines, self.o.trend, &unit),
             };
             rows += spot.rows.len();

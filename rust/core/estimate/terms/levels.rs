@@ -89,7 +89,9 @@ impl TermsFitter {
             let learnt = problem.learnt(&ended.theta, &least)?;
             let none =
                 learnt.sigmas.iter().zip(&least).all(|(own, least)| own.variances() == least);
-            if round == 0 && (learnt.contradiction <= FAR || none) {
+            // What the high band shows of coloured noise is no guide to the band of the fit.
+            let agrees = learnt.contradiction <= FAR && !self.o.coloured;
+            if round == 0 && (agrees || none) {
                 problem.set_sigmas(seen);
                 break;
             }

@@ -11,6 +11,7 @@
 //! `awls` C of the last estimate, `ml` follows the gradient through C.
 
 mod batch;
+mod colour;
 mod complex;
 mod descent;
 mod driven;

@@ -43,6 +43,8 @@ pub struct TermsOptions {
     pub levels_matter: bool,
     /// Whether levels of several noisy channels are estimated with the parameters.
     pub learn: bool,
+    /// Whether the colour of each noisy channel is, too.
+    pub coloured: bool,
     /// What is known of parameters beforehand.
     pub priors: Vec<Prior>,
     /// Iteration.
@@ -107,7 +109,9 @@ impl TermsFitter {
             let (wide, few) = default_lines(o.method, unknowns, order, window.resolved, 0);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
-            records.push(TermsRecordPlan::new(e, k, (*samples, *time), o.rule, range.1, own)?);
+            // The colour of the noise is read from a wide band even where the fit's is narrow.
+            let highest = if o.coloured { range.1.max(wide.min(WIDEST)) } else { range.1 };
+            records.push(TermsRecordPlan::new(e, k, (*samples, *time), o.rule, highest, own)?);
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
         }
@@ -122,6 +126,14 @@ impl TermsFitter {
                 e.orders.len(),
                 e.noisy.len() - o.shapes.len().min(e.noisy.len())
             )));
+        }
+        if o.coloured && e.bends() {
+            return Err(Error::Spec(
+                "fitting equations with noise=\"coloured\": one of them is nonlinear in the outputs, which spreads their \
+                 noise over all lines, so that its colour cannot weigh the lines. Leave noise= out: the standard errors \
+                 hold for noise of any colour"
+                    .into(),
+            ));
         }
         let pairs = Pairs::new(e);
         Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })

@@ -4,6 +4,7 @@
 //! v̂ = ΣLᵀλ; J is made of the signals without it, E − (∂E/∂v)v̂, which makes Jᵀ C⁻¹ r the exact gradient of
 //! ½ rᵀC(θ)⁻¹r (docs/core.md, "Terms").
 
+mod colour;
 mod covariance;
 mod denoised;
 mod eight;
@@ -60,6 +61,9 @@ pub(crate) struct Spot {
     /// Standard deviation of a row under flat weights.
     flat: Vec<f64>,
     pub spectra: Spectra,
+    /// Root of the noise's power on the lines over its mean: of each noisy channel, and of each signal; none if white.
+    pub colours: Vec<Vec<f64>>,
+    tints: Vec<Vec<f64>>,
     /// L on the lines, of each equation and noisy signal.
     loads: Vec<Split>,
     /// Equation error on the lines, of each equation.
@@ -158,6 +162,8 @@ impl Spot {
             transients,
             flat,
             spectra: Spectra::default(),
+            colours: Vec::new(),
+            tints: Vec::new(),
             loads: Vec::new(),
             error: vec![Split::zeros(count); equations],
             entries: Entries::default(),
@@ -278,6 +284,7 @@ impl Spot {
                 }
             }
         }
+        self.tint_loads(pairs);
     }
 
     /// The least that a row's pivot may be: what rounding leaves, and next to nothing of what it is on the

@@ -2,9 +2,10 @@
 
 use super::super::colour;
 use super::super::design::Colour;
-use super::super::iterate::{COLOUR_SETTLED, ROUNDS, Refresh};
+use super::super::iterate::Refresh;
 use super::{Run, Single};
 use crate::error::Error;
+use crate::estimate::autoregression::{ROUNDS, SETTLED};
 use crate::simd::Wide;
 
 impl Single<'_> {
@@ -24,7 +25,7 @@ impl Single<'_> {
             if !run.fresh && self.d.estimates_covariance() {
                 changed = changed.max(self.renew());
             }
-            let settled = changed <= COLOUR_SETTLED && self.w.progress.active.0[0] == 0.0;
+            let settled = changed <= SETTLED && self.w.progress.active.0[0] == 0.0;
             if round > 0 && (settled || self.dependent) {
                 going = false;
                 break;

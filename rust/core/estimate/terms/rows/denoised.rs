@@ -1,6 +1,7 @@
 //! The noise that explains the residuals best, and the lines of the signals without it.
 
 use super::Spot;
+use super::colour::tinted;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::terms::complex::{C, Split, late, loaded};
 use crate::estimate::terms::lines::{Pairs, Spectra};
@@ -32,6 +33,9 @@ impl Spot {
                 count,
                 out: &mut self.noise,
             });
+            if let Some(tint) = self.tints.get(s) {
+                tinted(&mut self.noise, tint);
+            }
             let to = &mut self.denoised[s];
             let (re, im) = numbers(&self.noise).split_at(self.noise.len() / 2 * LANES);
             if *late_by == 0.0 {
