@@ -203,6 +203,7 @@ def _of_found(
     even = all([rec.dt is not None and rec.sigma is None for rec in records])
     told = even or layout.formulas.needs_levels or isinstance(options.noise, Noise)
     driven = "process_levels" in found  # one level of each kind for all records, some of which may be 0
+    coloured = options.noise == "coloured"
     cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
     over = np.ones_like(own) if driven else own / known
     noise = np.outer(known, known) * np.mean(_correlations(found, len(known)), axis=0) * found["scale"]
@@ -213,10 +214,10 @@ def _of_found(
         options,
         records,
         made.intervals,
-        # Levels read between gaps are too rough to judge residuals by.
-        noise_scale=nan if seen else found["scale"],
+        # Levels read between gaps are too rough to judge residuals by, and coloured noise has none in the band.
+        noise_scale=nan if seen or coloured else found["scale"],
         levels=levels,
-        seen=found["seen"] if told else np.full_like(levels, nan),
+        seen=found["seen"] if told and not coloured else np.full_like(levels, nan),
         df_hc3=found["df_hc3"],
         bend=found["bend"],
         again=again,

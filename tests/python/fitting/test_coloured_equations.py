@@ -89,7 +89,10 @@ def test_check_says_what_it_gains():
     fit = fitted(flight(0))
     (said,) = [str(doubt) for doubt in fit.check() if "Weighting the lines" in str(doubt)]
     assert 'noise="coloured"' in said
-    assert "an autoregression fitted to the residuals" in str(fitted(flight(0), noise="coloured").summary())
+    coloured = fitted(flight(0), noise="coloured")
+    assert "an autoregression fitted to the residuals" in str(coloured.summary())
+    assert 'noise="coloured" comes without a level' in str(coloured.summary())
+    assert "times the noise level" not in str(coloured.check())
 
 
 def test_nonlinear_equations_are_refused_with_the_reason():
