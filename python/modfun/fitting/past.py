@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import ceil, exp
+from math import ceil, exp, pi
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,8 @@ SHORT = 12  # samples from which a level is first guessed in motion
 STEP = 0.2  # of the noise: differences of levels
 SETTLED = 0.1  # of its standard error: change of a level that ends the search
 ROUNDS = 8
+ENOUGH = 20  # degrees of freedom: fewer contradict no false start, and leave wide intervals
+SLOWEST = 8  # samples per period of the highest line that is added for them
 LARGE = 100.0  # logarithm of a ratio that is no number
 
 Fits = Callable[[tuple[Record, ...], Any, Options], Any]
@@ -73,6 +75,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     fit = search.fit(search.levels)
     if not fit.usable:
         return replace(fit, records=records, options=options)
+    fit = search.on_enough_lines(fit)
     search.inner = on_band(fit, fit.band)
     wider: dict[str, F64] = {}
     if search.free:
@@ -108,6 +111,22 @@ class _Search:
     def fit(self, levels: F64) -> Any:
         """The fit under these levels."""
         return self.fit_once(self.extended(levels), self.structure, self.inner)
+
+    def on_enough_lines(self, fit: Any) -> Any:
+        """The fit on a default band that is wide enough for the noise level; itself where it is.
+
+        A past says so much of the parameters that few lines reach their bound.
+        """
+        missing = ENOUGH - fit.df_resid
+        if missing <= 0 or fit.band_rule is None:
+            return fit
+        steps = [float(np.median(np.diff(rec.t))) for rec in self.records]
+        length = sum(step * count for step, count in zip(steps, fit.intervals, strict=True))
+        edge = min(fit.band[1] + pi * missing / (length * len(fit.outputs)), 2 * pi / (SLOWEST * max(steps)))
+        if not edge > fit.band[1]:
+            return fit
+        other = self.fit_once(self.extended(self.levels), self.structure, on_band(fit, (fit.band[0], edge)))
+        return replace(other, band_rule=fit.band_rule | {"widened": 1.0}) if other.success else fit
 
     def extended(self, levels: F64 | None = None) -> tuple[Record, ...]:
         """The records with their past at levels, by default those that were found."""

@@ -24,6 +24,7 @@ __all__ = [
     "high_band_df",
     "level_p",
     "level_ratio",
+    "lower_p",
     "overlapping",
     "surely_stable",
 ]
@@ -111,6 +112,20 @@ def level_p(fit: Estimates) -> float:
         independent = rows**2 / float(np.sum((fit.noise_cov / np.outer(level, level)) ** 2))
         df *= independent / rows
     return float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
+
+
+def lower_p(fit: Estimates, other: Estimates, ratio: float) -> float:
+    """Probability by F of residuals that are so many times smaller in a fit with a constant, by chance.
+
+    With the few lines of a narrow band that is common.
+    """
+    from scipy.special import fdtrc
+
+    left = other.df_resid - fit.noise_levels.size * bool(other.with_past)  # the past's levels are estimated
+    if left < 1:
+        return 1.0
+    more = max(fit.df_resid - left, 1)
+    return float(fdtrc(more, left, (ratio**2 * fit.df_resid - left) / more))
 
 
 def high_band_df(fit: Estimates) -> float:

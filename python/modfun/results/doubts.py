@@ -16,7 +16,7 @@ from ..base.names import listed
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
 from .cures import WORTH, again, bic_beside, furthest, offset_of, on_band
-from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
+from .diagnosis import fewest_samples, growth, level_p, lower_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
 from .priors import contradicted_priors
@@ -53,8 +53,8 @@ OFFSET = 1000.0
 ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the speed of a record may
 SURE = 1e-4  # p-value below which a fit warns by itself
 # Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
-# makes them smaller by such a factor, as a logarithm.
-AWAY, BENT = 1.5, math.log(2.0)
+# makes them smaller by such a factor.
+AWAY, BENT = 1.5, 2.0
 FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 BLOCK = 2**16  # samples
 # Share of the outputs' power below the edge of a band: in the wrong unit at most, in the right at least.
@@ -65,7 +65,7 @@ VISIBLE, CERTAIN = math.log(1000.0), 4.0
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
 # nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
 LITTLE = 0.5
-BENT = 0.5  # second differences over first ones, of signals that noise moves by a standard deviation
+CURVED = 0.5  # second differences over first ones, of signals that noise moves by a standard deviation
 
 
 @dataclass(frozen=True)
@@ -148,11 +148,11 @@ def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
     if not np.any(np.abs(means) > spread) or np.all(levels < noise):
         return ""
-    other = beside()
-    if other is None:
+    if (other := beside()) is None:
         return ""
     left = np.sqrt(np.diag(other.noise_cov))
-    if float(np.sum(np.log(levels / left))) < BENT:
+    ratio = float(np.prod(levels / left)) ** (1 / levels.size)
+    if ratio < BENT or lower_p(fit, other, ratio) > SURE:
         return ""
     names = ", ".join((*fit.outputs, *fit.inputs))
     return (
@@ -238,7 +238,7 @@ def noise_bends(fit: Estimates) -> Doubt | None:
     if fit.layout.rational:
         return None
     bend = getattr(fit, "bend", 0.0)  # of equations
-    if not bend > BENT:
+    if not bend > CURVED:
         return None
     layout: Any = fit.layout
     inside = {fit.param_names[k] for _, k, _ in layout.formulas.words["signal_slopes"]}
