@@ -12,7 +12,6 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..equations.layout import layout_of
-from ..equations.state_space import StateSpace
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -59,7 +58,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     SpecError
         Options or a structure that do not go with a past.
     """
-    if isinstance(structure, StateSpace) and not isinstance(options.initial_state, str):
+    if not isinstance(structure, TransferFunction) and not isinstance(options.initial_state, str):
         _refuse_kind(structure, options)
 
         def from_zero(beside: tuple[Record, ...], model: Any, zero: Options) -> Any:
@@ -287,12 +286,9 @@ def _longest_delay(structure: Any, rec: Record, options: Options) -> float:
 def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None:
     told = f"fit: initial_state={options.initial_state!r}"
     if options.initial_state not in ("rest", "zero"):
-        cure = (
-            "" if isinstance(structure, TransferFunction) else "write linear equations as a StateSpace, or "
-        )
         raise SpecError(
             f"{told} is for transfer functions of one output in white noise, without free delays, masks and "
-            f'sigma, and numbers also for a StateSpace; {cure}take "rest", "zero" or "unknown"'
+            'sigma, and numbers also for an Equation or StateSpace; take "rest", "zero" or "unknown"'
         )
     _refuse_kind(structure, options)
     if not isinstance(structure, TransferFunction) and structure.compiled().is_driven_by_time:

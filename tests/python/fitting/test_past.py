@@ -295,7 +295,7 @@ def test_the_start_is_shown_proposed_saved_and_predicted(tmp_path: Path) -> None
     [
         (
             {"initial_state": [0.1, 0.2]},
-            'linear equations as a StateSpace, or take "rest", "zero" or "unknown"',
+            'numbers are for linear equations with constant coefficients, .* take "rest", "zero" or',
         ),
         ({"initial_state": "rest", "noise": "coloured"}, "goes with noise of the outputs"),
         ({"initial_state": "periodic"}, 'take "rest", "zero" or "unknown"'),
