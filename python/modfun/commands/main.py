@@ -11,7 +11,6 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 from ..errors import DataError, ModfunError, ModfunWarning, SpecError
 
@@ -48,22 +47,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _say('the command line needs typer and rich: pip install "modfun[cli]"', 2)
     from .app import app
 
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    told = str if words[:1] == ["mc"] else in_options  # a study's options are keys of its file
+
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows a question mark, not a traceback.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        warnings.showwarning = lambda message, *rest, **more: _print(f"warning: {told(str(message))}")
         warnings.simplefilter("always", ModfunWarning)
         try:
-            app(args=None if arguments is None else list(arguments), prog_name="modfun")
+            app(args=words, prog_name="modfun")
         except SystemExit as leaving:
             return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
         except (DataError, SpecError) as error:
-            return _say(str(error), 2)
+            return _say(told(str(error)), 2)
         except ModfunError as error:
-            return _say(str(error), 1)
+            return _say(told(str(error)), 1)
         except ImportError as error:
             if "pip install" not in str(error):  # ours say so; any other is a defect and keeps its traceback
                 raise
@@ -75,12 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(text: str, code: int) -> int:
-    print(f"modfun: {in_options(text)}", file=sys.stderr)
+    _print(text)
     return code
 
 
-def _show_warning(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
-    print(f"modfun: warning: {in_options(str(message))}", file=sys.stderr)
+def _print(text: str) -> None:
+    print(f"modfun: {text}", file=sys.stderr)
 
 
 def in_options(text: str) -> str:

@@ -531,3 +531,12 @@ def test_a_disk_that_fails_is_exit_code_1(
     monkeypatch.setattr("os.replace", full)
     assert run("run", "study.toml", "--out", "a") == 1
     assert "make room" in capsys.readouterr().err
+
+
+def test_messages_name_keys_of_the_file_and_no_options(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text('initial_state = "rest"' + STUDY)
+    assert main(["mc", "run", str(path), "--out", str(tmp_path / "runs")]) == 2
+    said = capsys.readouterr().err
+    assert "initial_state='rest' is unknown; give 'zero', 'random', 2 numbers or a function of rng" in said
+    assert "mf.Estimator(structure, initial_state='rest')" in said
