@@ -28,8 +28,8 @@ from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
 from .instruments import referenced_fit
-from .kinks import bent, without_kinks
-from .known_inputs import fit_known_inputs, held_closely, refuse_uneven
+from .kinks import bent
+from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
@@ -416,7 +416,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        made = without_kinks(fit_equation(records, structure, options, fit_quietly), fit_equation)
+        made = equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation)
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)

@@ -13,6 +13,7 @@ import numpy as np
 from .._core import coefficients, noise_level
 from ..base.arrays import C128, F64
 from ..errors import ModfunError
+from ..records.functions import samples_of
 from ..records.record import Record
 from ..results.cures import on_band
 from ..results.of_equations import EquationFit
@@ -25,8 +26,8 @@ FINE = 40  # samples per period of the highest line: with as many, kinks of held
 ROUNDS = 6
 SETTLED = 0.5  # of a standard error: the last step, which is taken; the next one is some twenty times smaller
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
-PARTS = 4  # of a sampling interval, in which the response is looked at
-SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12
+PARTS = 4  # of a sampling interval, in which the response is looked at,
+SEEN = 30  # or more, such that Simpson's rule has so many in a period of the highest line: errors of 1e-5
 BEFORE = np.array([-1.0, 4.0, -6.0, 4.0])  # what a cubic through the last four says of the next
 
 
@@ -63,7 +64,8 @@ def _settled(
 ) -> EquationFit | None:
     """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
     options, now, sizes = on_band(start, start.band), start, list[float]()
-    fine = [between(rec, PARTS) for rec in records]
+    parts = [_parts(start, rec) for rec in records]
+    fine = [between(rec, count) for rec, count in zip(records, parts, strict=True)]
     while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -85,6 +87,14 @@ def _settled(
         now = replace(after, records=records)
     closer = sizes[-1] < max(SETTLED, LESS * sizes[0])  # nan is not
     return replace(now, band_rule=start.band_rule) if closer else None
+
+
+def _parts(fit: EquationFit, rec: Record) -> int:
+    """Parts of a sampling interval."""
+    parts = PARTS
+    while fit.band[1] * (rec.dt or 0.0) * SEEN > 2 * pi * parts:
+        parts *= 2
+    return parts
 
 
 def _levels(fit: EquationFit, records: tuple[Record, ...]) -> list[float] | None:
@@ -115,16 +125,19 @@ def _unfolded(fit: EquationFit, k: int, rec: Record, fine: Record) -> Record:
     `fine` has the inputs between the samples.
     """
     intervals, last = fit.intervals[k], fit.lines[k][1]
-    first = rec.intervals - intervals
-    between = fit.simulate(fine, fit.simulate(rec)[1])[0][:, first * PARTS :]
-    response = between[:, ::PARTS]
+    first, parts = rec.intervals - intervals, fine.intervals // rec.intervals
+    there, start = fit.simulate(rec)
+    told = np.arange(fine.t.size) % parts == 0  # a trend is found from these samples again
+    same = fine._like(y=np.repeat(there, parts, axis=1)[:, : told.size], mask=np.tile(told, (len(there), 1)))
+    between = fit.simulate(same, start)[0][:, first * parts :]
+    response = between[:, ::parts]
     closed = between - _open(between)
-    high = np.fft.rfft(closed[:, :-1:PARTS]) / intervals - _integrals(closed)
+    high = np.fft.rfft(closed[:, :-1:parts]) / intervals - _integrals(closed, parts)
     high[:, : last + 1] = 0
     left = response - _signal(high, intervals)
-    low = _sums(left, last, fit.options.rule) - _integrals(between)[:, : last + 1]
+    low = _sums(left, last, fit.options.rule) - _integrals(between, parts)[:, : last + 1]
     y = rec.y.copy()
-    y[:, first:] -= response - left + _signal(low, intervals)
+    y[:, first:] -= response - left + samples_of(low, intervals, fit.options.rule)
     return rec._like(y=y)
 
 
@@ -167,11 +180,12 @@ def _sums(y: F64, last: int, rule: str) -> C128:
     return np.asarray(coefficients(rows, last, [rule] * len(rows), [0.0] * len(rows), 0, None))
 
 
-def _integrals(between: F64) -> C128:
+def _integrals(between: F64, count: int) -> C128:
     """The same up to half the sampling rate, of what runs between samples: a jump may end each interval."""
-    intervals = (between.shape[1] - 1) // PARTS
-    cells = between[:, :-1].reshape(len(between), intervals, PARTS)
-    cells = np.concatenate([cells, (cells @ BEFORE)[..., None]], axis=2)
+    intervals = (between.shape[1] - 1) // count
+    cells = between[:, :-1].reshape(len(between), intervals, count)
+    cells = np.concatenate([cells, (cells[..., -4:] @ BEFORE)[..., None]], axis=2)
+    simpson = np.r_[1.0, np.tile([4.0, 2.0], count // 2)[:-1], 1.0] / (3 * count)
     parts = np.fft.rfft(cells, axis=1)
-    turns = np.outer(np.arange(parts.shape[1]), np.arange(PARTS + 1) / PARTS) / intervals
-    return np.asarray(np.sum(parts * np.exp(-2j * pi * turns) * SIMPSON, axis=2) / intervals)
+    turns = np.outer(np.arange(parts.shape[1]), np.arange(count + 1) / count) / intervals
+    return np.asarray(np.sum(parts * np.exp(-2j * pi * turns) * simpson, axis=2) / intervals)

@@ -18,11 +18,12 @@ from ..records.corners import driving
 from ..records.functions import Held, integrals, known, sampled, samples_of
 from ..records.record import Record
 from ..results.fit import Fit
+from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
-from .kinks import between
+from .kinks import bent, between, without_kinks
 from .plain import fit_plain
 
-__all__ = ["fit_known_inputs", "held_closely", "refuse_uneven"]
+__all__ = ["equations_closely", "fit_known_inputs", "held_closely", "refuse_uneven"]
 
 PARTS = 16  # of a sampling interval, in which the response is summed
 ROUNDS = 12
@@ -114,6 +115,30 @@ def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], A
         eight = o.replace(band=(0.0, 2 * pi / 8 / max(steps)))
         closer = replace(fit_plain(records, fit.structure, eight, again), options=o)
     return replace(closer, records=records, intersample=fit.intersample) if closer.success else fit
+
+
+def equations_closely(fit: EquationFit, refit: Callable[..., EquationFit]) -> EquationFit:
+    """A fit of equations without what sampling folds, over nearly all lines where inputs are known there.
+
+    The default band of equations ends at an eighth of the number of samples, below which a mode may lie. Of
+    linear ones all lines count where the response of their estimate misses the outputs by no more.
+    """
+    found, o = without_kinks(fit, refit), fit.options
+    records = fit.records or ()
+    linear: bool = fit.layout.compiled.is_linear
+    if not (_sought(o) and linear and any([rec.functions for rec in records])):
+        return found
+    edge = WIDE * pi / max([rec.dt or 0.0 for rec in records])
+    if edge <= fit.band[1]:
+        return found
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        start = refit(records, fit.structure, o.replace(band=(0.0, edge)))
+        wide = without_kinks(start, refit) if bent(start) else start
+        worse = found.success and _misses(wide) > WORSE * _misses(found)
+    if wide is start or worse or not wide.success:
+        return found
+    return replace(wide, options=o, again=fit.again)
 
 
 def _misses(fit: Fit) -> float:

@@ -199,6 +199,8 @@ def _band(fit: Estimates) -> str:
         return f"{text}: given as band"
     if fit.options.harmonics is not None:
         return f"{text}: given as harmonics M = {fit.options.harmonics}"
+    if any([rec.functions for rec in fit.records or ()]):
+        return f"{text}: four fifths of all lines, as inputs are known at all times"
     if fit.options.method in ("ml", "awls"):
         return f"{text}: down to eight samples a period"
     return f"{text}: M = 3 times the number of unknowns"

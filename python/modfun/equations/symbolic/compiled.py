@@ -103,6 +103,12 @@ class Compiled:
         return time in used or not used.isdisjoint(self.known)
 
     @property
+    def is_linear(self) -> bool:
+        """Whether the terms are signals and their derivatives as they are, without functions or products."""
+        plain = (sympy.Symbol, sympy.Number, Delayed)
+        return all(isinstance(x.signal, plain) and x.factor is None for x in self.terms)
+
+    @property
     def orders(self) -> tuple[int, ...]:
         """Highest derivative of each equation: the number of its transient coefficients."""
         count = 1 + max(term.equation for term in self.terms)
