@@ -60,6 +60,14 @@ class Reading:
         list[str] | None,
         typer.Option(metavar="NAME=UNIT", help="Convert a channel to a unit, q=rad/s; repeat.", **DATA),
     ] = None
+    assign: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TEXT",
+            help="An input known at all times, de=sin(t**2/5), in place of a column or beside them; repeat.",
+            **DATA,
+        ),
+    ] = None
     intersample: Annotated[
         list[str] | None,
         typer.Option(
@@ -92,6 +100,7 @@ class Reading:
 
     def records(self, keep: list[str] | None = None) -> list[Record]:
         """Read them, with further channels to keep where they are no inputs."""
+        texts = pairs_of("--assign", self.assign, "NAME=TEXT, such as de=sin(t**2/5)")
         apart = [name for name in (*(keep or ()), self.on) if name and name not in self.inputs]
         found = [
             read(
@@ -114,9 +123,9 @@ class Reading:
             found = picked(found, self.only)
         if self.window is not None:
             found = [rec.window(*window_of(self.window, rec.t[0], rec.t[-1])) for rec in found]
-        return (
-            [rec.convert(**pairs_of("--convert", self.convert)) for rec in found] if self.convert else found
-        )
+        if self.convert:
+            found = [rec.convert(pairs_of("--convert", self.convert)) for rec in found]
+        return [_assigned(rec, texts) for rec in found] if texts else found
 
 
 def reads(command: Command) -> Command:
@@ -144,6 +153,16 @@ def reads(command: Command) -> Command:
     call.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     call.__annotations__ = {p.name: p.annotation for p in parameters}
     return call  # type: ignore[return-value]
+
+
+def _assigned(rec: Record, texts: dict[str, str]) -> Record:
+    """The record with inputs that are known as functions of time, in the units that these had."""
+    if wrong := [name for name in texts if name in rec.outputs or name in rec.kept]:
+        raise SpecError(f"--assign {wrong[0]}: it is no input; functions of time are for inputs")
+    units = {name: unit for name, unit in rec.units.items() if name in texts}
+    known = rec.assign(units=units, **texts)
+    new = [name for name in texts if name not in rec.inputs]
+    return known.select(inputs=[*rec.inputs, *new]) if new else known
 
 
 def _channels(given: list[str] | None) -> dict[str, str] | None:

@@ -123,13 +123,15 @@ def poles_of(given: str) -> Any:
     return range(int(ends[0]), int(ends[-1]) + 1)
 
 
-def pairs_of(option: str, given: list[str] | None) -> dict[str, str]:
+def pairs_of(
+    option: str, given: list[str] | None, form: str = "NAME=UNIT, such as q=deg/s"
+) -> dict[str, str]:
     """Names and what belongs to them, NAME=VALUE each."""
     pairs = [word.partition("=") for word in given or ()]
     if wrong := [
         f"{name}{equals}{value}" for name, equals, value in pairs if not (name and equals and value)
     ]:
-        raise SpecError(f"{option} {wrong[0]}: give NAME=UNIT, such as q=deg/s")
+        raise SpecError(f"{option} {wrong[0]}: give {form}")
     return {name: value for name, _, value in pairs}
 
 

@@ -68,6 +68,7 @@ class Told:
     t0: float = 0.0
     units: Mapping[str, str] = field(default_factory=dict)
     intersample: Mapping[str, str] = field(default_factory=dict)
+    functions: Mapping[str, str] = field(default_factory=dict)  # inputs that are known at all times, as text
     masked: bool = False  # nan in an output is a masked sample
     sigma: Mapping[str, str] = field(default_factory=dict)  # output: column
 

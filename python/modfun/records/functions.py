@@ -17,7 +17,7 @@ from ..signals.sources import Source, evaluate
 
 __all__ = [
     "Held", "drives", "functions_of", "integrals", "is_function", "known", "sampled", "samples_of", "shown",
-    "summable", "warn_of_others",
+    "summable", "texts_of", "warn_of_others",
 ]  # fmt: skip
 
 PARTS = 16  # of a sampling interval, at first: twice as many until integrals stand
@@ -170,6 +170,22 @@ def shown(source: Source) -> str:
     if not isinstance(source, str):
         return f"{getattr(source, '__name__', type(source).__name__)}(t)"
     return source if len(source) <= SHOWN else f"{source[: SHOWN - 3]}..."
+
+
+def texts_of(rec: Any, what: str, *, text: bool = True) -> dict[str, str]:
+    """Inputs that are known at all times, as text, and a warning of those that are not kept.
+
+    `text`: whether text is kept; functions of Python never are.
+    """
+    found = {name: source for name, source in rec.functions.items() if text and isinstance(source, str)}
+    if lost := [name for name in rec.functions if name not in found]:
+        warnings.warn(
+            f"{what}: {lost[0]} = {shown(rec.functions[lost[0]])} is written as samples; to use the function "
+            f"again, assign it after reading, rec.assign({lost[0]}=...)",
+            ModfunWarning,
+            stacklevel=5 if text else 4,
+        )
+    return found
 
 
 def warn_of_others(rec: Any, functions: Mapping[str, Source], u: F64) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from ..base.optional import optional
 from ..errors import DataError, SpecError
 from .columns import Columns, Told, from_arrays, time_candidates
+from .functions import texts_of
 from .samples import Samples
 
 __all__ = ["open_frame", "open_xarray", "to_pandas", "to_xarray", "told_of_frame"]
@@ -37,6 +38,7 @@ def to_pandas(rec: Samples) -> Any:
         "dt": rec.dt,
         "units": rec.units,
         "intersample": dict(zip(rec.inputs, rec.intersample, strict=True)),
+        "functions": texts_of(rec, "to_pandas"),
         "masked": rec.mask is not None,
         "sigma": sigma,
     }
@@ -49,6 +51,7 @@ def to_xarray(rec: Samples) -> Any:
     if "t" in rec.channels:
         raise SpecError("to_xarray: a channel is named 't', as the times are; rename it")
     variables: dict[str, Any] = {}
+    functions = texts_of(rec, "to_xarray")
     for role, names in (("output", rec.outputs), ("input", rec.inputs), ("kept", rec.kept)):
         for name in names:
             attrs: dict[str, Any] = {"role": role}
@@ -56,6 +59,7 @@ def to_xarray(rec: Samples) -> Any:
                 attrs["units"] = rec.units[name]
             if role == "input":
                 attrs["intersample"] = rec.intersample[rec.inputs.index(name)]
+                attrs |= {"function": functions[name]} if name in functions else {}
             if role == "output" and rec.mask is not None:
                 attrs["masked"] = int((~rec.mask[rec.outputs.index(name)]).sum())
             variables[name] = ("t", rec._shown(name), attrs)
@@ -107,6 +111,7 @@ def told_of_frame(attrs: Any, names: Any) -> Told:
         dt=about.get("dt"),
         units=about.get("units", {}),
         intersample=about.get("intersample", {}),
+        functions=about.get("functions", {}),
         masked=about.get("masked", False),
         sigma={name: column for name, column in about.get("sigma", {}).items() if column in names},
     )
@@ -176,6 +181,7 @@ def _told(said: dict[str, dict[str, Any]], clock: str | None, attrs: Any) -> Tol
         dt=float(dt) if clock is not None and isinstance(dt, int | float | np.number) else None,
         units={name: str(about["units"]) for name, about in said.items() if "units" in about},
         intersample={n: str(about["intersample"]) for n, about in said.items() if "intersample" in about},
+        functions={n: str(about["function"]) for n, about in said.items() if "function" in about},
         masked=any("masked" in about for about in said.values()),
         sigma={str(a["of"]): name for name, a in said.items() if a.get("role") == "sigma" and "of" in a},
     )

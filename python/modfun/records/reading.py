@@ -228,6 +228,8 @@ def read(
     )
     if isinstance(source, str | os.PathLike):
         record = record._like(source=_origin(Path(source)))
+    if texts := {new: told.functions[name] for new, name in into.items() if name in told.functions}:
+        record = record._like(_functions=texts)
     if clock is not None and record.dt is not None and record.dt == told.dt and record._lost is None:
         return record._like(t=values[clock] * seconds_of(clock, told))  # as written, to the last bit
     return record

@@ -31,7 +31,7 @@ from ..signals.spectrum import Spectrum
 from . import drawing, labelled, spectra
 from .check import check_record
 from .conversion import converted
-from .functions import functions_of, is_function, sampled
+from .functions import functions_of, is_function, sampled, texts_of
 from .lost_rows import completed
 from .mask import filled, mask_of, refuse_scarce, sigma_of
 from .samples import Samples
@@ -331,7 +331,7 @@ class Record(Samples):
 
         The first column is ``t``, in seconds; masked samples are written nan. Where units of channels are
         known, a line of units follows that of the names. Roles and the form of inputs between samples are
-        not in it: say them again in `modfun.read`.
+        not in it: say them again in `modfun.read`. Of inputs that are known as functions it has samples.
 
         Parameters
         ----------
@@ -341,7 +341,13 @@ class Record(Samples):
         ------
         ModfunError
             It cannot be written; a file that was there before is still whole.
+
+        Warns
+        -----
+        ModfunWarning
+            An input is known as a function of time: `assign` it again to what is read.
         """
+        texts_of(self, "to_csv", text=False)
         columns = [self.t, *(self._shown(name) for name in self.channels)]
         units = ["s", *(self._units.get(name, "") for name in self.channels)] if self._units else None
         write_delimited("to_csv", path, ["t", *self.channels], columns, units=units)

@@ -435,6 +435,23 @@ def test_windows_names_and_units_of_what_is_read(table, capsys):
     assert params(capsys) == mf.fit(rec, mf.TransferFunction(poles=2, zeros=0)).params.tolist()
 
 
+def test_inputs_are_known_at_all_times(table, capsys):
+    """In place of a column, or, of another name, beside them."""
+    model, text = mf.TransferFunction(poles=2, zeros=0), "sin(t**2/5)"
+    rec = mf.read(table, outputs="q", inputs="de").assign(de=text)
+    more = ["--poles", "2", "--zeros", "0", "--json", "-"]
+    assert main(["fit", str(table), "-y", "q", "-u", "de", "--assign", f"de={text}", *more]) == 0
+    found = params(capsys)
+    assert found == mf.fit(rec, model).params.tolist()
+    alone = ["--assign", f"stick={text}", *more]
+    assert main(["fit", str(table), "-y", "q", *alone]) == 0
+    np.testing.assert_allclose(params(capsys), found, rtol=1e-9)
+    assert main(["fit", str(table), "-y", "q", "-u", "de", "--assign", "de", *more]) == 2
+    assert "--assign de: give NAME=TEXT, such as de=sin(t**2/5)" in capsys.readouterr().err
+    assert main(["fit", str(table), "-y", "q", "-u", "de", "--assign", "q=sin(t)", *more]) == 2
+    assert "--assign q: it is no input" in capsys.readouterr().err
+
+
 def test_equations_and_state_spaces_are_fitted_from_text(table, tmp_path, capsys):
     rec = mf.read(table, outputs="q", inputs="de")
     text = "q'' + d*q' + k*q = b*de + c"
