@@ -214,7 +214,7 @@ def _of_found(
         options,
         records,
         made.intervals,
-        # Levels read between gaps are too rough to judge residuals by, and coloured noise has none in the band.
+        # Levels read between gaps are too rough to judge residuals by; coloured noise has none in the band.
         noise_scale=nan if seen or coloured else found["scale"],
         levels=levels,
         seen=found["seen"] if told and not coloured else np.full_like(levels, nan),
