@@ -26,11 +26,11 @@ from ..results.diagnosis import growth
 from ..results.fit import Fit
 from ..results.many import FitMany
 from ..results.prediction import InitialState
-from .bootstrap_noise import white, wild
+from .bootstrap_noise import chosen, levels_in_time, white, wild
 
 __all__ = ["Bootstrap", "bootstrap"]
 
-KINDS = ("parametric", "wild")
+KINDS = ("auto", "parametric", "wild")
 BLOCK = 2**20  # samples held at a time
 FAR = 1000.0  # of the largest sample: a response beyond it is no record that the fit might have produced
 
@@ -49,12 +49,15 @@ class Bootstrap(FitMany):
     fit : Fit
         The fit that was resampled.
     kind : str
-        "parametric" or "wild".
+        "parametric" or "wild", also where `bootstrap` chose it.
+    why : str
+        Why that kind was chosen, and that the noise changes over the record; empty where neither applies.
     seed : int
     """
 
     fit: Fit = field(kw_only=True)
     kind: str = field(kw_only=True)
+    why: str = field(kw_only=True, default="")
     seed: int = field(kw_only=True)
 
     @property
@@ -117,6 +120,7 @@ class Bootstrap(FitMany):
         """
         ends, errors = self._ends(level)
         count = len(self._good(2))
+        why = f" ({self.why})" if self.why else ""
         return Table(
             {
                 "parameter": list(self.param_names),
@@ -131,8 +135,8 @@ class Bootstrap(FitMany):
                 "high": ends[:, 1],
                 "high_mcse": errors[:, 1],
             },
-            title=f"{self.kind} bootstrap, {count} of {len(self)} refits have an estimate, seed {self.seed}; "
-            f"intervals of {100 * level:g} %",
+            title=f"{self.kind} bootstrap{why}, {count} of {len(self)} refits have an estimate, "
+            f"seed {self.seed}; intervals of {100 * level:g} %",
         )
 
     def _ends(self, level: float) -> tuple[F64, F64]:
@@ -177,7 +181,7 @@ def bootstrap(
     *,
     replicates: int = 1000,
     seed: int = 0,
-    kind: str = "parametric",
+    kind: str = "auto",
     threads: int | None = None,
     progress: str | bool = "auto",
 ) -> Bootstrap:
@@ -188,19 +192,29 @@ def bootstrap(
     held at the fit's. Means of priors are drawn anew, too, around the estimates. The kinds differ
     in the noise and in what they take for granted:
 
+    "auto"
+        "wild" where the fit's noise is coloured, or its residual lines contradict one level over the band
+        or the level of the high band, with a p-value below 0.01 as in `Fit.check`; else "parametric".
+        Noise that "wild" cannot draw is drawn "parametric": that of uneven samples, masks, sigma and a past.
+        The summary's title names the kind and why.
     "parametric"
         Independent normal samples of covariance `fit.noise_cov`, the level seen in the fit's band ("ls"
         and "wls", which do not weight by output noise: that of the residuals in time), times the sigma of
         a record that has one. Right where the noise of the outputs is white, like `cov_type="nonrobust"`;
         takes more than normal theory for granted in nothing else, so it shows the bias and the skewness
-        of an estimate.
+        of an estimate. In AR(0.9) noise on records of 10 s, 95 % intervals contained the truth in 66 to
+        88 % of the records, the fewer the wider the band; those of "wild" did in 91 to 95 %.
     "wild"
         The fit's residuals y − ŷ in time with each line of their spectrum turned by an angle of its own,
         all angles equally likely and the same for all outputs: independent lines of the power seen at
         each frequency, whatever the colour of the noise, as HC3 takes it. A fit leaves residuals smaller
         than the noise, so the real and imaginary part of each line in the fit's band are first divided by
         1 − h, as in HC3, h being the leverage of the parameters, end conditions and trend on it. Takes for
-        granted that the noise is stationary and that the structure can describe the system.
+        granted that the structure can describe the system, and that the noise is stationary but for its
+        level.
+
+    Where the noise changes over the record, as `Fit.check` reports it, both kinds draw it with the level in
+    time that the residuals show.
 
     Parameters
     ----------
@@ -209,7 +223,7 @@ def bootstrap(
     replicates : int, default 1000
     seed : int, default 0
         Every random number is addressed by seed, replicate and record.
-    kind : {"parametric", "wild"}
+    kind : {"auto", "parametric", "wild"}
     threads : int, optional
         For the fit of one evenly sampled record; default: MODFUN_NUM_THREADS, else the cores this
         process may use. The numbers do not depend on it. Other fits are repeated one after the other.
@@ -227,7 +241,7 @@ def bootstrap(
         unstable that it cannot be simulated.
     SpecError
         An unknown word, or noise that the kind cannot draw: that of inputs, and coloured noise with
-        "parametric".
+        "parametric" (also where "wild" cannot draw the samples).
     DataError
         Uneven sampling, masked samples or a sigma with "wild", which needs a spectrum.
 
@@ -257,7 +271,11 @@ def bootstrap(
     held = _held(fit)
     found = _simulated(fit, records)
     clean = [y for y, _ in found]
-    noise = (white if kind == "parametric" else wild)(fit, records, found, address)
+    kind, why = chosen(fit, records) if kind == "auto" else (kind, "")
+    levels = levels_in_time(fit, records)
+    if levels is not None:
+        why += f"{'; ' if why else ''}the noise changes over the record and is drawn so"
+    noise = (white if kind == "parametric" else wild)(fit, records, found, address, levels)
 
     parts: list[FitMany] = []
     with Progress(progress, f"{kind} bootstrap") as bar:
@@ -279,6 +297,7 @@ def bootstrap(
         options=held,
         fit=fit,
         kind=kind,
+        why=why,
         seed=address,
     )
 

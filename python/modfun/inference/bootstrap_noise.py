@@ -14,12 +14,16 @@ from ..models.transfer_function import TransferFunction
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
 from ..responses.coefficients import spectrum
+from ..results.diagnosis import level_p, worst_colour
+from ..results.doubts import noise_free
 from ..results.fit import Fit
 from ..results.initial_state import slopes
+from ..results.misfit import UNLIKELY
 from ..results.prediction import InitialState
 from ..results.regression import trend_columns
+from ..results.uneven_noise import changing
 
-__all__ = ["Draw", "jacobian_lines", "white", "wild"]
+__all__ = ["Draw", "chosen", "jacobian_lines", "levels_in_time", "white", "wild"]
 
 Simulated = tuple[F64, InitialState]
 # Noise of replicates, by their numbers: an array (replicate, output, time) a record.
@@ -27,19 +31,54 @@ Draw = Callable[[range], list[F64]]
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
-def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Draw:
+def chosen(fit: Fit, records: tuple[Record, ...]) -> tuple[str, str]:
+    """The kind that the noise of a fit asks for, and why."""
+    if _of_colour(fit):
+        return "wild", "the fit's noise is coloured"
+    alike = all(rec.dt is not None and rec.mask is None and rec.sigma is None for rec in records)
+    coloured = worst_colour(fit)[0].p_value < UNLIKELY
+    p = level_p(fit)
+    if alike and not fit.with_past:
+        if coloured:
+            return "wild", "the residual lines are not of one level over the band"
+        if min(p, 1 - p) < UNLIKELY:  # of a short band, whose lines alone hardly show a colour
+            return "wild", "the residual lines are not of the level of the high band"
+        return "parametric", "the residual lines are of one level"
+    why = "the wild kind needs even samples that count alike, and no past"
+    if coloured or p < UNLIKELY:
+        why += "; the residual lines are not of one level, so intervals may be too narrow"
+    return "parametric", why
+
+
+def levels_in_time(fit: Fit, records: tuple[Record, ...]) -> list[F64] | None:
+    """Level of the noise of each record (output, time) over its own root mean square; None if it is even."""
+    found = None if noise_free(fit) is not None else changing(fit)
+    if found is None:
+        return None
+    shapes = []
+    for rec, level in zip(records, found.levels(), strict=True):
+        lead = rec.intervals - level.shape[1]  # before the lines of the fit, and the last sample behind them
+        level = level / np.sqrt(np.mean(level**2, axis=1, keepdims=True))
+        shapes.append(np.pad(level, ((0, 0), (lead, 1)), mode="edge"))
+    return shapes
+
+
+def white(
+    fit: Fit,
+    records: tuple[Record, ...],
+    found: list[Simulated],
+    seed: int,
+    levels: list[F64] | None = None,
+) -> Draw:
     """Independent normal samples of the noise covariance that the fit found, times the records' sigma.
 
-    Of log-normal noise they are those of the logarithms.
+    Where the noise changes over a record, times its level in time. Of log-normal noise they are those of
+    the logarithms.
     """
     clean = [y for y, _ in found]
     noise = fit.options.noise
     _refuse_noisy_inputs(fit)
-    if (
-        fit.options.drives
-        or noise in ("equation", "coloured")
-        or (isinstance(noise, Noise) and _coloured(noise.y))
-    ):
+    if _of_colour(fit):
         said = repr(noise) if isinstance(noise, str) else "noise given as spectra"
         raise SpecError(
             f"bootstrap: kind='parametric' draws white noise on the outputs and the fit has noise={said}; "
@@ -62,6 +101,8 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
             e = np.multiply(root, z, out=z) if root.size == 1 else root @ z
             if fit.options.method in ("awls", "ml"):
                 e *= over[k]
+            if levels is not None:
+                e *= levels[k]
             if rec.sigma is not None:
                 e *= rec.sigma
             drawn.append(y * np.expm1(e) if noise == "log-normal" else e)
@@ -70,8 +111,18 @@ def white(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: i
     return draw
 
 
-def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int) -> Draw:
-    """The residuals with each line of their spectrum turned by a random angle, the same for all outputs."""
+def wild(
+    fit: Fit,
+    records: tuple[Record, ...],
+    found: list[Simulated],
+    seed: int,
+    levels: list[F64] | None = None,
+) -> Draw:
+    """The residuals with each line of their spectrum turned by a random angle, the same for all outputs.
+
+    Where the noise changes over a record, these lines are those of the residuals over its level in time, by
+    which the result is multiplied.
+    """
     _refuse_noisy_inputs(fit)
     for rec in records:
         refuse_own_noise(
@@ -95,6 +146,9 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
         _unshrink(fit, records, [y for y, _ in found], leads, lines)
     else:
         _unshrink_equations(fit, records, [initial for _, initial in found], leads, lines)
+    shapes = [_over_period(*own) for own in zip(levels, leads, strict=True)] if levels else []
+    for k, shape in enumerate(shapes):
+        lines[k] = np.fft.rfft(np.fft.irfft(lines[k], fit.intervals[k]) / shape)
 
     def draw(block: range) -> list[F64]:
         found = []
@@ -105,6 +159,8 @@ def wild(fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: in
             if period % 2 == 0:
                 turn[..., -1] = turn[..., -1].real
             e = np.fft.irfft(line * turn / np.abs(turn), period)
+            if shapes:
+                e *= shapes[k]
             found.append(np.concatenate([np.zeros((*e.shape[:2], lead)), e, e[..., :1]], axis=-1))
         return found
 
@@ -118,6 +174,13 @@ def _refuse_noisy_inputs(fit: Fit) -> None:
             "bootstrap: the fit has noisy inputs, and a replicate would need them without their noise, which "
             "is unknown; use fit.bse, or an mf.MonteCarlo of fit.model with inputs of your choice"
         )
+
+
+def _of_colour(fit: Fit) -> bool:
+    """Whether the fit takes its noise to be coloured, which white samples are not."""
+    noise = fit.options.noise
+    given = isinstance(noise, Noise) and _coloured(noise.y)
+    return bool(fit.options.drives) or noise in ("equation", "coloured") or given
 
 
 def _coloured(given: object) -> bool:
@@ -188,6 +251,13 @@ def _lines(e: F64, lead: int) -> C128:
     e = e[..., lead:]
     ends = 0.5 * (e[..., :1] + e[..., -1:])
     return np.asarray(np.fft.rfft(np.concatenate([ends, e[..., 1:-1]], axis=-1)))
+
+
+def _over_period(level: F64, lead: int) -> F64:
+    """A level over the samples of which `_lines` are, the ends again half each."""
+    own = level[:, lead:-1].copy()
+    own[:, 0] = 0.5 * (own[:, 0] + level[:, -1])
+    return own
 
 
 def _unshrink_equations(

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["contradicts", "widest"]
+from ..results.doubts import noise_free
+from ..results.fit import Fit
+from ..results.uneven_noise import UNEVEN, in_words, uneven
+
+__all__ = ["change_of_noise", "contradicts", "widest"]
 
 DOUBT = 1e-3  # two levels that white noise makes differ so much once in 1/DOUBT records are not of one noise
 
@@ -28,3 +32,22 @@ def contradicts(ratio: float, df: float, high_df: float) -> bool:
 
     below = float(fdtr(df, high_df, ratio))
     return min(below, 1 - below) < DOUBT / 2
+
+
+def change_of_noise(fits: Iterable[Fit]) -> tuple[str, ...]:
+    """That the noise changes over the records, by the first candidate whose residuals can tell.
+
+    Those of an unstable one may run away.
+    """
+    for fit in fits:
+        found = uneven(fit)
+        if found is None:
+            continue
+        if found.p_value > UNEVEN or noise_free(fit) is not None:
+            break
+        return (
+            f"{in_words(fit, found)} Orders tend to be too high where the noise changes. Compare candidates "
+            "on a piece of even noise, rec.window(start, stop), or by the .bic of their fits to "
+            "rec.weigh(sigma=level) over one band.",
+        )
+    return ()

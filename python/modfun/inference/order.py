@@ -34,7 +34,7 @@ from ..results.doubts import FINEST
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
 from . import drawing
-from .common import contradicts, widest
+from .common import change_of_noise, contradicts, widest
 
 __all__ = ["OrderSelection", "select_order"]
 
@@ -408,6 +408,11 @@ class _Judged:
             row["apart"] = cancelling(row["fit"], row["theta"], row["cov_nonrobust"]) if known else nan
         return row["apart"]  # type: ignore[no-any-return]
 
+    def of_time(self) -> tuple[str, ...]:
+        """That the noise changes over the records."""
+        ranked = [self.best, *np.argsort(self.score, kind="stable").tolist()]
+        return change_of_noise(self.race.fits[k] for k in ranked if isfinite(self.score[k]))
+
     def selection(self, notes: tuple[str, ...]) -> OrderSelection:
         from scipy.special import fdtrc
 
@@ -432,7 +437,7 @@ class _Judged:
             "stable": [growth < 0 for growth in growths],
             "status": [row["status"] for row in rows],
         }
-        notes = (*self.notes, *notes)
+        notes = (*self.notes, *notes, *self.of_time())
         if not columns["stable"][best]:
             notes += (
                 f"The chosen candidate is unstable: a pole has real part {growths[best]:.3g} rad/s. "

@@ -27,6 +27,7 @@ __all__ = [
     "lower_p",
     "overlapping",
     "surely_stable",
+    "worst_colour",
 ]
 
 ROUNDING = 1e-7
@@ -69,19 +70,27 @@ class Diagnosis:
 def diagnose(fit: Estimates, enough: float = 1.0) -> Diagnosis:
     """All tests of a fit with finite parameters; p-values of further columns are exact up to `enough`."""
     found = [[piece[i] for piece in fit.pieces] for i in range(len(fit.row_names))]
-    colours = [colour_of_lines(pieces) for pieces in found]
     correlations = [correlation_of_lines(pieces)[0] for pieces in found]
-    dim, close = _worst([colour for colour, _ in colours]), _worst(correlations)
+    close = _worst(correlations)
+    colour, dim, ratio = worst_colour(fit)
     return Diagnosis(
         chi2_p=level_p(fit),
         level_ratio=level_ratio(fit),
         correlation=_corrected(correlations, close),
         correlated=fit.row_names[close],
-        colour=_corrected([colour for colour, _ in colours], dim),
+        colour=colour,
         coloured=fit.row_names[dim],
-        colour_ratio=colours[dim][1],
+        colour_ratio=ratio,
         further=further(fit, enough),
     )
+
+
+def worst_colour(fit: Estimates) -> tuple[Whiteness, int, float]:
+    """The test of one level over the band in the row that it finds least even, its number and ratio."""
+    colours = [colour_of_lines([piece[i] for piece in fit.pieces]) for i in range(len(fit.row_names))]
+    tests = [colour for colour, _ in colours]
+    dim = _worst(tests)
+    return _corrected(tests, dim), dim, colours[dim][1]
 
 
 def level_ratio(fit: Estimates) -> float:

@@ -25,7 +25,9 @@ __all__ = [
     "UNEVEN",
     "Uneven",
     "allows",
+    "changing",
     "covariance",
+    "in_words",
     "level_in_time",
     "of_time",
     "p_values",
@@ -118,6 +120,12 @@ def _leaves(fit: Estimates, errors: Sequence[F64]) -> bool:
     )
 
 
+def changing(fit: Estimates) -> Uneven | None:
+    """How the noise of an output changes; None where it does not, or where residuals cannot tell."""
+    found = uneven(fit)
+    return None if found is None or found.p_value > UNEVEN else found
+
+
 def unforeseen(errors: F64) -> F64:
     """What an autoregression of each row does not foresee, (row, time), without the first `ORDER` samples."""
     windows = np.lib.stride_tricks.sliding_window_view(errors, ORDER + 1, axis=1)
@@ -162,8 +170,8 @@ def covariance(fit: Estimates) -> F64 | None:
     state and trend explain, under least squares with the covariance of the outputs' noise. The errors of an
     even level of the same power are the spectral ones: what turns the one into the other is applied to these.
     """
-    found = uneven(fit) if _allowed_for(fit) else None
-    if found is None or found.p_value > UNEVEN:
+    found = changing(fit) if _allowed_for(fit) else None
+    if found is None:
         return None
     try:
         with np.errstate(all="ignore"):
@@ -315,20 +323,26 @@ def _allowed_for(fit: Estimates) -> bool:
     return allows(fit.options) and not own
 
 
+def in_words(fit: Estimates, found: Uneven) -> str:
+    """That the noise changes, and by how much."""
+    level = np.concatenate([own[found.output] for own in found.levels()])
+    return (
+        f"The noise of {fit.outputs[found.output]} changes over the record: its level in time varies by a "
+        f"factor of {level.max() / level.min():.2g} (p = {found.p_value:.2g})."
+    )
+
+
 def of_time(fit: Estimates) -> Doubt | None:
     """That the noise changes over the record, and what the standard errors make of it."""
-    found = uneven(fit)
-    if found is None or found.p_value > UNEVEN:
+    found = changing(fit)
+    if found is None:
         return None
-    level = np.concatenate([own[found.output] for own in found.levels()])
     allowed = (
         "The standard errors allow for it"
         if fit.cov_type == "spectral" and _allowed_for(fit)
         else "The standard errors do not allow for it"
     )
     return Doubt(
-        f"The noise of {fit.outputs[found.output]} changes over the record: its level in time varies by a "
-        f"factor of {level.max() / level.min():.2g} (p = {found.p_value:.2g}). {allowed}; "
-        "Record(sigma=...) weights the samples by it, too.",
+        f"{in_words(fit, found)} {allowed}; Record(sigma=...) weights the samples by it, too.",
         sure=False,
     )

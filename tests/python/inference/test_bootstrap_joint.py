@@ -114,10 +114,11 @@ def test_coloured_fits_take_the_wild_bootstrap():
     one = mf.Record(y=record(root=0 * ROOT).y[:1] + 0.03 * e[:, 200:], u=U, dt=DT, inputs=["de", "da"])
     tf = mf.TransferFunction(poles=2, zeros=[1, 0], delay=[0.0, 0.2])
     fit = mf.fit(one, tf, noise="coloured", band=6.0)
-    found = mf.bootstrap(fit, replicates=200, kind="wild")
+    found = mf.bootstrap(fit, replicates=200)
+    assert found.kind == "wild"
     assert np.all((found.sd > 0.6 * fit.bse) & (found.sd < 1.7 * fit.bse)), found.sd / fit.bse
     with pytest.raises(mf.SpecError, match="kind='wild', which assumes no colour"):
-        mf.bootstrap(fit)
+        mf.bootstrap(fit, kind="parametric")
 
 
 def test_samples_of_unlike_sigma_are_drawn_and_refitted_so():
@@ -159,4 +160,4 @@ def test_noise_that_was_given_is_drawn_or_refused():
     assert np.all(np.abs(found.sd / fit.bse - 1) < 0.2), found.sd / fit.bse
     shaped = mf.fit(record(8), structure(), noise=mf.Noise(y=lambda w: 1 / (1 + w**2)), band=6.0)
     with pytest.raises(mf.SpecError, match="noise given as spectra; use kind='wild'"):
-        mf.bootstrap(shaped)
+        mf.bootstrap(shaped, kind="parametric")

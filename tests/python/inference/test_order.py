@@ -150,6 +150,23 @@ def test_coloured_noise_falls_back_to_bic_and_says_so():
     assert any("not white" in note for note in found.notes)
 
 
+def test_noise_that_changes_is_named_and_even_noise_is_not():
+    """Four times the level from 6 s on; of 60 white records 1 gets the note (0.01 each)."""
+    named, clean = [], mf.simulate(SYSTEMS[2, 0], input="sin(t**2/5)", duration=10.0, intervals=256)
+    for loud in (1.0, 4.0):
+        level = np.where(clean.t < 6, 1.0, loud)
+        level *= 0.1 * clean["y"].std() / np.sqrt(np.mean(level**2))
+        for k in (0, 1, 38):  # of 4, 2 and 4 poles where the noise changes; that of 38 runs away
+            e = level * np.random.default_rng(k).standard_normal(257)
+            found = mf.select_order(clean.assign(y=clean["y"] + e), poles=range(1, 5))
+            named.append((found.best.structure.poles, [n for n in found.notes if "changes over" in n]))
+    assert [poles for poles, _ in named] == [2, 2, 2, 4, 2, 4]
+    assert [len(notes) for _, notes in named] == [0, 0, 0, 1, 1, 1]
+    assert "its level in time varies by a factor of 9.9 (p = 4.8e-10). Orders tend" in named[3][1][0]
+    assert "rec.window(start, stop), or by the .bic" in named[3][1][0]
+    assert not any("changes over" in n for n in mf.select_order(clean, poles=range(1, 4)).notes)
+
+
 def test_the_high_bands_degrees_of_freedom_are_those_of_its_spread():
     """400 levels: their variance is known to 7 %, four standard errors are allowed."""
     fit = mf.fit(record((2, 0), 1), mf.TransferFunction(poles=2, zeros=0))
