@@ -241,7 +241,7 @@ def bootstrap(
         unstable that it cannot be simulated.
     SpecError
         An unknown word, or noise that the kind cannot draw: that of inputs, and coloured noise with
-        "parametric" (also where "wild" cannot draw the samples).
+        "parametric".
     DataError
         Uneven sampling, masked samples or a sigma with "wild", which needs a spectrum.
 

@@ -52,7 +52,7 @@ def chosen(fit: Fit, records: tuple[Record, ...]) -> tuple[str, str]:
 
 def levels_in_time(fit: Fit, records: tuple[Record, ...]) -> list[F64] | None:
     """Level of the noise of each record (output, time) over its own root mean square; None if it is even."""
-    found = None if noise_free(fit) is not None else changing(fit)
+    found = None if fit.with_past or noise_free(fit) is not None else changing(fit)
     if found is None:
         return None
     shapes = []
