@@ -126,7 +126,8 @@ def equations_closely(fit: EquationFit, refit: Callable[..., EquationFit]) -> Eq
     found, o = without_kinks(fit, refit), fit.options
     records = fit.records or ()
     linear: bool = fit.layout.compiled.is_linear
-    if not (_sought(o) and linear and any([rec.functions for rec in records])):
+    plain = _sought(o) and o.noise == "output" and linear
+    if not (plain and any([rec.functions for rec in records])):
         return found
     edge = WIDE * pi / max([rec.dt or 0.0 for rec in records])
     if edge <= fit.band[1]:
