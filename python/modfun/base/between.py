@@ -11,7 +11,7 @@ from .arrays import F64
 
 __all__ = [
     "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "MIXED", "OPEN", "decided", "form_of",
-    "liveliest",
+    "liveliest", "restless",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
@@ -19,9 +19,10 @@ Mask = NDArray[np.bool_]
 MIXED = "mixed"  # in place of a word of several records that differ in it
 AUTO = "auto"  # what users say, or leave unsaid, to have the word taken from the samples
 
-# What samples look like, and the word for it. An input at rest says nothing: every word is right.
+# What samples look like, and the word for it. An input at rest says nothing, and every word is right;
+# held, it may have stepped to where it is at the first sample.
 FORMS = {
-    "rest": "smooth",
+    "rest": "zoh",
     "held": "zoh",  # flat between jumps
     "stairs": "zoh",  # the same on four or five levels, one at a time: held, or a coarsely rounded motion
     "straight": "foh",
@@ -47,6 +48,7 @@ ROUGH = 0.05  # of the mean power density: that of the upper quarter of all freq
 LAGS = 10  # correlations of changes that are looked at
 RANDOM = 25.2  # their sum of squares times the changes: one random walk in 200 is above
 CHANGES = 128  # at least, to tell these from a motion's
+RESTLESS = 0.5  # of the mean power density of changes: that of their upper quarter of frequencies
 
 
 def form_of(values: F64, t: F64 | None = None) -> str:
@@ -94,6 +96,15 @@ def _random(change: F64) -> bool:
     unit = unit - unit.mean()
     lags = [float(unit[k:] @ unit[:-k]) for k in range(1, LAGS + 1)]
     return change.size * float(np.sum(np.square(lags))) < RANDOM * float(unit @ unit) ** 2
+
+
+def restless(values: F64) -> bool:
+    """Tell whether changes have as much power at high frequencies as elsewhere, as those of noise do.
+
+    Those of a motion lose it with frequency: to a share of 0.1 where it is of second order.
+    """
+    change = np.diff(values)
+    return bool(np.ptp(change) > SAME * np.ptp(values) and _top(change) >= RESTLESS)
 
 
 def _top(values: F64) -> float:

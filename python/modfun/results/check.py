@@ -35,7 +35,7 @@ from .doubts import (
 from .estimates import Estimates
 from .feedback import feedback
 from .held_numbers import contradicted_numbers
-from .known_start import gain_of_start
+from .known_start import gain_of_start, off_zero
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -88,9 +88,25 @@ def unexplained(fit: Estimates) -> Doubt | None:
     return clipped(fit) or doubt if doubt else None
 
 
+def not_from_zero(fit: Estimates) -> Doubt | None:
+    """That records begin at an operating point, not at zero, which may drive estimates to their bounds."""
+    starts = off_zero(fit)
+    doubt = contradicted(fit) if starts else None
+    return doubt and Doubt(
+        f'The record does not begin at zero, though initial_state="zero" says so: {starts}. First subtract '
+        'the operating point from the inputs and outputs, or give initial_state="rest".',
+        sure=doubt.sure,
+    )
+
+
+def misbegun(fit: Estimates) -> Doubt | None:
+    """That records begin otherwise than they were said to, if not by an operating point."""
+    return None if off_zero(fit) else contradicted(fit)
+
+
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, noise_bends, on_bound, contradicted, unexpected, in_two_units,
+    offset, mean, repeated, not_from_zero, noise_bends, on_bound, misbegun, unexpected, in_two_units,
     contradicted_numbers, missing_input, unexplained, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 

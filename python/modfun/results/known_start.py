@@ -15,12 +15,25 @@ from .cures import again, on_band, rewritten
 if TYPE_CHECKING:
     from .estimates import Estimates
 
-__all__ = ["contradicted_p", "gain_of_start"]
+__all__ = ["contradicted_p", "gain_of_start", "off_zero"]
 
 LEAST_GAIN = 1.2  # of a standard error
 AGREES = 0.05  # p-value
 ABOUT = 4.0  # standard errors, or samples if more, of a delay either side of its estimate
+OFF = 0.5  # of a channel's range: first samples that far from zero are levels of an operating point
 LEAST_TOLD = 0.2  # of a variance that the past took away
+
+
+def off_zero(fit: Estimates) -> str:
+    """Where channels begin, of a transfer function said to begin at zero with an output that does not."""
+    told = fit.options.initial_state
+    if not (isinstance(told, str) and told == "zero" and fit.layout.rational):
+        return ""
+    for rec in fit.records or ():
+        off = [x for x in (*rec.inputs, *rec.outputs) if abs(rec[x][0]) > OFF * np.ptp(rec[x])]
+        if any(name in rec.outputs for name in off):
+            return " and ".join(f"{name} starts at {rec[name][0]:.4g}" for name in off)
+    return ""
 
 
 def contradicted_p(fit: Estimates) -> float:
