@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN
+from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, restless
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -194,19 +194,21 @@ def _asked(
     looks = {which: seen for name in names for which, seen in _open(each, name).items()}
     if not looks:
         return {}, []
-    found = {which: Word("zoh", LOOP) for which, (look, _) in looks.items() if loop and look in COMPUTED}
+    computed = {which for which, (look, _) in looks.items() if loop and _computed(each, which, look)}
+    found = {which: Word("zoh", LOOP) for which in computed}
     plain = _plain(options)
     asked = [(records, _fit(read_as(records, found), structure, plain, fit_once)) for records in each]
     each = [records for records, fit in asked if fit is not None]
     fits = [fit for _, fit in asked if fit is not None]
     for which, (look, word) in looks.items():
-        held, doubtful = look == "zoh", look in DOUBTFUL
+        held, doubtful = look == "zoh", look in DOUBTFUL or which in computed
         motion = not (held or doubtful or loop) and options.method == "ml"  # others have no likelihood
         if not (held or doubtful or loop or motion):
             continue
         if not fits or which.name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
             continue
-        if not doubtful and fits[0].layout.rational and fits[0].layout.free_delays:
+        late = fits[0].layout.rational and bool(fits[0].layout.free_delays)
+        if late and held:
             continue  # a free delay makes up for half a sample, and what is left tells of other errors
         word = found[which].word if which in found else word
         walk = look == "walk" and not loop
@@ -219,7 +221,7 @@ def _asked(
         if motion and not all(other is not None and other.success and not refuted(other) for other in others):
             continue  # of two wrong models: half a sample of delay makes up for many a lag
         gain = _gain(fits, others)
-        if motion and POSITIVE < gain <= bar and all(map(_fed_back, fits)):
+        if motion and not late and POSITIVE < gain <= bar and all(map(_fed_back, fits)):
             bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
@@ -234,6 +236,12 @@ def _asked(
         elif gain > -STRONG and motion and _apart(fits, others):
             found[which] = Word(word, OPEN)
     return found, fits
+
+
+def _computed(problems: Sequence[Sequence[Record]], which: Which, look: str) -> bool:
+    """Whether a computer makes an input of a loop: it holds what comes back with the noise, or walks."""
+    own = [rec for records in problems for rec in records if which.look in ("", _look(rec, which.name))]
+    return look in COMPUTED or (look == "smooth" and all(restless(rec[which.name]) for rec in own))
 
 
 def _open(problems: Sequence[Sequence[Record]], name: str) -> dict[Which, tuple[str, str]]:
